@@ -1,6 +1,6 @@
 """A fleet of a small frame drawn from a seed: how well triage tells outliers, and their causes.
 
-python -m benchmarks.fleet --units 300 --outliers 24 --diagnose 8
+python -m benchmarks.fleet --units 300 --outliers 24
 """
 
 import argparse
@@ -114,8 +114,14 @@ class Drawn:
     seconds: float
 
 
-def draw_fleet(folder: Path, seed: int, n: int, n_outliers: int, study: str = STUDY) -> Drawn:
-    """Write a study and the FRFs of units into a folder."""
+def draw_fleet(
+    folder: Path, seed: int, n: int, n_outliers: int, study: str = STUDY, wrong: float = 0.0
+) -> Drawn:
+    """Write a study and the FRFs of units into a folder.
+
+    With ``wrong`` the foot of all units turns by so much, in rad/(N·m), which the study's model does not have,
+    give or take a tenth.
+    """
     rng, begun = np.random.default_rng(seed), time.process_time()
     path = folder / "study.toml"
     path.write_text(study)
@@ -127,7 +133,9 @@ def draw_fleet(folder: Path, seed: int, n: int, n_outliers: int, study: str = ST
     def frfs(m: Model) -> np.ndarray:
         return compute_frf(assemble(m), f, *ends).H
 
-    nominal = frfs(model)
+    (foot,) = propose(model, ("support_flexibility",))[4:5]
+    foot = foot if wrong else None
+    nominal = frfs(model if foot is None else foot.with_values(compliance=wrong).added_to(model))
     candidates = propose(model, KINDS)
     files, effects = [], []
     wrong = set(rng.choice(n, n_outliers, replace=False).tolist())
@@ -180,9 +188,11 @@ def main() -> None:
     parser.add_argument("--units", type=int, default=300)
     parser.add_argument("--outliers", type=int, default=24)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--diagnose", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="folder that keeps the fleet")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as scratch:
+        name = options.keep or Path(scratch)
+        name.mkdir(exist_ok=True)
         drawn = draw_fleet(Path(name), options.seed, options.units, options.outliers)
         print(f"drawn in {drawn.seconds:.1f} s of CPU")
         begun = time.process_time()

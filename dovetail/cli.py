@@ -20,6 +20,7 @@ from dovetail.commands import (
     compare,
     diagnose,
     ensemble,
+    fleet,
     frf,
     frf_estimate,
     identify_joint,
@@ -46,7 +47,7 @@ from viz.offscreen import DrawingError
 COMMANDS = (
     new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
     buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
-    identify_modes, match, update, identify_joint, validate,
+    identify_modes, match, update, identify_joint, fleet, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 

@@ -1,10 +1,12 @@
 """The population of a fleet: what scatters and by how much, and which units are not of it.
 
-A regular unit has parameters x = μ + normal scatter Σ, known from its own data with a covariance P_u, and a
-rest whose logarithm is normal. An outlier's distance in the parameters, its rest, or both are anything beyond
-the median of the regular ones: uniform in the logarithm up to the largest of the fleet. The shares of both
-classes, μ, Σ and the rest's normal are estimated together by expectation and maximisation (Dempster, Laird
-and Rubin, *J. R. Stat. Soc. B* 39, 1977, 1). Nothing else decides what an outlier is.
+The parameters that the fits of regular units give scatter normally about μ, with Σ, which has the fits' own
+errors in it: all units are measured alike. Of the parameters only combinations count that the data know
+better than the priors. The logarithm of a regular unit's rest is normal. An outlier's distance in the
+parameters, its rest, or both are anything beyond the median of the regular ones: uniform in the logarithm up
+to the largest of the fleet. The shares of both classes, μ, Σ and the rest's normal are estimated together by
+expectation and maximisation (Dempster, Laird and Rubin, *J. R. Stat. Soc. B* 39, 1977, 1). Nothing else
+decides what an outlier is.
 """
 
 from dataclasses import dataclass
@@ -32,7 +34,11 @@ class Population:
     Attributes
     ----------
     mean, scatter : ndarray (n,), (n, n)
-        μ and Σ of the parameters' x.
+        μ and Σ of the parameters' x; combinations that the data do not determine have no scatter.
+    determined : ndarray (n,)
+        How far the data determine each parameter, from 0 to 1 [-].
+    n_determined : int
+        Combinations that they determine.
     common : ndarray of complex (n_lines, n_out, n_in)
         Median rest of all units: the error of the model.
     spread : ndarray (n_lines, n_out, n_in)
@@ -42,7 +48,8 @@ class Population:
     share : float
         Share of outliers.
     distance : ndarray (n_units,)
-        Squared distance of each unit in the parameters; of regular ones χ² with n degrees of freedom.
+        Squared distance of each unit in the parameters; of regular ones χ² with ``n_determined`` degrees of
+        freedom.
     rest : ndarray (n_units,)
         Mean square rest in units of the spread.
     probability : ndarray (n_units,)
@@ -55,6 +62,8 @@ class Population:
 
     mean: Floats
     scatter: Floats
+    determined: Floats
+    n_determined: int
     common: NDArray[np.complex128]
     spread: Floats
     rest_mean: float
@@ -76,14 +85,18 @@ class Population:
         return np.abs(residual - self.common) / (np.sqrt(2) * self.spread)
 
 
-def find_population(x: Floats, covariance: Floats, residual: NDArray[np.complex128]) -> Population:
+def find_population(
+    x: Floats, covariance: Floats, prior: Floats, residual: NDArray[np.complex128]
+) -> Population:
     """Return the population of the units of a fleet.
 
     Parameters
     ----------
     x : ndarray (n_units, n)
     covariance : ndarray (n_units, n, n)
-        Of each x.
+        Of each x, by its own data and the priors.
+    prior : ndarray (n,)
+        Standard deviations of the priors of x.
     residual : ndarray of complex (n_units, n_lines, n_out, n_in)
         NaN where a value does not count.
 
@@ -92,7 +105,9 @@ def find_population(x: Floats, covariance: Floats, residual: NDArray[np.complex1
     PopulationError
         For fewer units than a covariance of the parameters needs.
     """
-    n_units, n = x.shape
+    W, back = _determined(covariance, prior)
+    middle = np.median(x, axis=0)
+    y, (n_units, n) = (x - middle) @ W, (len(x), W.shape[1])
     if n_units < n + 2:
         msg = f"{n_units} units are too few for the scatter of {n} parameters; at least {n + 2} are needed"
         raise PopulationError(msg)
@@ -100,31 +115,44 @@ def find_population(x: Floats, covariance: Floats, residual: NDArray[np.complex1
     with np.errstate(invalid="ignore"):
         rest = np.nanmean((np.abs(residual - common) ** 2 / (2 * spread**2)).reshape(n_units, -1), axis=1)
     log_rest = np.log(rest)
-    middle = np.median(x, axis=0)
-    deviation = GAUSSIAN * np.median(np.abs(x - middle), axis=0)
-    mean, scatter = middle, np.diag(np.maximum(deviation**2, 1e-12))
+    deviation = GAUSSIAN * np.median(np.abs(y - np.median(y, axis=0)), axis=0)
+    mean, scatter = np.median(y, axis=0), np.diag(np.maximum(deviation**2, 1e-12))
     a = float(np.median(log_rest))
     b = float(GAUSSIAN * np.median(np.abs(log_rest - a)))
     share, odds, parameters = 0.05, np.zeros(n_units), np.zeros(n_units)
-    regular = np.ones(n_units)
-    distance = np.zeros(n_units)
+    regular, distance = np.ones(n_units), np.zeros(n_units)
     for _ in range(ITERATIONS):
-        distance = _distances(x - mean, scatter + covariance)
+        off = y - mean
+        distance = np.einsum("ui,ui->u", off, np.linalg.solve(scatter, off.T).T)
         density = _densities(log_rest, distance, n, a, b)
         outlying = share / 3 * density[:, 1:].sum(axis=1)
         odds = np.log(outlying) - np.log1p(-share) - np.log(density[:, 0])
-        parameters = density[:, 2] / np.maximum(density[:, 1:].sum(axis=1), 1e-300)
+        parameters = density[:, 2] / density[:, 1:].sum(axis=1)
         before, regular = regular, 1 / (1 + np.exp(np.clip(odds, -700, 700)))
         if np.abs(regular - before).max() < CHANGE:
             break
         # Half a unit of each class beforehand: a fleet without outliers has a share that is not 0.
         share = float((n_units - regular.sum() + 0.5) / (n_units + 1))
-        mean, scatter = _moments(x, covariance, mean, scatter, regular)
+        mean = np.average(y, axis=0, weights=regular)
+        scatter = np.cov(y.T, aweights=regular).reshape(n, n)
         a = float(np.average(log_rest, weights=regular))
         b = float(np.sqrt(np.average((log_rest - a) ** 2, weights=regular)))
     return Population(
-        mean, scatter, common, spread, a, b, share, distance, rest, 1 - regular, odds, parameters
-    )
+        middle + back @ mean, back @ scatter @ back.T, (W * back).sum(axis=1), n,
+        common, spread, a, b, share, distance, rest, 1 - regular, odds, parameters,
+    )  # fmt: skip
+
+
+def _determined(covariance: Floats, prior: Floats) -> tuple[Floats, Floats]:
+    """Return W (n, k), by which y = xᵀ W are the combinations that the data determine, and x ≈ back y.
+
+    In units of the priors these are the eigenvectors of the median unit's covariance with a variance below
+    half: its data say more than the prior.
+    """
+    C = np.median(covariance, axis=0) / np.outer(prior, prior)
+    variance, vectors = np.linalg.eigh((C + C.T) / 2)
+    E = vectors[:, variance < 0.5]
+    return E / prior[:, None], prior[:, None] * E
 
 
 def _common(residual: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], Floats]:
@@ -139,11 +167,6 @@ def _common(residual: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], F
         spread = GAUSSIAN * np.nanmedian(parts, axis=0)
     most = np.isfinite(residual).mean(axis=0) > 0.5  # few units have no scatter of their own
     return common, np.where(most & (spread > 0), spread, np.nan)
-
-
-def _distances(x: Floats, covariance: Floats) -> Floats:
-    """Return xᵀ C⁻¹ x of each unit, (n_units,)."""
-    return np.einsum("ui,ui->u", x, np.linalg.solve(covariance, x[:, :, None])[:, :, 0])
 
 
 def _densities(log_rest: Floats, distance: Floats, n: int, a: float, b: float) -> Floats:
@@ -169,17 +192,3 @@ def _densities(log_rest: Floats, distance: Floats, n: int, a: float, b: float) -
         ),
         1e-300,
     )
-
-
-def _moments(
-    x: Floats, covariance: Floats, mean: Floats, scatter: Floats, weight: Floats
-) -> tuple[Floats, Floats]:
-    """Return μ and Σ after one step of expectation and maximisation, each unit with a weight."""
-    gain = scatter @ np.linalg.inv(scatter + covariance)
-    true = mean + np.einsum("uij,uj->ui", gain, x - mean)
-    left = scatter - gain @ scatter
-    total = weight.sum()
-    new = weight @ true / total
-    off = true - new
-    out = (np.einsum("u,ui,uj->ij", weight, off, off) + np.einsum("u,uij->ij", weight, left)) / total
-    return new, (out + out.T) / 2

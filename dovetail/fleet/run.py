@@ -74,7 +74,7 @@ def run_fleet(
         For too few units that could be read.
     """
     units = [_unit(file) for file in files]
-    settings = {"fleet": _digest(fleet)}
+    settings = settings_of(fleet)
     with alone_in(folder, "fleet"):
         read_records(folder / JOURNAL, settings)
         (folder / UNITS).mkdir(exist_ok=True)
@@ -96,9 +96,15 @@ def run_fleet(
     population = find_population(
         np.stack([t.x for t in found]),
         np.stack([t.covariance for t in found]),
+        fleet.problem.function((), (), fleet.lines).prior().std,
         np.stack([t.residual for t in found]),
     )
     return Triaged(fleet, tuple(Path(u[0]) for u in kept), found, population, failures)
+
+
+def settings_of(fleet: Fleet) -> dict[str, str]:
+    """Return what a folder of results must have been begun with."""
+    return {"fleet": _digest(fleet)}
 
 
 def _unit(file: Path) -> Unit:
