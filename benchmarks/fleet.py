@@ -115,12 +115,18 @@ class Drawn:
 
 
 def draw_fleet(
-    folder: Path, seed: int, n: int, n_outliers: int, study: str = STUDY, wrong: float = 0.0
+    folder: Path,
+    seed: int,
+    n: int,
+    n_outliers: int,
+    study: str = STUDY,
+    wrong: float = 0.0,
+    spread: float = 0.0,
 ) -> Drawn:
     """Write a study and the FRFs of units into a folder.
 
-    With ``wrong`` the foot of all units turns by so much, in rad/(N·m), which the study's model does not have,
-    give or take a tenth.
+    With ``wrong`` the foot of each unit turns about y with this stiffness [N·m/rad], which the study's model
+    does not have, and whose logarithm scatters by ``spread``.
     """
     rng, begun = np.random.default_rng(seed), time.process_time()
     path = folder / "study.toml"
@@ -133,12 +139,15 @@ def draw_fleet(
     def frfs(m: Model) -> np.ndarray:
         return compute_frf(assemble(m), f, *ends).H
 
-    (foot,) = propose(model, ("support_flexibility",))[4:5]
-    foot = foot if wrong else None
-    nominal = frfs(model if foot is None else foot.with_values(compliance=wrong).added_to(model))
-    candidates = propose(model, KINDS)
+    (foot,) = (c for c in propose(model, ("support_flexibility",)) if c.name.endswith("a.ry"))
+
+    def standing(m: Model, stiffness: float) -> Model:
+        return foot.with_values(stiffness=stiffness).added_to(m) if wrong else m
+
+    nominal = frfs(standing(model, wrong))
+    candidates = [c for c in propose(model, KINDS) if c.name != foot.name]
     files, effects = [], []
-    wrong = set(rng.choice(n, n_outliers, replace=False).tolist())
+    outliers = set(rng.choice(n, n_outliers, replace=False).tolist())
     for k in range(n):
         z = rng.normal(size=3)
         own = model.with_values(
@@ -149,8 +158,9 @@ def draw_fleet(
         )
         damping = replace(model.damping, ratio=model.damping.ratio * np.exp(SCATTER["damping"] * z[2]))
         effect = None
-        while k in wrong and effect is None:
-            effect = _visible(rng, candidates, model, frfs, nominal)
+        while k in outliers and effect is None:
+            effect = _visible(rng, candidates, standing(model, wrong), frfs, nominal)
+        own = standing(own, wrong * np.exp(spread * rng.normal()))
         own = own if effect is None else effect.added_to(own)
         H = frfs(own.with_damping(damping))
         noise = rng.normal(size=(2, *H.shape))
@@ -188,15 +198,19 @@ def main() -> None:
     parser.add_argument("--units", type=int, default=300)
     parser.add_argument("--outliers", type=int, default=24)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--wrong", type=float, default=0.0, help="stiffness of the foot that the model lacks")
+    parser.add_argument("--spread", type=float, default=0.0, help="scatter of its logarithm")
     parser.add_argument("--keep", type=Path, help="folder that keeps the fleet")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         name = options.keep or Path(scratch)
         name.mkdir(exist_ok=True)
-        drawn = draw_fleet(Path(name), options.seed, options.units, options.outliers)
+        drawn = draw_fleet(
+            name, options.seed, options.units, options.outliers, wrong=options.wrong, spread=options.spread
+        )
         print(f"drawn in {drawn.seconds:.1f} s of CPU")
         begun = time.process_time()
-        fleet = Fleet.of(drawn.study.read_text(), drawn.study, drawn.files[0])
+        fleet = Fleet.of(drawn.study.read_text(), drawn.study, drawn.files)
         built = time.process_time()
         with pool_of() as pool:
             found = run_fleet(fleet, drawn.files, Path(name, "out"), pool)

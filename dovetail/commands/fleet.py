@@ -48,7 +48,7 @@ def run(options: Options, progress: Progress) -> None:
     read = [InputFile(f, "the FRFs of a unit") for f in files]
     check_places(options, Output("--out", folder, names), more=read)
     progress("building the shared basis")
-    fleet = Fleet.of(options.study.read_text(encoding="utf-8"), options.study, files[0])
+    fleet = Fleet.of(options.study.read_text(encoding="utf-8"), options.study, files)
     study = fleet.study_of(files[0])
     warn(study.warnings)
     with pool_of(options.processes, options.scheduler) as pool:

@@ -4,9 +4,9 @@ The parameters that the fits of regular units give scatter normally about μ, wi
 errors in it: all units are measured alike. Of the parameters only combinations count that the data know
 better than the priors. The logarithm of a regular unit's rest is normal. An outlier's distance in the
 parameters, its rest, or both are anything beyond the median of the regular ones: uniform in the logarithm up
-to the largest of the fleet. The shares of both classes, μ, Σ and the rest's normal are estimated together by
-expectation and maximisation (Dempster, Laird and Rubin, *J. R. Stat. Soc. B* 39, 1977, 1). Nothing else
-decides what an outlier is.
+to a thousand times that, or to the largest of the fleet. The shares of both classes, μ, Σ and the rest's
+normal are estimated together by expectation and maximisation (Dempster, Laird and Rubin, *J. R. Stat. Soc. B*
+39, 1977, 1). Nothing else decides what an outlier is.
 """
 
 from dataclasses import dataclass
@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 ITERATIONS, CHANGE = 200, 1e-6
 """Steps at most, and the change of all probabilities at which they end [-]."""
+REACH = float(np.log(1000.0))
+"""An outlier's squared distance or mean square rest may be larger by so much, in the logarithm [-]."""
 GAUSSIAN = 1.4826
 """Standard deviation of a normal quantity over its median absolute deviation [-]."""
 
@@ -178,8 +180,8 @@ def _densities(log_rest: Floats, distance: Floats, n: int, a: float, b: float) -
     regular_rest = norm.pdf(log_rest, a, b)
     regular_distance = chi2.pdf(distance, n) * distance  # of the logarithm
     far = float(np.log(chi2.median(n)))
-    wide_rest = (log_rest > a) / max(float(log_rest.max()) - a, b)
-    wide_distance = (log_distance > far) / max(float(log_distance.max()) - far, float(np.sqrt(2 / n)))
+    wide_rest = (log_rest > a) / max(float(log_rest.max()) - a, REACH)
+    wide_distance = (log_distance > far) / max(float(log_distance.max()) - far, REACH)
     return np.maximum(
         np.stack(
             [

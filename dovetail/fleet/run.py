@@ -120,13 +120,19 @@ def _file(folder: Path, unit: Unit) -> Path:
 def _read(file: Path) -> Triage:
     with np.load(file) as a:
         words = tuple(str(w) for w in a["warnings"])
-        return Triage(a["x"], a["covariance"], a["residual"], a["noise"], words)
+        return Triage(a["x"], a["covariance"], a["residual"], words)
 
 
 def _digest(fleet: Fleet) -> str:
     """Return a short hash of all on which a unit's fit depends, besides its own file."""
     digest = hashlib.sha256(f"{fingerprint()} {fleet.text}".encode())
     system = fleet.problem.reduced.system
-    for array in (system.K.tocsr().data, system.M.tocsr().data, fleet.frequency, fleet.start.solution.x):
+    for array in (
+        system.K.tocsr().data,
+        system.M.tocsr().data,
+        fleet.frequency,
+        fleet.start.solution.x,
+        fleet.common,
+    ):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]

@@ -27,7 +27,7 @@ PRINTED, BANDS = 20, 8
 MODEL = (
     "A regular unit's parameters scatter normally about the population's, and the logarithm of its rest is "
     "normal. An outlier's distance in the parameters, its rest or both are anything beyond the median of the "
-    "regular ones. Shares and scatter are estimated together; no threshold is set."
+    "regular ones, uniform in the logarithm. Shares and scatter are estimated together; no threshold is set."
 )
 
 
