@@ -8,9 +8,6 @@ from dovetail.commands.common import Options, assumptions, check_places, loaded,
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.stepping import said
 from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.ensemble.run import JOURNAL, SAMPLES, run_ensemble
-from dovetail.ensemble.samples import SampledModel
-from dovetail.ensemble.written import BANDS, FREQUENCIES, FRFS, PICTURE, as_dict, lines_of, write_files
 from dovetail.units.pool import pool_of
 from fem.analysis.frf import FRFKind
 
@@ -53,6 +50,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Compute samples, print and write their bands."""
+    from dovetail.ensemble.run import JOURNAL, SAMPLES, run_ensemble
+    from dovetail.ensemble.samples import SampledModel
+    from dovetail.ensemble.written import BANDS, FREQUENCIES, FRFS, PICTURE, as_dict, lines_of, write_files
+
     folder: Path = options.out or Path(f"ensemble-{options.study.stem}")
     names = (JOURNAL, SAMPLES, BANDS, FREQUENCIES, FRFS, PICTURE)
     check_places(options, Output("--out", folder, names))

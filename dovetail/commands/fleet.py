@@ -8,10 +8,6 @@ from dovetail.commands.common import Options, check_places, say, warn
 from dovetail.commands.stepping import said
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.paths import InputFile
-from dovetail.fleet.diagnosing import diagnose_outliers
-from dovetail.fleet.run import JOURNAL, UNITS, run_fleet
-from dovetail.fleet.triage import Fleet
-from dovetail.fleet.written import PAGE, PICTURE, RANKING, as_dict, lines_of, rows_of, write_files
 from dovetail.units.pool import pool_of
 
 HELP = "compare many units of one structure: their population, and which units are not of it"
@@ -42,6 +38,11 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Triage the units, rank them, diagnose the outliers, and write table and page."""
+    from dovetail.fleet.diagnosing import diagnose_outliers
+    from dovetail.fleet.run import JOURNAL, UNITS, run_fleet
+    from dovetail.fleet.triage import Fleet
+    from dovetail.fleet.written import PAGE, PICTURE, RANKING, as_dict, lines_of, rows_of, write_files
+
     folder: Path = options.out or Path(f"fleet-{options.study.stem}")
     files = [Path(f) for f in dict.fromkeys(options.units)]
     names = (JOURNAL, UNITS, RANKING, PAGE, PICTURE)
