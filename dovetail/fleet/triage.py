@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.file.config import read_study_of
 from dovetail.file.contents import Study
-from dovetail.pipeline import fit_problem, without_held_out
+from dovetail.pipeline import fit_problem, measured, without_held_out
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import prepared_like
@@ -118,7 +118,7 @@ class Fleet:
             If it has other lines or channels than the first unit.
         """
         problem = self.problem
-        measurement = without_held_out(study, study.measurements[0])
+        measurement = without_held_out(study, measured(study)[0])
         _require_alike(problem, measurement.frf.outputs, measurement.frf.inputs)
         data = prepared_like(problem, measurement, study.band)
         if not np.array_equal(data.frequency, problem.data.frequency):
