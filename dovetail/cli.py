@@ -19,6 +19,8 @@ from dovetail.commands import (
     check,
     compare,
     diagnose,
+    ensemble,
+    fleet,
     frf,
     frf_estimate,
     identify_joint,
@@ -43,9 +45,9 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, base, static, buckling,
-    transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose, identify_modes,
-    match, update, identify_joint, validate,
+    new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
+    buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
+    identify_modes, match, update, identify_joint, fleet, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 
@@ -83,9 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.showwarning = _warn
             options.run(options, progress)
         sys.stdout.flush()  # while an error of it can still be said
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as reason:
         progress.close()
-        sys.stderr.write("dovetail: interrupted\n")
+        sys.stderr.write(f"dovetail: interrupted{f': {reason}' if reason.args else ''}\n")
         return 1
     except Exception as reason:
         progress.close()

@@ -28,6 +28,21 @@ def add_processes(p: argparse.ArgumentParser) -> None:
     )
 
 
+def add_pool(p: argparse.ArgumentParser, units: str) -> None:
+    """Add the choice of workers: processes of this machine, or those of a running Dask cluster."""
+    p.add_argument(
+        "--processes",
+        type=whole_up_to(1000),
+        metavar="P",
+        help=f"{units} at a time on this machine (default 1)",
+    )
+    p.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help=f"compute {units} on a running Dask cluster: tcp://host:8786, or its scheduler file .json",
+    )
+
+
 def count(text: str) -> int:
     """Read a whole number of at least 1."""
     value = int(text) if text.isdecimal() and len(text) < 20 else 0

@@ -5,9 +5,11 @@ import json
 import sys
 from pathlib import Path
 
-from dovetail.commands.argument_types import whole, whole_up_to
+from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress, write_json
+from dovetail.units.pool import pool_of
+from dovetail.units.work import Step
 from dovetail.validation import calibration
 from dovetail.validation.cases import CaseSettings
 from dovetail.validation.hidden import SETS
@@ -37,9 +39,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="cases with nothing hidden (default: as many as the others)",
     )
     p.add_argument("--sets", metavar="LIST", help=f"of {', '.join(SETS)} (default: all)")
-    p.add_argument(
-        "--processes", type=whole_up_to(1000), default=1, metavar="P", help="cases at a time (default 1)"
-    )
+    add_pool(p, "cases")
     p.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of the results; a run that was stopped goes on there"
     )
@@ -61,16 +61,15 @@ def run(options: Options, progress: Progress) -> None:
     tasks = plan(options.cases, nulls, sets)
     folder: Path = options.out or Path(f"validation-{options.seed}")
 
-    def say(record: Record, done: int, total: int, left: float) -> None:
-        progress(f"{record['case']} {record['outcome']}", done, total)
+    def say(record: Record, step: Step) -> None:
+        ended = f"{record['case']} {record['outcome']}"
+        progress(f"{ended}, {step.words}", step.done, step.total)
         if not options.quiet and not sys.stderr.isatty():
-            sys.stderr.write(
-                f"{done}/{total} {record['case']} {record['outcome']} {record['seconds']:.0f} s, "
-                f"{left / 60:.0f} min to go\n"
-            )
+            sys.stderr.write(f"{ended} in {record['seconds']:.0f} s; {step.words}\n")
 
     progress("drawing the first cases", 0, len(tasks))
-    records = validate(settings, tasks, folder, processes=options.processes, say=say)
+    with pool_of(options.processes, options.scheduler) as pool:
+        records = validate(settings, tasks, folder, pool=pool, say=say)
     progress.close()
     summary = summarise(records)
     text = as_markdown(summary, f"Validation with seed {options.seed}")

@@ -168,6 +168,33 @@ def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> Study:
     return _Reader(path, text, Table(source, (), values), needs).read()
 
 
+def read_study_of(text: str, path: Path, unit: Path) -> Study:
+    """Read the text of a study with the FRFs of another unit of the structure in place of its own.
+
+    The first of ``[[measurements]]`` states how they are read; its repeats and coherence are of its own unit.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Where the text lies.
+    unit : Path
+        File with FRFs of the unit.
+
+    Raises
+    ------
+    StudyError
+        As :func:`read_study`.
+    """
+    values, source = _parsed(text, path.name)
+    given = values.get("measurements", [])
+    first = dict(given[0]) if isinstance(given, list) and given and isinstance(given[0], dict) else {}
+    for key in ("repeats", "compared", *(("coherence", "averages") if "coherence" in first else ())):
+        first.pop(key, None)
+    values["measurements"] = [{**first, "name": unit.name, "file": os.fspath(unit.absolute())}]
+    return _Reader(path, text, Table(source, (), values), NEEDS).read()
+
+
 def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     """Return the values of a TOML text and where its keys stand."""
     try:

@@ -1,47 +1,40 @@
 """Run cases, several at a time; write each as it ends, and go on where an earlier run stopped."""
 
 import hashlib
-import json
 import os
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TextIO
-
-import numpy as np
 
 import fem
 import updating
-from dovetail.disk.locks import Lock, holder
+from dovetail.units.folder import Journal, alone_in, read_records
+from dovetail.units.outcome import Outcome
+from dovetail.units.pool import Pool, ThisProcess
+from dovetail.units.work import Step, work_through
 from dovetail.validation.cases import Case, CaseSettings, draw_case, kinds_of
 from dovetail.validation.hidden import MODAL_SETS, SETS
 from dovetail.validation.judging import Record, is_known, judge, judge_evidence
 from dovetail.validation.modal_cases import run_modal_case
 from fem.effects import candidate_kinds
-from fem.io.atomic import WriteError, replacing
 from updating.diagnosis.diagnose import diagnose
-from updating.inference.workers import process_pool
 
 CASES_FILE = "cases.jsonl"
-LOCK_FILE = ".lock"
-"""File by which a run keeps others out of its folder, for as long as it lives."""
 
 
 class ValidationError(ValueError):
-    """A file of cases that belongs to another run, or a case that cannot be asked for."""
+    """A case that cannot be asked for."""
 
 
 Task = tuple[str, int]
 """Set and index."""
 
-Say = Callable[[Record, int, int, float], None]
-"""Called after each case with its record, the number done, the number of all, and the seconds to go."""
+Say = Callable[[Record, Step], None]
+"""Called after each case with its record and how far the work is."""
 
 
 @lru_cache(maxsize=1)
@@ -140,47 +133,13 @@ def parse_case(text: str) -> Task:
     return name, int(number)
 
 
-def read_records(file: Path, settings: CaseSettings) -> list[Record]:
-    """Return the cases of a file, and cut off a line that was not written to its end.
-
-    Raises
-    ------
-    ValidationError
-        If the file belongs to other settings.
-    """
-    if not file.exists():
-        return []
-    text = file.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        with replacing(file) as scratch:
-            scratch.write_text(whole, encoding="utf-8")
-    try:
-        lines = [json.loads(line) for line in whole.splitlines()]
-    except json.JSONDecodeError as reason:
-        msg = f"{file}: line {reason.lineno} is not JSON ({reason.msg}); it is not a file of this command"
-        raise ValidationError(msg) from None
-    if not lines:
-        return []
-    have, want = lines[0].get("settings"), settings.as_dict()
-    if have != want:
-        known = have if isinstance(have, dict) else {}
-        different = sorted(k for k in {*known, *want} if known.get(k) != want.get(k))
-        msg = (
-            f"{file} was begun with other settings ({', '.join(different)} differ"
-            f"{'' if len(different) > 1 else 's'}); choose another folder"
-        )
-        raise ValidationError(msg)
-    return lines[1:]
-
-
 def validate(
     settings: CaseSettings,
     tasks: Sequence[Task],
     folder: Path,
     *,
-    processes: int = 1,
-    say: Say = lambda record, done, total, left: None,
+    pool: Pool = ThisProcess(),  # noqa: B008 - frozen
+    say: Say = lambda record, step: None,
 ) -> list[Record]:
     """Run the cases that a folder does not hold yet; return the records of all that were asked for.
 
@@ -190,111 +149,52 @@ def validate(
     tasks : sequence of (str, int)
     folder : Path
         Made if it is not there; one JSON line for each case is added to its ``cases.jsonl``.
-    processes : int
+    pool : Pool
+        Computes the cases.
     say : callable
         Told of each case.
 
     Raises
     ------
-    ValidationError
+    FolderError
         If the folder holds cases of other settings, or another run computes in it.
     """
-    with _alone_in(folder):
-        return _validate(settings, tasks, folder, processes, say)
+    with alone_in(folder, "validate"):
+        file, known = folder / CASES_FILE, settings.as_dict()
+        by_task = {(r["set"], r["index"]): r for r in read_records(file, known)}
+        open_ = [t for t in tasks if t not in by_task]
+
+        def keep(outcome: Outcome) -> None:
+            record = _ended(settings, outcome) if outcome.failure else outcome.value
+            journal.add(record)
+            by_task[outcome.unit] = record
+
+        with closing(Journal(file, known)) as journal:
+            work_through(
+                pool,
+                run_case,
+                settings,
+                open_,
+                keep,
+                lambda step: say(by_task[step.outcome.unit], step),
+                len(tasks) - len(open_),
+            )
+        return [by_task[t] for t in tasks]
 
 
-@contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Keep other runs out of a folder; its lock goes with the process, whichever way that ends."""
-    folder.mkdir(parents=True, exist_ok=True)
-    lock = Lock.take(folder / LOCK_FILE)
-    if lock is None:
-        who = holder(folder / LOCK_FILE)
-        msg = f"{folder}: another validate computes here ({who}); wait for it, or choose another folder"
-        raise ValidationError(msg)
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-def _validate(
-    settings: CaseSettings, tasks: Sequence[Task], folder: Path, processes: int, say: Say
-) -> list[Record]:
-    """Run and record the cases that are missing, in a folder that no other run uses."""
-    file = folder / CASES_FILE
-    by_task = {(r["set"], r["index"]): r for r in read_records(file, settings)}
-    open_ = [t for t in tasks if t not in by_task]
-    begun, done = time.perf_counter(), len(tasks) - len(open_)
-    with file.open("a", encoding="utf-8") as out, closing(_records(settings, open_, processes)) as records:
-        if not by_task and file.stat().st_size == 0:
-            _add(file, out, {"settings": settings.as_dict()})
-        for n, record in enumerate(records, start=1):
-            _add(file, out, _plain(record))
-            by_task[record["set"], record["index"]] = record
-            left = (time.perf_counter() - begun) / n * (len(open_) - n)
-            say(record, done + n, len(tasks), left)
-    return [by_task[t] for t in tasks]
-
-
-def _add(file: Path, out: TextIO, record: Record) -> None:
-    """Add a line to the file of cases."""
-    try:
-        out.write(json.dumps(record, ensure_ascii=False) + "\n")
-        out.flush()
-    except OSError as reason:  # the next run cuts off the part of the line that was written
-        raise WriteError(reason, file, False) from reason
-
-
-def _records(settings: CaseSettings, tasks: Sequence[Task], processes: int) -> Generator[Record]:
-    if processes <= 1:
-        for task in tasks:
-            yield run_case(settings, task)
-        return
-    waiting = list(tasks)
-    while waiting:
-        running: dict[Future[Record], Task] = {}
-        try:
-            with process_pool(processes) as pool:
-                while waiting or running:
-                    while waiting and len(running) < processes:
-                        task = waiting.pop(0)
-                        running[pool.submit(run_case, settings, task)] = task
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        record = future.result()
-                        del running[future]
-                        yield record
-        except BrokenProcessPool:
-            for task in running.values():  # one of these ended its process: each alone, to see which
-                yield _alone(settings, task)
-
-
-def _alone(settings: CaseSettings, task: Task) -> Record:
-    try:
-        with process_pool(1) as pool:
-            return pool.submit(run_case, settings, task).result()
-    except BrokenProcessPool:
-        return {
-            "case": f"{task[0]}:{task[1]}",
-            "set": task[0],
-            "index": task[1],
-            "hidden": [{"kind": k} for k in kinds_of(settings, *task)],
-            "known": all(is_known(k) for k in kinds_of(settings, *task)),
-            "outcome": "failed",
-            "traceback": "the process ended: out of memory, or stopped from outside",
-            "seconds": 0.0,
-            "warnings": [],
-            "program": program(),
-        }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+def _ended(settings: CaseSettings, outcome: Outcome) -> Record:
+    """Return the record of a case that gave none: its process has ended, for example."""
+    name, index = outcome.unit
+    kinds = kinds_of(settings, name, index)
+    return {
+        "case": f"{name}:{index}",
+        "set": name,
+        "index": index,
+        "hidden": [{"kind": k} for k in kinds],
+        "known": all(is_known(k) for k in kinds),
+        "outcome": "failed",
+        "traceback": outcome.traceback or outcome.failure,
+        "seconds": 0.0,
+        "warnings": [],
+        "program": program(),
+    }

@@ -1,6 +1,6 @@
 """One solved state of a reduced model: modes by one eigenproblem, and damping at each line."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,6 +73,7 @@ class ModalSolution:
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
         errors: ModeErrors | None = None,
+        modal: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> "ModalSolution":
         """Solve the eigenproblem of a reduced model's matrices, and prepare the local damping at each line.
 
@@ -88,6 +89,9 @@ class ModalSolution:
         damped : ndarray (r, k) or None
             An orthonormal basis of the motions that local damping acts on; found here if None.
         errors : ModeErrors, optional
+        modal : callable, optional
+            From natural frequencies [Hz] to modal damping ratios, which add 2iζ_r ω_r ω to each mode as a
+            model's do; ``zeta`` adds 2iζ(ω) K.
         """
         damping = reduced.model.damping
         zeta, *others = np.atleast_2d(zeta)
@@ -97,14 +101,18 @@ class ModalSolution:
         lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
         stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
         mass: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
+        inertia = mass
+        if modal is not None:
+            omega_r = np.sqrt(np.maximum(lam, 0.0))
+            inertia = mass + 2j * (modal(omega_r / (2 * np.pi)) * omega_r)[:, None] * omega
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
         if errors is None:
-            inverse = (1 / (lam[:, None] * stiffness + mass))[:, None, :]
+            inverse = (1 / (lam[:, None] * stiffness + inertia))[:, None, :]
         else:
             lam = lam * errors.factor(len(lam))
             more = (errors.damping_factor(len(lam)) - 1)[:, None] * 2j * zeta
-            inverse = (1 / (lam[:, None] * (stiffness + more) + mass))[:, None, :]
+            inverse = (1 / (lam[:, None] * (stiffness + more) + inertia))[:, None, :]
         laws, connections = total["laws"], stiffness
         if others and total["connections"].any():
             more = 2j * (others[0] - zeta)

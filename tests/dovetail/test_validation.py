@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from dovetail.cli import main
+from dovetail.units.folder import LOCK_FILE, FolderError, read_records
 from dovetail.validation import run as runner
 from dovetail.validation.cases import CaseError, CaseSettings, _Scale, draw_case, kinds_of
 from dovetail.validation.frames import draw_draft, perturbed
@@ -345,16 +346,18 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
     with (tmp_path / "cases.jsonl").open("a") as file:
         file.write('{"case": "single:1", "se')  # the machine went down here
     told = []
-    records = runner.validate(SETTINGS, tasks, tmp_path, say=lambda r, done, n, left: told.append((done, n)))
+    records = runner.validate(
+        SETTINGS, tasks, tmp_path, say=lambda r, step: told.append((step.done, step.total))
+    )
     assert called == list(tasks)
     assert [r["case"] for r in records] == ["single:0", "null:0", "single:1"]
     assert told == [(3, 3)]
     lines = (tmp_path / "cases.jsonl").read_text().splitlines()
     assert [json.loads(line).get("case") for line in lines] == [None, "single:0", "null:0", "single:1"]
-    with pytest.raises(runner.ValidationError, match=r"other settings \(seed differs\)"):
+    with pytest.raises(FolderError, match=r"other settings \(seed differs\)"):
         runner.validate(replace(SETTINGS, seed=4), tasks, tmp_path)
     (tmp_path / "cases.jsonl").write_text("hello\n")
-    with pytest.raises(runner.ValidationError, match="not a file of this command"):
+    with pytest.raises(FolderError, match="not a file of this command"):
         runner.validate(SETTINGS, tasks, tmp_path)
 
 
@@ -481,7 +484,7 @@ def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all,
         run.communicate()
     assert run.returncode == code
     assert "Traceback" not in said
-    assert {r["case"] for r in runner.read_records(file, SETTINGS)} == {"single:0", "null:0"}
+    assert {r["case"] for r in read_records(file, SETTINGS.as_dict())} == {"single:0", "null:0"}
 
 
 @pytest.mark.slow
@@ -536,12 +539,12 @@ def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
         "import sys, time; from pathlib import Path; from dovetail.disk.locks import Lock\n"
         "lock = Lock.take(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
     )
-    command = [sys.executable, "-c", code, str(tmp_path / runner.LOCK_FILE)]
+    command = [sys.executable, "-c", code, str(tmp_path / LOCK_FILE)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         words = rf"another validate computes here \(process {other.pid} on"
-        with pytest.raises(runner.ValidationError, match=words):
+        with pytest.raises(FolderError, match=words):
             runner.validate(CaseSettings(1, True), (), tmp_path)
         other.kill()
     assert runner.validate(CaseSettings(1, True), (), tmp_path) == []

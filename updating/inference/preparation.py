@@ -22,7 +22,7 @@ from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_ve
 from updating.inference.fit_function import LEVEL_FLOOR
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.measurement.measurement import Measurement, MeasurementError, with_sensor_masses
+from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_sensor_masses
 
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
@@ -47,8 +47,13 @@ many lines at least."""
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
+    return forces_at(model, (*measurement.excitations, *measurement.sensors))
+
+
+def forces_at(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+    """Return forces at sensors, excitations and the sides of joints, shape (n_dof, k)."""
     # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
-    columns = [sensor_vectors(model, measurement.excitations), sensor_vectors(model, measurement.sensors)]
+    columns = [sensor_vectors(model, sensors)]
     for element in model.of_kind(PointPair):
         dofs, B = element.relative(model)
         held = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]

@@ -1,0 +1,28 @@
+"""How commands tell how far work on many units is."""
+
+import sys
+import time
+from collections.abc import Callable
+
+from dovetail.commands.common import Options
+from dovetail.disk.output import Progress
+from dovetail.units.work import Step
+
+SECONDS = 10.0
+"""Least time between two lines where there is no terminal for a bar [s]."""
+
+
+def said(options: Options, progress: Progress) -> Callable[[Step], None]:
+    """Return a function that shows each step: as a bar, or now and then as a line on standard error."""
+    last = [time.monotonic()]
+
+    def say(step: Step) -> None:
+        progress(step.words, step.done, step.total)
+        now = time.monotonic()
+        due = now - last[0] > SECONDS
+        if not options.quiet and not sys.stderr.isatty() and (due or step.outcome.failure):
+            last[0] = now
+            ended = f"; {step.outcome.unit}: {step.outcome.failure}" if step.outcome.failure else ""
+            sys.stderr.write(f"{step.words}{ended}\n")
+
+    return say

@@ -1,0 +1,224 @@
+"""A sample on the reduced basis, and by the full model, from which the error of the basis is known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.ensemble.enrichment import enriched
+from dovetail.ensemble.uncertainty import Draw, Uncertainty
+from fem.analysis.frf import FRFKind
+from fem.analysis.frf_solver import compute_frf
+from fem.analysis.modes import first_modes
+from fem.model import Model
+from fem.reduction.modal_solution import ModalSolution, lines_first, times
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import ReducedModel, reduce_model
+from fem.system import assemble
+from updating.correlation import DB_PER_NEPER
+from updating.inference.fit_data import sensor_vectors
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import MODE_MARGIN, elastic_frequencies, forces_at
+from updating.measurement.measurement import Sensor, with_sensor_masses
+
+Floats = NDArray[np.float64]
+
+SILENT = 60 / DB_PER_NEPER
+"""An FRF this far below the median level is zero by symmetry, as in a comparison [neper]."""
+
+FULL_TOLERANCE = 1e-8
+"""Error that full solutions may have, relative to the peak of each FRF [-]."""
+
+LEAST = 1e-300
+"""Amplitudes of FRFs that are zero, for their logarithm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledModel:
+    """A model on a reduced basis, with its uncertainty: a sample costs one small eigenproblem.
+
+    Attributes
+    ----------
+    uncertainty : Uncertainty
+    seed : int
+    engine : ParametricFRF
+        At the lines.
+    outputs, inputs : ndarray (n_dof, n_out), (n_dof, n_in)
+        Sensors and excitations; no columns for natural frequencies alone.
+    kind : FRFKind
+    n_modes : int
+        Elastic natural frequencies that are kept.
+    """
+
+    uncertainty: Uncertainty
+    seed: int
+    engine: ParametricFRF
+    outputs: Floats
+    inputs: Floats
+    kind: FRFKind
+    n_modes: int
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        nuisances: Sequence[Nuisance],
+        damping_std: float,
+        frequency: Floats,
+        sensors: Sequence[Sensor],
+        excitations: Sequence[Sensor],
+        kind: FRFKind,
+        seed: int,
+    ) -> "SampledModel":
+        """Project a model on its modes and on responses to forces at sensors, excitations and joints.
+
+        Parameters
+        ----------
+        model : Model
+            With a point of the mesh at every sensor.
+        nuisances : sequence of Nuisance
+        damping_std : float
+            Standard deviation of the logarithm of the damping [-].
+        frequency : ndarray (n_freq,)
+            Lines [Hz], above 0.
+        sensors, excitations : sequence of Sensor
+        kind : FRFKind
+        seed : int
+        """
+        model, ends = with_sensor_masses(model, (*sensors, *excitations)), (*sensors, *excitations)
+        highest = float(frequency[-1])
+        forces = forces_at(model, ends)
+        reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
+        modes = elastic_frequencies(reduced, highest)
+        uncertainty = Uncertainty.of(model, nuisances, damping_std, modes[modes > 0])
+        reduced = enriched(reduced, uncertainty.unknowns, highest, forces)
+        outputs, inputs = (sensor_vectors(model, part) for part in (sensors, excitations))
+        engine = ParametricFRF(reduced, outputs, inputs, frequency, uncertainty.refs)
+        return cls(uncertainty, seed, engine, outputs, inputs, kind, max(len(modes), 1))
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """The model on the basis."""
+        return self.engine.reduced
+
+    @property
+    def frequency(self) -> Floats:
+        """Lines [Hz]."""
+        return self.engine.omega / (2 * np.pi)
+
+    def frequencies_and_levels(self, draw: Draw) -> tuple[Floats, Floats]:
+        """Return natural frequencies (n_modes,) [Hz], and ln |H| (n_freq, n_out, n_in).
+
+        The global damping is that of the full model: 2iζ_r ω_r ω in each mode.
+        """
+        engine, unc = self.engine, self.uncertainty
+        total, alone = engine.matrices(draw.values)
+        d, omega = unc.damping, engine.omega
+        loss, alpha, beta = draw.others
+        zeta = ((loss - 1) * d.loss_factor + (beta - 1) * d.beta * omega) / 2
+
+        def ratio(f: Floats) -> Floats:
+            omega_r = np.maximum(2 * np.pi * f, 1e-9)
+            return unc.ratio(draw, f) + (alpha - 1) * d.alpha / (2 * omega_r)
+
+        damped = engine.damped_range(zeta, alone)
+        state = ModalSolution.of(self.reduced, total, omega, zeta, damped, modal=ratio)
+        first = self.reduced.basis.n_rigid
+        lam = np.sort(state.lam)[first : first + self.n_modes]
+        frequency = np.sign(lam) * np.sqrt(np.abs(lam)) / (2 * np.pi)
+        shape = (len(omega), self.outputs.shape[1], self.inputs.shape[1])
+        if 0 in shape:
+            return frequency, np.zeros(shape)
+        H = lines_first(times((state.V.T @ engine.outputs).T, state.solve(engine.inputs)))
+        levels = np.log(np.maximum(np.abs(H), LEAST))
+        return frequency, levels + self.kind.derivatives * np.log(omega)[:, None, None]
+
+    def full(self, draw: Draw) -> tuple[Floats, Floats]:
+        """Return the same by the full model, without a reduced basis of ours."""
+        unc = self.uncertainty
+        model = self.reduced.model.with_values(dict(zip(unc.refs, map(float, draw.values), strict=True)))
+        modes = first_modes(assemble(model, reciprocal=False), self.n_modes)
+        elastic = modes.frequency[modes.n_rigid : modes.n_rigid + self.n_modes]
+        at = np.unique(np.concatenate([np.maximum(elastic, 1e-6), self.frequency]))
+        system = assemble(model.with_damping(unc.of_structure(draw, at)), reciprocal=False)
+        H = np.ones((len(self.frequency), self.outputs.shape[1], self.inputs.shape[1]))
+        if H.size:
+            H = compute_frf(
+                system, self.frequency, self.outputs.T, self.inputs.T, self.kind, tolerance=FULL_TOLERANCE
+            ).H
+        return elastic, np.log(np.maximum(np.abs(H), LEAST))
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The error of the reduced basis in one sample.
+
+    Attributes
+    ----------
+    sample : int
+    frequency : float
+        Largest relative error of the natural frequencies [-].
+    level : float
+        Root mean square error of ln |H| [neper]; 0 without FRFs.
+    of_peak : float
+        Largest error of an amplitude, relative to the peak of its FRF [-].
+    """
+
+    sample: int
+    frequency: float
+    level: float
+    of_peak: float
+
+
+def compute(shared: SampledModel, unit: tuple[str, int, int]) -> Any:
+    """Compute the samples from one number up to another; or one by the full model for its error.
+
+    Parameters
+    ----------
+    shared : SampledModel
+    unit : (str, int, int)
+        ``("samples", first, last + 1)`` or ``("check", k, k + 1)``.
+
+    Returns
+    -------
+    dict of ndarray
+        ``values`` (n, n_par), ``frequency`` (n, n_modes) and ``levels`` (n, n_freq, n_out, n_in).
+    Checked
+        Of a check.
+    """
+    kind, first, last = unit
+    if kind == "check":
+        return check(shared, first)
+    draws = [shared.uncertainty.draw(shared.seed, k) for k in range(first, last)]
+    found = [shared.frequencies_and_levels(d) for d in draws]
+    return {
+        "values": np.array([d.values for d in draws]).reshape(len(draws), -1),
+        "frequency": np.array([f for f, _ in found]),
+        "levels": np.array([levels for _, levels in found], dtype=np.float32),
+    }
+
+
+def heard(levels: Floats) -> NDArray[np.bool_]:
+    """Return which FRFs symmetry does not make zero, (n_out, n_in), by ln |H| (n_freq, n_out, n_in)."""
+    mean = levels.mean(axis=0)
+    return mean > np.median(mean) - SILENT if mean.size else np.zeros(mean.shape, dtype=bool)
+
+
+def check(shared: SampledModel, k: int) -> Checked:
+    """Return the error of the reduced basis in sample k, by a solution of the full model."""
+    draw = shared.uncertainty.draw(shared.seed, k)
+    frequency, levels = shared.frequencies_and_levels(draw)
+    true_frequency, true_levels = shared.full(draw)
+    known = heard(true_levels)
+    off = (levels - true_levels)[:, known]
+    peak = true_levels.max(axis=0)[known] if known.any() else np.zeros(0)
+    of_peak = np.abs(np.exp(levels[:, known] - peak) - np.exp(true_levels[:, known] - peak))
+    n = min(len(frequency), len(true_frequency))
+    return Checked(
+        k,
+        float(np.abs(frequency[:n] / true_frequency[:n] - 1).max()),
+        float(np.sqrt((off**2).mean())) if off.size else 0.0,
+        float(of_peak.max(initial=0.0)),
+    )

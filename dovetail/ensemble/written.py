@@ -1,0 +1,212 @@
+"""An ensemble as tables, files and a picture."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles
+from dovetail.ensemble.run import Ensemble
+from dovetail.file.contents import Study
+from fem.analysis.frf import FRF
+from fem.io.atomic import replacing
+from fem.summary import counted
+from updating.correlation import DB_PER_NEPER
+
+BANDS, FREQUENCIES, FRFS, PICTURE = "bands.npz", "frequencies.csv", "frf-bands.csv", "bands.png"
+"""Files in the folder of an ensemble."""
+MOST_DRAWN = 4
+"""FRFs in the picture [-]."""
+
+Floats = NDArray[np.float64]
+
+
+def write_files(ensemble: Ensemble, study: Study, folder: Path) -> None:
+    """Write bands as .npz and .csv and draw them."""
+    model, names = ensemble.model, _names(study)
+    f, levels = ensemble.frequency, ensemble.levels
+    arrays = {
+        "probabilities": np.array(PROBABILITIES),
+        "natural_frequency": f.value,
+        "natural_frequency_error": f.error,
+        "frequency": model.frequency,
+        "amplitude": np.exp(levels.value),
+        "level_error": levels.error,
+        "counted": ensemble.heard,
+        "outputs": np.array([s.name for s in study.sensors], dtype=str),
+        "inputs": np.array([s.name for s in study.excitations], dtype=str),
+        "kind": np.array(str(model.kind)),
+        "parameters": np.array([" ".join(r) for r in model.uncertainty.refs], dtype=str),
+        "values": ensemble.values,
+    }
+    with replacing(folder / BANDS) as scratch, scratch.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    head = ["mode", *(f"{q} [Hz]" for q in _words()), *(f"error of {q} [Hz]" for q in _words())]
+    rows = np.column_stack([np.arange(1, f.value.shape[1] + 1), f.value.T, f.error.T])
+    _write_csv(folder / FREQUENCIES, head, rows)
+    if levels.value.size:
+        head = ["frequency [Hz]", *(f"{n} {q} [{model.kind.unit}]" for n in names for q in _words())]
+        by_frf = np.exp(levels.value).transpose(1, 2, 3, 0).reshape(len(model.frequency), -1)
+        _write_csv(folder / FRFS, head, np.column_stack([model.frequency, by_frf]))
+    draw(ensemble, study, folder / PICTURE)
+
+
+def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
+    """Draw the bands of the first FRFs and of the natural frequencies."""
+    from viz.bands import plot_bands
+    from viz.style import save
+
+    measured, model, bands = measured_levels(ensemble, study), ensemble.model, []
+    for i, output in enumerate(study.sensors):
+        for j, force in enumerate(study.excitations):
+            if ensemble.heard[i, j]:
+                line = None if measured is None else np.exp(measured[:, i, j])
+                name = f"{output.name} / {force.name}"
+                bands.append((name, np.exp(ensemble.levels.value[:, :, i, j]), line))
+    shown = f", {MOST_DRAWN} of {len(bands)} FRFs" if len(bands) > MOST_DRAWN else ""
+    title = f"{study.name}: {ensemble.n} samples{shown}"
+    unit = f"{model.kind} [{model.kind.unit}]"
+    save(
+        plot_bands(model.frequency, bands[:MOST_DRAWN], ensemble.frequency.value, unit, title), path
+    )  # fmt: skip
+
+
+def measured_levels(ensemble: Ensemble, study: Study) -> Floats | None:
+    """Return ln |H| of the measurement at the ensemble's lines and channels; None where it has others."""
+    if not study.measurements:
+        return None
+    frf: FRF = study.measurements[0].frf
+    own = tuple(s.name for s in study.sensors), tuple(s.name for s in study.excitations)
+    inner = frf.frequency > 0
+    alike = inner.sum() == len(ensemble.model.frequency) and np.allclose(
+        frf.frequency[inner], ensemble.model.frequency, rtol=1e-9, atol=0
+    )
+    if (frf.outputs, frf.inputs) != own or frf.kind != ensemble.model.kind or not alike:
+        return None
+    return np.log(np.maximum(np.abs(frf.H[inner]), 1e-300))
+
+
+def as_dict(ensemble: Ensemble, study: Study) -> dict[str, Any]:
+    """Return the ensemble as JSON has it: tables and errors, without the FRFs."""
+    f, levels, checks = ensemble.frequency, ensemble.levels, ensemble.checks
+    width, error = _of_frfs(ensemble)
+    return {
+        "study": study.name,
+        "samples": ensemble.n,
+        "seed": ensemble.model.seed,
+        "parameters": [
+            {"name": u.name, "unit": u.unit, "nominal": u.nominal, "std": u.prior_std}
+            for u in ensemble.model.uncertainty.unknowns
+        ],
+        "damping_std": ensemble.model.uncertainty.damping_std,
+        "probabilities": PROBABILITIES,
+        "natural_frequencies": [
+            {"mode": k + 1, "quantiles_Hz": f.value[:, k], "errors_Hz": f.error[:, k]}
+            for k in range(f.value.shape[1])
+        ],
+        "frfs": levels.value.shape[2] * levels.value.shape[3],
+        "band_dB": width,
+        "quantile_error_dB": error,
+        "measured_within": within(ensemble, study),
+        "basis": {
+            "vectors": ensemble.model.reduced.basis.T.shape[1],
+            "checks": [
+                {
+                    "sample": c.sample,
+                    "frequency": c.frequency,
+                    "rms_dB": c.level * DB_PER_NEPER,
+                    "of_peak": c.of_peak,
+                }
+                for c in checks
+            ],
+        },
+        "failures": [{"unit": o.unit, "reason": o.failure} for o in ensemble.failures],
+        "assumptions": study.assumptions,
+        "warnings": study.warnings,
+    }
+
+
+def lines_of(ensemble: Ensemble, study: Study) -> list[str]:
+    """Return the tables and sentences that the command prints."""
+    model, f = ensemble.model, ensemble.frequency
+    n, refs = model.reduced.model.n_dof, model.uncertainty.unknowns
+    return [
+        f"{study.name}: {counted(ensemble.n, 'sample')} of {counted(len(refs), 'uncertain parameter')} and "
+        f"the damping, {n} DOFs on {model.reduced.basis.T.shape[1]} vectors",
+        " mode        5 % Hz     median Hz       95 % Hz   standard errors Hz",
+        *(
+            f"{k + 1:5d}  {v[0]:12.4f}  {v[1]:12.4f}  {v[2]:12.4f}   {_errors(e)}"
+            for k, (v, e) in enumerate(zip(f.value.T, f.error.T, strict=True))
+        ),
+        *_sentences(ensemble, study),
+    ]
+
+
+def _sentences(ensemble: Ensemble, study: Study) -> list[str]:
+    out, checks = [], ensemble.checks
+    with_frfs = bool(ensemble.levels.value.size)
+    if with_frfs:
+        width, error = _of_frfs(ensemble)
+        out.append(
+            f"FRFs: {ensemble.heard.sum()} of {ensemble.heard.size} counted, {len(ensemble.model.frequency)} "
+            f"lines; 5 to 95 % is {width:.3g} dB wide in the median over lines; standard error of its ends "
+            + ("not known from so few samples" if error is None else f"{error:.2g} dB (root mean square)")
+        )
+    share = within(ensemble, study)
+    if share is not None:
+        out.append(
+            f"measured: {100 * share:.0f} % of the amplitudes lie within the bands; of a right model's, 90 %"
+        )
+    if checks:
+        sizes = f"frequencies off by up to {max(c.frequency for c in checks):.2g}"
+        if with_frfs:
+            rms, largest = (max(getattr(c, key) for c in checks) for key in ("level", "of_peak"))
+            sizes += f", FRFs by {rms * DB_PER_NEPER:.2g} dB (root mean square) and by at most "
+            sizes += f"{largest:.2g} of their peaks"
+        out.append(f"reduced basis against {counted(len(checks), 'full solution')}: {sizes}")
+    else:
+        out.append("reduced basis: not checked against full solutions (--checks 0)")
+    if ensemble.failures:
+        out.append(f"{counted(len(ensemble.failures), 'unit')} failed, and the same command tries again:")
+        out += [f"  {' '.join(map(str, o.unit))}: {o.failure}" for o in ensemble.failures[:20]]
+    return out
+
+
+def within(ensemble: Ensemble, study: Study) -> float | None:
+    """Return the share of the measured amplitudes that lie within their bands; None without any."""
+    measured = measured_levels(ensemble, study)
+    if measured is None or not ensemble.heard.any():
+        return None
+    low, _, high = ensemble.levels.value
+    inside = (measured >= low) & (measured <= high)
+    return float(inside[:, ensemble.heard].mean())
+
+
+def _of_frfs(ensemble: Ensemble) -> tuple[float | None, float | None]:
+    """Return the median width of the bands, and the root mean square of the standard errors [dB]."""
+    levels: Quantiles = ensemble.levels
+    if not levels.value.size or not ensemble.heard.any():
+        return None, None
+    width = float(np.median(levels.width[:, ensemble.heard])) * DB_PER_NEPER
+    ends = levels.error[[0, 2]][:, :, ensemble.heard]
+    error = float(np.sqrt((ends**2).mean())) * DB_PER_NEPER
+    return width, error if np.isfinite(error) else None
+
+
+def _names(study: Study) -> list[str]:
+    return [f"{o.name}/{i.name}" for o in study.sensors for i in study.excitations]
+
+
+def _words() -> list[str]:
+    return [f"{100 * p:g} %" for p in PROBABILITIES]
+
+
+def _errors(e: Floats) -> str:
+    return " ".join(f"{x:.2g}" if np.isfinite(x) else "?" for x in e)
+
+
+def _write_csv(path: Path, head: list[str], rows: Floats) -> None:
+    header = ",".join(f'"{h}"' if "," in h else h for h in head)
+    with replacing(path) as scratch:
+        np.savetxt(scratch, rows, fmt="%.9g", delimiter=",", header=header, comments="", encoding="utf-8")

@@ -1,0 +1,191 @@
+"""Triage of one unit: its uncertain parameters by a few steps on the fleet's basis, and what is left."""
+
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.config import read_study_of
+from dovetail.file.contents import Study
+from dovetail.pipeline import fit_problem, measured, without_held_out
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.preparation import prepared_like
+
+Floats = NDArray[np.float64]
+
+
+PILOT = 20
+"""Units, the first ones, from which the model's common error is known [-]."""
+
+WIDER = 5.0
+"""Priors of a unit's fit are so many times as wide as the study's: the population takes their place [-]."""
+
+
+class UnitError(ValueError):
+    """A unit that was not measured as the others were."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fleet:
+    """What all units share: the study, the reduced model, and the model's error in the first units.
+
+    Attributes
+    ----------
+    text : str
+        Of the study file.
+    path : Path
+        Where it lies.
+    problem : FitProblem
+        With the data of the first unit.
+    start : FitResult
+        Fit from which that of each unit begins.
+    common : ndarray of complex (n_lines, n_out, n_in)
+        Median over the first units of ln(computed / measured), 0 where it is not known. FRFs are divided by
+        it: what the model lacks of all units alike is no reason to distrust the data of one.
+    """
+
+    text: str
+    path: Path
+    problem: FitProblem
+    start: FitResult
+    common: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, text: str, path: Path, files: Sequence[Path]) -> "Fleet":
+        """Build the basis, and fit the first units.
+
+        Parameters
+        ----------
+        text : str
+        path : Path
+        files : sequence of Path
+            FRFs of the units; the first must be readable, and gives lines and channels.
+
+        Raises
+        ------
+        StudyError
+            For a study or FRFs that cannot be read.
+        """
+        study = read_study_of(text, path, files[0])
+        wide = tuple(replace(n, std=WIDER * n.std) for n in study.nuisances)
+        problem = fit_problem(replace(study, nuisances=wide, damping_std=WIDER * study.damping_std))
+        start = problem.fit_anew()
+        nothing = np.zeros((len(problem.lines_up_to(np.inf, problem.n_lines)), *problem.data.H.shape[1:]))
+        bare = cls(text, path, problem, start, nothing.astype(complex))
+        fits = []
+        for file in files[:PILOT]:
+            with suppress(ValueError, OSError):  # it is listed where its turn comes
+                own, result = bare.fitted(bare.study_of(file))
+                fits.append((own.log_ratio(result, bare.lines), result))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
+            parts = [np.nanmedian([getattr(r, key) for r, _ in fits], axis=0) for key in ("real", "imag")]
+        best = min((result for _, result in fits), key=lambda r: r.solution.cost)
+        return replace(bare, start=best, common=np.nan_to_num(parts[0] + 1j * parts[1]))
+
+    @property
+    def lines(self) -> NDArray[np.int64]:
+        """Lines that are fitted and compared."""
+        return self.problem.lines_up_to(np.inf, self.problem.n_lines)
+
+    @property
+    def frequency(self) -> Floats:
+        """Frequencies of these lines [Hz]."""
+        return self.problem.data.frequency[self.lines]
+
+    def study_of(self, file: Path) -> Study:
+        """Return the study with the measurement of a unit.
+
+        Raises
+        ------
+        StudyError
+            If its file cannot be read, or is refused.
+        """
+        return read_study_of(self.text, self.path, file)
+
+    def fitted(self, study: Study) -> tuple[FitProblem, FitResult]:
+        """Fit the uncertain parameters and the damping to the measurement of a unit.
+
+        Raises
+        ------
+        UnitError
+            If it has other lines or channels than the first unit.
+        """
+        problem = self.problem
+        measurement = without_held_out(study, measured(study)[0])
+        _require_alike(problem, measurement.frf.outputs, measurement.frf.inputs)
+        data = prepared_like(problem, measurement, study.band)
+        if not np.array_equal(data.frequency, problem.data.frequency):
+            f, g = data.frequency, problem.data.frequency
+            msg = (
+                f"it has {len(f)} lines from {f[0]:g} to {f[-1]:g} Hz, and the first unit has {len(g)} from "
+                f"{g[0]:g} to {g[-1]:g} Hz; they must be the same"
+            )
+            raise UnitError(msg)
+        H = data.H.copy()
+        H[self.lines] *= np.exp(self.common)
+        own = replace(problem, data=replace(data, H=H))
+        return own, own.fit(stages=own.stages[-1:], x_from=self.start, assess=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triage:
+    """Result of a unit.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+        Uncertain parameters, as logarithms where they are positive, and logarithms of the damping.
+    covariance : ndarray (n, n)
+        Of x, by the unit's own data and the study's priors.
+    residual : ndarray of complex (n_lines, n_out, n_in)
+        ln(computed / measured), less the common part; NaN where a value does not count.
+    warnings : tuple of str
+        Probable faults of its file.
+    """
+
+    x: Floats
+    covariance: Floats
+    residual: NDArray[np.complex128]
+    warnings: tuple[str, ...]
+
+
+def triage(fleet: Fleet, unit: tuple[str, int, int]) -> dict[str, Any]:
+    """Read and fit a unit; return the fields of a :class:`Triage` as arrays.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    unit : (str, int, int)
+        Its file; with the size and the time of its last change, by which a later run knows it.
+
+    Raises
+    ------
+    UnitError
+        If it has other lines or channels than the first unit.
+    """
+    study = fleet.study_of(Path(unit[0]))
+    own, result = fleet.fitted(study)
+    lines = fleet.lines
+    n = len(result.solution.x)
+    return {
+        "x": result.solution.x,
+        "covariance": result.solution.covariance[:n, :n],
+        "residual": own.log_ratio(result, lines).astype(np.complex64),
+        "warnings": np.array(study.warnings, dtype=str),
+    }
+
+
+def _require_alike(problem: FitProblem, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
+    own = problem.data.measurement.frf
+    if (outputs, inputs) != (own.outputs, own.inputs):
+        missing = [n for n in (*own.outputs, *own.inputs) if n not in (*outputs, *inputs)]
+        lack = f"it lacks {', '.join(missing)}" if missing else "they are others than those of the first unit"
+        msg = f"its channels are {', '.join(outputs)} to {', '.join(inputs)}; {lack}"
+        raise UnitError(msg)

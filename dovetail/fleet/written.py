@@ -1,0 +1,272 @@
+"""A fleet as tables, files, a picture and a page."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.contents import Study
+from dovetail.fleet.diagnosing import cause_text
+from dovetail.fleet.run import Triaged
+from dovetail.report.page import bullets, facts, image, page, paragraph, section, table, tag
+from dovetail.units.folder import Record
+from dovetail.units.outcome import Outcome
+from fem.io.atomic import replacing
+from fem.summary import counted
+
+RANKING, PAGE, PICTURE = "ranking.csv", "fleet.html", "fleet.png"
+"""Files in the folder of a fleet."""
+
+PRINTED, BANDS = 20, 8
+"""Units of the printed table, and bands of frequency by which the largest rest is located [-]."""
+
+MODEL = (
+    "A regular unit's parameters scatter normally about the population's, and the logarithm of its rest is "
+    "normal. An outlier's distance in the parameters, its rest or both are anything beyond the median of the "
+    "regular ones, uniform in the logarithm. Shares and scatter are estimated together; no threshold is set."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A unit in the ranking.
+
+    Attributes
+    ----------
+    file : Path
+    probability, odds : float
+        That it is an outlier, and the logarithm of the odds [-].
+    distance : float
+        In the parameters, in standard deviations of the population, √(d²) [-].
+    rest : float
+        Root mean square rest in units of the population's spread [-].
+    where : str
+        Sensor and band with the largest rest, or the parameters where these alone are far.
+    cause : str
+        Of the diagnosis; empty without one.
+    warnings : tuple of str
+    """
+
+    file: Path
+    probability: float
+    odds: float
+    distance: float
+    rest: float
+    where: str
+    cause: str
+    warnings: tuple[str, ...]
+
+
+def rows_of(triaged: Triaged, diagnoses: Mapping[Path, Record]) -> list[Row]:
+    """Return all units, the most probable outlier first."""
+    p, rows = triaged.population, []
+    for k in p.order:
+        file = triaged.files[k]
+        record = diagnoses.get(file)
+        rows.append(
+            Row(
+                file,
+                float(p.probability[k]),
+                float(p.odds[k]),
+                float(np.sqrt(p.distance[k])),
+                float(np.sqrt(p.rest[k])),
+                _where(triaged, int(k)),
+                cause_text(record) if record else "",
+                triaged.units[k].warnings,
+            )
+        )
+    return rows
+
+
+def _where(triaged: Triaged, k: int) -> str:
+    """Return where a unit differs most from the population."""
+    p, fleet = triaged.population, triaged.fleet
+    if p.by_parameters[k] > 0.5:
+        off = (triaged.units[k].x - p.mean) / np.sqrt(np.maximum(np.diag(p.scatter), 1e-300))
+        worst = int(np.where(p.determined > 0.5, np.abs(off), 0.0).argmax())
+        return f"{names_of(triaged)[worst]} {off[worst]:+.1f} deviations"
+    left = p.left(triaged.units[k].residual) ** 2
+    f = fleet.frequency
+    edges = np.linspace(f[0], f[-1], BANDS + 1)
+    band = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, BANDS - 1)
+    known = np.isfinite(left)
+    size = np.stack([np.where(known, left, 0)[band == b].sum(axis=(0, 2)) for b in range(BANDS)])
+    number = np.stack([known[band == b].sum(axis=(0, 2)) for b in range(BANDS)])
+    mean = size / np.maximum(number, 1)
+    b, i = np.unravel_index(int(mean.argmax()), mean.shape)
+    sensor = fleet.problem.data.measurement.sensors[int(i)].name
+    return f"{sensor}, {edges[b]:.4g} to {edges[b + 1]:.4g} Hz"
+
+
+def names_of(triaged: Triaged) -> list[str]:
+    """Return the names of all that scatters."""
+    problem = triaged.fleet.problem
+    variables = problem.function((), (), problem.lines_up_to(np.inf, 2)).variables
+    knots = [f"damping at {f:.4g} Hz" for f in problem.damping.knots]
+    rest = ["damping of connections", "its slope"][
+        : triaged.population.mean.size - len(variables) - len(knots)
+    ]
+    return [*(v.name for v in variables), *knots, *rest]
+
+
+def population_rows(triaged: Triaged) -> list[tuple[str, str, float, float, float]]:
+    """Return name, unit, nominal value, mean and relative scatter of what the units' data determine."""
+    problem, p = triaged.fleet.problem, triaged.population
+    variables = problem.function((), (), problem.lines_up_to(np.inf, 2)).variables
+    std: NDArray[np.float64] = np.sqrt(np.diag(p.scatter))
+    out = []
+    for k, name in enumerate(names_of(triaged)):
+        if p.determined[k] < 0.5:
+            continue
+        if k < len(variables):
+            v = variables[k]
+            value = v.to_value(float(p.mean[k]))
+            relative = std[k] if v.log else std[k] * v.scale / (abs(value) or 1.0)
+            out.append((name, v.unit, v.nominal, value, float(relative)))
+        else:
+            nominal = float(problem.damping.start[k - len(variables)])
+            out.append((name, "-", nominal, float(np.exp(p.mean[k])), float(std[k])))
+    return out
+
+
+def write_files(
+    triaged: Triaged, rows: Sequence[Row], study: Study, folder: Path, failures: Sequence[Outcome]
+) -> None:
+    """Write the ranking as CSV, the picture and the page."""
+    head = ["unit", "probability", "log odds", "distance", "rest", "where", "cause", "warnings"]
+    with replacing(folder / RANKING) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(head)
+        for r in rows:
+            numbers = [f"{x:.6g}" for x in (r.probability, r.odds, r.distance, r.rest)]
+            writer.writerow([r.file, *numbers, r.where, r.cause, "; ".join(r.warnings)])
+    from viz.fleet import plot_fleet
+    from viz.style import save
+
+    p = triaged.population
+    title = f"{study.name}: {counted(len(rows), 'unit')}"
+    figure = plot_fleet(np.sqrt(p.distance), np.sqrt(p.rest), p.probability, p.n_determined, title)
+    save(figure, folder / PICTURE)
+    with replacing(folder / PAGE) as scratch:
+        scratch.write_text(_page(triaged, rows, study, folder / PICTURE, failures), encoding="utf-8")
+
+
+def _page(
+    triaged: Triaged, rows: Sequence[Row], study: Study, picture: Path, failures: Sequence[Outcome]
+) -> str:
+    cells = [
+        (r.file.name, f"{r.probability:.3f}", f"{r.distance:.2f}", f"{r.rest:.2f}", r.where, r.cause)
+        for r in rows
+    ]
+    outliers = [k for k, r in enumerate(rows) if r.probability > 0.5]
+    head = ("unit", "probability", "distance in parameters [σ]", "rest [σ]", "where", "cause")
+    parts = [
+        section(
+            "Ranking",
+            paragraph(*summary_of(triaged, rows)),
+            table(head, cells, numbers=(1, 2, 3), marked=outliers, at_most=max(PRINTED, len(outliers) + 10)),
+        ),
+        section(
+            "Distance and rest of all units",
+            image(picture, "Distance in the parameters and rest of each unit", MODEL),
+        ),
+        section(
+            "Population",
+            table(
+                ("parameter", "unit", "nominal", "mean", "scatter [%]"),
+                [
+                    (n, u, f"{a:.5g}", f"{b:.5g}", f"{100 * s:.3g}")
+                    for n, u, a, b, s in population_rows(triaged)
+                ],
+                numbers=(2, 3, 4),
+            ),
+        ),
+    ]
+    lost = [f"{Path(_name(o)).name}: {o.failure}" for o in (*triaged.failures, *failures)]
+    if lost:
+        parts.append(section("Units that failed", bullets(lost)))
+    warned = [f"{r.file.name}: {w}" for r in rows for w in r.warnings]
+    if warned:
+        parts.append(section("Warnings", bullets(warned)))
+    about = facts(
+        [("study", study.path.name), ("model", f"{triaged.fleet.problem.reduced.model.n_dof} DOFs")]
+    )
+    title = f"{study.name}: fleet"
+    return page(title, tag("h1", title), *parts, section("About", about))
+
+
+def summary_of(triaged: Triaged, rows: Sequence[Row]) -> list[str]:
+    """Return how many units are outliers, in sentences."""
+    p = triaged.population
+    likely = sum(r.probability > 0.5 for r in rows)
+    return [
+        f"{counted(len(rows), 'unit')}; share of outliers {100 * p.share:.1f} %; {likely} more probably an "
+        "outlier than not."
+    ]
+
+
+def lines_of(triaged: Triaged, rows: Sequence[Row], study: Study, failures: Sequence[Outcome]) -> list[str]:
+    """Return the tables that the command prints."""
+    shown = rows[:PRINTED]
+    width = max([len(r.file.name) for r in shown] + [4])
+    out = [
+        f"{study.name}: {' '.join(summary_of(triaged, rows))}",
+        f"{'unit':{width}}  probability  distance     rest  where",
+        *(
+            f"{r.file.name:{width}}  {r.probability:11.4f}  {r.distance:8.2f}  {r.rest:7.2f}  {r.where}"
+            + (f"\n{'':{width}}  cause: {r.cause}" if r.cause else "")
+            for r in shown
+        ),
+    ]
+    if len(rows) > len(shown):
+        out.append(f"… and {len(rows) - len(shown)} more in {RANKING}")
+    out += ["", "population                          nominal         mean  scatter %"]
+    out += [f"{n:30} {a:12.5g} {b:12.5g} {100 * s:10.3g}" for n, _, a, b, s in population_rows(triaged)]
+    lost = (*triaged.failures, *failures)
+    if lost:
+        out += ["", f"{counted(len(lost), 'unit')} failed, and the same command tries again:"]
+        out += [f"  {Path(_name(o)).name}: {o.failure}" for o in lost[:PRINTED]]
+    return out
+
+
+def as_dict(
+    triaged: Triaged,
+    rows: Sequence[Row],
+    study: Study,
+    diagnoses: Mapping[Path, Record],
+    failures: Sequence[Outcome],
+) -> dict[str, Any]:
+    """Return the fleet as JSON has it."""
+    p = triaged.population
+    return {
+        "study": study.name,
+        "model": MODEL,
+        "units": [
+            {
+                "file": r.file,
+                "probability": r.probability,
+                "log_odds": r.odds,
+                "distance": r.distance,
+                "rest": r.rest,
+                "where": r.where,
+                "diagnosis": diagnoses.get(r.file),
+                "warnings": r.warnings,
+            }
+            for r in rows
+        ],
+        "share_of_outliers": p.share,
+        "rest_of_regular": {"mean_log": p.rest_mean, "std_log": p.rest_std},
+        "population": [
+            {"name": n, "unit": u, "nominal": a, "mean": b, "scatter": s}
+            for n, u, a, b, s in population_rows(triaged)
+        ],
+        "failures": [{"file": _name(o), "reason": o.failure} for o in (*triaged.failures, *failures)],
+    }
+
+
+def _name(outcome: Outcome) -> str:
+    return outcome.unit if isinstance(outcome.unit, str) else outcome.unit[0]

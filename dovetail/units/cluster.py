@@ -1,0 +1,165 @@
+"""A pool of the workers of a running Dask cluster."""
+
+import hashlib
+import logging
+import pickle
+import threading
+import warnings
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from dovetail.units.outcome import PROCESS_ENDED, Function, Outcome, PoolError, Unit, failed, outcome_of
+from dovetail.units.program import fingerprint
+
+CONNECT_SECONDS = 20
+"""Longest wait for an answer of the scheduler [s]."""
+
+AHEAD = 4
+"""Units that the scheduler holds for each thread of the workers [-]."""
+
+LEAST_AHEAD = 256
+"""Units that it holds at least: workers may join later [-]."""
+
+KILLED = f"{PROCESS_ENDED}, on several workers"
+
+_ONE = threading.Lock()
+"""Threads and warnings of numerics belong to a process: units of one process run one after another."""
+
+_SHARED: dict[str, Any] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterPool:
+    """The workers of a Dask cluster, more or fewer as time goes by.
+
+    The scheduler gives the units of a worker that ends to others. A unit that was on several workers which
+    ended is computed once more, alone, and has failed if that ends them too. What all units need is a task
+    as well, which any worker can do again, and not data that end with the workers that hold them.
+
+    Attributes
+    ----------
+    client : distributed.Client
+    """
+
+    client: Any
+
+    def outcomes(self, function: Function, shared: Any, units: Sequence[Unit]) -> Generator[Outcome]:
+        """Yield the outcome of each unit, as they end.
+
+        Raises
+        ------
+        PoolError
+            If a worker runs another program, or the scheduler has gone.
+        """
+        payload = pickle.dumps(shared, pickle.HIGHEST_PROTOCOL)
+        key = hashlib.sha256(payload).hexdigest()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Sending large graph")
+            sent = self.client.submit(_same, payload, pure=False)
+        call = partial(self.client.submit, _call, function, sent, key, fingerprint(), pure=False)
+        suspects: list[Unit] = []
+        threads = sum(self.client.nthreads().values())
+        for outcome in self._together(call, units, max(AHEAD * threads, LEAST_AHEAD)):
+            if outcome.failure == KILLED:
+                suspects.append(outcome.unit)
+            else:
+                yield outcome
+        for unit in suspects:  # one of those together has ended the workers: each alone, to see which
+            yield from self._together(call, [unit], 1)
+
+    def _together(self, call: Any, units: Sequence[Unit], ahead: int) -> Generator[Outcome]:
+        """Yield the outcomes of units of which the scheduler holds so many at a time."""
+        from distributed import as_completed
+
+        waiting, running = deque(units), {}
+
+        def begun() -> Any:
+            unit = waiting.popleft()
+            future = call(unit)
+            running[future] = unit
+            return future
+
+        ended = as_completed([begun() for _ in range(min(len(waiting), ahead))], loop=self.client.loop)
+        try:
+            for future in ended:
+                outcome = _outcome(future, running.pop(future))
+                future.release()
+                if waiting:
+                    ended.add(begun())
+                yield outcome
+        finally:
+            with suppress(Exception):  # the scheduler may have gone
+                self.client.cancel(list(running))
+
+
+def _outcome(future: Any, unit: Unit) -> Outcome:
+    """Return what a worker gave, or why it gave nothing."""
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        return future.result()  # waits where the worker has ended since, and another one begins again
+    except KilledWorker:
+        return Outcome(unit, None, KILLED)
+    except PoolError:
+        raise
+    except CancelledError:
+        msg = "the connection to the scheduler was lost; the same command continues with the others"
+        raise PoolError(msg) from None
+    except Exception as reason:
+        return failed(unit, reason)
+
+
+def _same(payload: bytes) -> bytes:
+    return payload
+
+
+def _call(function: Function, payload: bytes, key: str, program: str, unit: Unit) -> Outcome:
+    if fingerprint() != program:
+        msg = (
+            f"a worker of the cluster runs another version of the program, or of NumPy or SciPy "
+            f"({fingerprint()} there, {program} here); install the same on all machines"
+        )
+        raise PoolError(msg)
+    with _ONE:
+        if key not in _SHARED:
+            _SHARED.clear()
+            _SHARED[key] = pickle.loads(payload)
+        return outcome_of(function, _SHARED[key], unit)
+
+
+@contextmanager
+def cluster_pool(scheduler: str) -> Iterator[ClusterPool]:
+    """Give the pool of a running cluster; the cluster stays.
+
+    Parameters
+    ----------
+    scheduler : str
+        Address, ``tcp://host:8786``, or a scheduler file, which ends in ``.json``.
+
+    Raises
+    ------
+    PoolError
+        Without the extra ``cluster``, or if the scheduler does not answer.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        msg = "--scheduler needs Dask; install it with pip install 'dovetail[cluster]'"
+        raise PoolError(msg) from None
+    logging.getLogger("distributed.client").setLevel(logging.ERROR)
+    where = {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
+    try:
+        client = Client(**where, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as reason:
+        text = " ".join(str(reason).split())
+        msg = f"--scheduler {scheduler}: no Dask scheduler answers there ({text or type(reason).__name__})"
+        raise PoolError(msg) from None
+    try:
+        yield ClusterPool(client)
+    finally:
+        with suppress(Exception):
+            client.close()
