@@ -151,7 +151,7 @@ def cluster_pool(scheduler: str) -> Iterator[ClusterPool]:
         msg = "--scheduler needs Dask; install it with pip install 'dovetail[cluster]'"
         raise PoolError(msg) from None
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
-    where = {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
+    where: dict[str, Any] = {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
     try:
         client = Client(**where, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as reason:

@@ -57,7 +57,7 @@ class FitFunction:
     lines: NDArray[np.int64]
     scatter: Scatter | None = None
     # The end of a fit is asked for again.
-    _last: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
+    _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
         default=None, init=False, repr=False
     )
 
@@ -111,11 +111,11 @@ class FitFunction:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         at = x.tobytes()
-        if self._last is not None and self._last[0] == at:
-            return self._last[1:]
+        if self._end is not None and self._end[0] == at:
+            return self._end[1:]
         r, J = self._evaluated(x, gradient)
         if J is not None:
-            self._last = at, r, J
+            self._end = at, r, J
         return r, J
 
     def _evaluated(

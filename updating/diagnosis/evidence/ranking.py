@@ -122,9 +122,9 @@ class FrfRanking:
         grids = [Grid.of(problem, e) for e in effects]
         if may_win is not None:
             gains = linear_gains(problem, current, grids)
-            order = np.argsort(-gains, kind="stable")
-            chosen = [i for n, i in enumerate(order) if n < LEAST_GRIDS or may_win(grids[i].effect, gains[i])]
-            grids = [grids[i] for i in chosen if gains[i] > -np.inf]
+            order = [int(i) for i in np.argsort(-gains, kind="stable") if gains[i] > -np.inf]
+            best = order[:LEAST_GRIDS]
+            grids = [grids[i] for i in order if i in best or may_win(grids[i].effect, float(gains[i]))]
         elif len(grids) > MOST_GRIDS:
             bases = (current, problem.at_nominal(current))
             chosen = shortlist(problem, bases, grids)

@@ -477,7 +477,8 @@ class Look:
         flat = np.hstack([r.real, r.imag, known])
         left = flat - (flat @ back.T) @ slopes
         m = r.shape[1]
-        return np.hstack([left[:, :m] + 1j * left[:, m : 2 * m], left[:, 2 * m :]])
+        whole = np.hstack([left[:, :m] + 1j * left[:, m : 2 * m], left[:, 2 * m :]])
+        return np.asarray(whole, dtype=complex)
 
     def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
         """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
