@@ -80,7 +80,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     problem = SimpleNamespace(nuisances=(), damping=CURVE)
 
     def rows(model):
-        d = SimpleNamespace(problem=problem, steps=[SimpleNamespace(result=fit)], model=model)
+        d = SimpleNamespace(problem=problem, steps=[SimpleNamespace(result=fit)], model=model, baseline=None)
         return result.uncertain_parameters(d)  # type: ignore[arg-type]
 
     *knots, level, power = rows(soft(1.0))

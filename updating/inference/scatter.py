@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.joint import Joint
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
-from fem.model import Contribution, Model
+from fem.model import Contribution, Effect, Model
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -42,8 +41,8 @@ class Scatter:
         Standard deviation of the logarithm of each mode's damping ratio, and of each member's loss factor in
         parts of the median one, 2ζ [-].
     members : tuple of str
-    joints : tuple of Joint
-        With an elastic direction. The loss factor of each, η + 2ζ, is as uncertain as the damping curve.
+    connections : tuple of Effect
+        Those with a loss factor. The loss factor of each, η + 2ζ, is as uncertain as the damping curve.
     n_modes : int
     """
 
@@ -52,7 +51,7 @@ class Scatter:
     eigenvalue: float
     damping: float
     members: tuple[str, ...]
-    joints: tuple[Joint, ...]
+    connections: tuple[Effect, ...]
     n_modes: int
     _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
 
@@ -63,7 +62,7 @@ class Scatter:
         ratio = np.atleast_2d(p.damping.ratio(p.data.frequency, self.result.zeta))[0]
         own = 2 * float(np.median(ratio))
         loss = np.full(len(self.members), self.damping * own)
-        of_joints = [p.damping.std * (float(np.real(j.eta)) + own) for j in self.joints]
+        of_joints = [p.damping.std * (_loss_factor(e) + own) for e in self.connections]
         of_modes = [s for s in (self.eigenvalue, self.damping) if s > 0]
         return np.concatenate([loss, of_joints, np.tile(of_modes, self.n_modes)])
 
@@ -79,7 +78,7 @@ class Scatter:
         state, H, out = changes.state, changes.H, []
         model, fields = self.problem.reduced.model, changes.fields()
         of_members = (member_contribution(frame_of(model), model, m) for m in self.members)
-        for parts in (*of_members, *(j.contribute(model) for j in self.joints)):
+        for parts in (*of_members, *(e.contribute(model) for e in self.connections)):
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
         for r in _shifted(self.problem, changes)[: self.n_modes]:
             for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):
@@ -103,21 +102,30 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     model = problem.reduced.model
     several = damping > 0 and len(model.mesh.members) > 1 and bool(model.of_kind(Frame))
     members = tuple(model.mesh.members) if several else ()
-    joints = _as_fitted(model, result) if damping > 0 else ()
+    connections = _as_fitted(model, result) if damping > 0 else ()
     changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
-    return Scatter(problem, result, eigenvalue, damping, members, joints, len(_shifted(problem, changes)))
+    return Scatter(
+        problem, result, eigenvalue, damping, members, connections, len(_shifted(problem, changes))
+    )
 
 
-def _as_fitted(model: Model, result: FitResult) -> tuple[Joint, ...]:
-    """Return the joints with elastic directions at fitted values, effects that are parts of them included."""
+def _as_fitted(model: Model, result: FitResult) -> tuple[Effect, ...]:
+    """Return connections with a loss factor at fitted values, effects that are parts of them included."""
     out = []
-    for joint in model.of_kind(Joint):
-        own = {name: v for (effect, name), v in result.values.items() if effect == joint.name}
-        now = joint.with_values(**own)
-        for effect in result.effects:
-            now = effect.merged_into(now) or now
-        out += [now] if isinstance(now, Joint) and now.elastic else []
+    for e in model.effects:
+        if not e.connection or not np.isfinite(_loss_factor(e)):
+            continue
+        own = {name: v for (effect, name), v in result.values.items() if effect == e.name}
+        now: Effect = e.with_values(**own)
+        for part in result.effects:
+            now = part.merged_into(now) or now
+        out.append(now)
     return tuple(out)
+
+
+def _loss_factor(effect: Effect) -> float:
+    """Return an effect's loss factor; NaN if it has none."""
+    return next((float(np.real(p.value)) for p in effect.parameters() if p.name == "eta"), np.nan)
 
 
 def _solved(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> tuple[LocalChanges, Floats]:
