@@ -82,14 +82,14 @@ def _add_laws(
     search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
 ) -> None:
     """Fit the most promising laws beside a hypothesis."""
-    quick = search.fits.quick(base)
+    quick, free = search.fits.quick(base), search.fits.free(base)
     fits = []
     for starts in _looked_at(problem, search.fits.problem, base.fitted.result, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
         begun = [Start((*values, parameter_values(s)), base.fitted.result) for s in starts]
         short = search.fits.shortly(quick, effects, begun)
         if short:
-            fits.append(search.fits.continued(quick, short[:2]))
+            fits.append(search.fits.continued(free, short[:2]))
     fits.sort(key=lambda h: -h.score)
     for h in fits[:N_FINAL]:
         search.full(h.effects, values_of(h.effects), h, base)

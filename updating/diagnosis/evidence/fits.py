@@ -66,13 +66,19 @@ class Fits:
         return h.fitted.level > FAR * self.floor
 
     def quick(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem beside a hypothesis: the form is nominal and fixed where that is far.
+        """Return the problem of short fits beside a hypothesis, with a nominal form where that is far.
 
-        A form that is far from the data would bend towards whatever is missing.
+        In a few steps a form far from the data would only bend towards whatever is missing.
         """
+        if not self.is_far(base):
+            return self.free(base)
         own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
         quick = replace(self.problem, nuisances=own)
         return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base)))
+
+    def free(self, base: Hypothesis) -> AnyProblem:
+        """Return the problem beside a hypothesis, with its form free."""
+        return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted.result))
 
     def fixed(self, base: Hypothesis) -> set[str]:
         """Return the names of effects that do not vary in the quick fits beside a hypothesis."""

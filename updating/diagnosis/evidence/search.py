@@ -194,14 +194,14 @@ class Search:
 
     def extended(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the best hypotheses with something more than another has, simplified."""
-        quick = self.fits.quick(base)
-        shared, kept = (self.fits, quick, base), values_of(base.effects)
+        quick, free = self.fits.quick(base), self.fits.free(base)
+        kept = values_of(base.effects)
         proposals = self.proposals(base, quick)
         wanted = [
             ((*base.effects, *new), [Start((*kept, *s.values), s.near) for s in starts])
             for new, starts, _ in proposals
         ]
-        fitted = self.workers.map(_shortly, shared, wanted)
+        fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted)
         firsts = [first for *_, first in proposals]
         short = [(fits, first) for fits, first in zip(fitted, firsts, strict=True) if fits]
         short.sort(key=lambda each: -each[0][0].score)
@@ -211,17 +211,17 @@ class Search:
             for k, (fits, first) in enumerate(short)
             if k < self.fits.ranking.breadth or first
         ]
-        tried = self.workers.map(_continued, shared, begun)
+        tried = self.workers.map(_continued, (self.fits, free, base), begun)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
-        now = self.fits.quickly(quick, base, base.effects, kept).score
+        now = self.fits.quickly(free, base, base.effects, kept).score
         least = 1 if base.effects else N_FINAL
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         # Few lines say less than all.
         near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
-        highest = self.workers.map(_highest, shared, near)
+        highest = self.workers.map(_highest, (self.fits, free, base), near)
         return [self.simplified(h) for h in self.all_full(highest, base)]
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
@@ -229,7 +229,7 @@ class Search:
         while len(h.effects) > 1:
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in h.effects]
             without = [(rest, values_of(rest)) for rest in fewer]
-            now, options = self.on_few_lines(self.fits.quick(h), h, without)
+            now, options = self.on_few_lines(self.fits.free(h), h, without)
             best = max(options, key=lambda o: o.score, default=None)
             if best is None or best.score < now.score - TWIN_NATS:
                 return h
@@ -246,15 +246,15 @@ class Search:
         All that are nearly as probable are fitted fully: they are its credible set. With another effect in
         the place of one, a third may not be needed any more.
         """
-        result, quick = self.fits.without_fixed(h), self.fits.quick(h)
+        result, free = h.fitted.result, self.fits.free(h)
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
             last = replace(result, effects=(*rest, e))
-            found = self.fits.ranking.rivals(quick, last, near, N_RIVALS)
+            found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
-        now, rivals = self.on_few_lines(quick, h, others)
+        now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
         # Few lines say less than all.
@@ -447,7 +447,7 @@ class Search:
         if not h.effects:
             return h
         starts = [(h.effects, start) for start in around(h.effects)]
-        here, others = self.on_few_lines(self.fits.quick(h), h, starts)
+        here, others = self.on_few_lines(self.fits.free(h), h, starts)
         near = [a for a in others if a.score > here.score - BEAM_NATS and _moved(a, here)]
         fits = [h, *self.workers.map(_again, (self.fits, h), [None, *near])]
         fits.sort(key=lambda f: -f.score)
