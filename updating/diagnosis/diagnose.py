@@ -220,7 +220,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
         h, rest = chain[0], []
         for e in h.effects:
             fewer = tuple(x for x in h.effects if x.name != e.name)
-            rest.append(search.full(fewer, values_of(fewer), h, h))
+            rest.append(search.full(fewer, values_of(fewer), h))
         chain.insert(0, max(rest, key=lambda r: r.score))
     return chain
 

@@ -68,10 +68,10 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
         workers=one.workers,
     )  # fmt: skip
     first = one.known[frozenset()]
-    nothing = search.full((), (), first, first)
+    nothing = search.full((), (), first)
     bases = [nothing]
     if done.best.effects:
-        bases.append(search.full(done.best.effects, values_of(done.best.effects), done.best, done.best))
+        bases.append(search.full(done.best.effects, values_of(done.best.effects), done.best))
     for base in bases:
         _add_laws(search, base, at_first, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
@@ -82,7 +82,7 @@ def _add_laws(
     search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
 ) -> None:
     """Fit the most promising laws beside a hypothesis."""
-    quick, free = search.fits.quick(base), search.fits.free(base)
+    quick, free = search.fits.problems(base)
     fits = []
     for starts in _looked_at(problem, search.fits.problem, base.fitted.result, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
@@ -92,7 +92,7 @@ def _add_laws(
             fits.append(search.fits.continued(free, short[:2]))
     fits.sort(key=lambda h: -h.score)
     for h in fits[:N_FINAL]:
-        search.full(h.effects, values_of(h.effects), h, base)
+        search.full(h.effects, values_of(h.effects), h)
 
 
 def _looked_at(

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fem.model import Effect, ParameterRef
+from fem.model import Effect
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
@@ -65,35 +65,31 @@ class Fits:
         """Whether a hypothesis is so far from the data that its uncertain parameters may be bent."""
         return h.fitted.level > FAR * self.floor
 
-    def quick(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem of short fits beside a hypothesis, with a nominal form where that is far.
+    def problems(self, base: Hypothesis) -> tuple[AnyProblem, AnyProblem]:
+        """Return the problems of short fits and of those that go on from them, beside a hypothesis.
 
-        In a few steps a form far from the data would only bend towards whatever is missing.
+        Short ones have a nominal form where that is far from the data: in a few steps it would only bend
+        towards whatever is missing.
         """
+        free = self.free(base)
         if not self.is_far(base):
-            return self.free(base)
+            return free, free
         own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
         quick = replace(self.problem, nuisances=own)
-        return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base)))
+        return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 
     def free(self, base: Hypothesis) -> AnyProblem:
         """Return the problem beside a hypothesis, with its form free."""
         return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted.result))
 
     def fixed(self, base: Hypothesis) -> set[str]:
-        """Return the names of effects that do not vary in the quick fits beside a hypothesis."""
+        """Return the names of effects that do not vary in short fits beside a hypothesis."""
         return self.form_names if self.is_far(base) else set()
 
     def without_fixed(self, base: Hypothesis) -> FitResult:
-        """Return the result of a hypothesis without what does not vary in quick fits beside it."""
+        """Return the result of a hypothesis without what does not vary in short fits beside it."""
         result, fixed = base.fitted.result, self.fixed(base)
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
-
-    def form_of(self, base: Hypothesis) -> dict[ParameterRef, float]:
-        """Return the form's parameters in a hypothesis, which are bent where it is far from the data."""
-        if self.is_far(base):
-            return {}
-        return {r: v for r, v in base.fitted.result.values.items() if r[0] in self.form_names}
 
     def shortly(
         self, quick: AnyProblem, effects: Sequence[Effect], starts: Sequence[Start]
@@ -162,23 +158,15 @@ class Fits:
         way |= {"max_iterations": QUICK_STEPS, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
         return self._fit(problem, effects, values, **way)
 
-    def fully(
-        self,
-        effects: Sequence[Effect],
-        values: Values,
-        near: Hypothesis | None = None,
-        base: Hypothesis | None = None,
-    ) -> Hypothesis:
+    def fully(self, effects: Sequence[Effect], values: Values, near: Hypothesis | None = None) -> Hypothesis:
         """Return a hypothesis fitted on all lines with the form free, from some values.
 
-        Everything else begins where it is near there, with the form of a base, or else at its nominal value.
+        Everything else begins where it is near there, or else at its nominal value.
         """
         problem = with_forces(self.problem, effects, values)
         way: dict[str, Any] = {}
-        if near is not None and base is not None:
-            result = near.fitted.result
-            from_near = replace(result, values={**self.form_of(base), **result.values})
-            way = {"stages": problem.stages[-1:], "x_from": from_near}
+        if near is not None:
+            way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
         return self.scattered(problem, self._fit(problem, effects, values, n_lines=FULL_LINES, **way))
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:

@@ -129,14 +129,13 @@ def _highest(shared: tuple[Fits, AnyProblem, Hypothesis], item: Hypothesis) -> H
     return fits.highest(quick, item, base)
 
 
-def _fully(shared: tuple[Fits, Hypothesis], near: Hypothesis) -> Hypothesis:
-    fits, base = shared
-    return fits.fully(near.effects, values_of(near.effects), near, base)
+def _fully(fits: Fits, near: Hypothesis) -> Hypothesis:
+    return fits.fully(near.effects, values_of(near.effects), near)
 
 
 def _again(shared: tuple[Fits, Hypothesis], near: Hypothesis | None) -> Hypothesis:
     fits, h = shared
-    return _fully(shared, near) if near is not None else fits.at(h.effects, values_of(h.effects))
+    return _fully(fits, near) if near is not None else fits.at(h.effects, values_of(h.effects))
 
 
 @dataclass(slots=True, eq=False)
@@ -194,7 +193,7 @@ class Search:
 
     def extended(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the best hypotheses with something more than another has, simplified."""
-        quick, free = self.fits.quick(base), self.fits.free(base)
+        quick, free = self.fits.problems(base)
         kept = values_of(base.effects)
         proposals = self.proposals(base, quick)
         wanted = [
@@ -222,7 +221,7 @@ class Search:
         # Few lines say less than all.
         near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
         highest = self.workers.map(_highest, (self.fits, free, base), near)
-        return [self.simplified(h) for h in self.all_full(highest, base)]
+        return [self.simplified(h) for h in self.all_full(highest)]
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
@@ -233,7 +232,7 @@ class Search:
             best = max(options, key=lambda o: o.score, default=None)
             if best is None or best.score < now.score - TWIN_NATS:
                 return h
-            less = self.full(best.effects, values_of(best.effects), best, h, anew=True)
+            less = self.full(best.effects, values_of(best.effects), best, anew=True)
             if less.score <= h.score:
                 return h
             h = less
@@ -258,7 +257,7 @@ class Search:
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
         # Few lines say less than all.
-        fitted = self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS], h)
+        fitted = self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS])
         best = max(k.score for k in (h, *fitted))
         for twin in fitted:
             if twin.score > best - TWIN_NATS:
@@ -386,7 +385,6 @@ class Search:
         effects: Sequence[Effect],
         values: Values,
         near: Hypothesis | None = None,
-        base: Hypothesis | None = None,
         *,
         anew: bool = False,
     ) -> Hypothesis:
@@ -396,13 +394,13 @@ class Search:
         """
         key = key_of(effects)
         if self._deserves_fit(key, near, anew=anew):
-            self._keep(self.fits.fully(effects, values, near, base))
+            self._keep(self.fits.fully(effects, values, near))
         return self.known[key]
 
-    def all_full(self, many: Sequence[Hypothesis], base: Hypothesis) -> list[Hypothesis]:
+    def all_full(self, many: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Return hypotheses that were fitted on few lines as :meth:`full` does."""
         wanted = [h for h in many if self._deserves_fit(h.key, h)]
-        for fitted in self.workers.map(_fully, (self.fits, base), wanted):
+        for fitted in self.workers.map(_fully, self.fits, wanted):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
 
@@ -432,7 +430,7 @@ class Search:
             self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=reduced))
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
-            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h, h)
+            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h)
         return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:
