@@ -1,4 +1,4 @@
-"""Members that bend and twist a little otherwise than their sections say."""
+"""Members that are a little heavier, and bend and twist otherwise, than their sections say."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,25 +19,29 @@ _STEP = 1e-30
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SectionForm(Effect):
-    """Members of one section that bend and twist otherwise than it says, alike.
+    """Members of one section that are heavier, and bend and twist otherwise, than it says, alike.
 
     Attributes
     ----------
     members : tuple of str
-    Iy, Iz, J : float
-        Relative changes of the stiffnesses [-].
+    parts : dict
+        Derivatives of the members' matrices by each of the changes.
+    A, Iy, Iz, J : float
+        Relative changes of the area, with the mass and the axial stiffness, and of the stiffnesses of bending
+        and torsion [-].
     """
 
     kind: ClassVar[str] = "section_form"
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`Iy` [-], `Iz` [-], `J` [-]",
-        meaning="bending and torsional stiffness of members of one section, relative to the model's",
+        quantities="`A` [-], `Iy` [-], `Iz` [-], `J` [-]",
+        meaning="area, bending and torsional stiffness of members of one section, relative to the model's",
         places="all members of one section and length",
     )
     members: tuple[str, ...]
     parts: dict[str, tuple[Contribution, ...]]
+    A: Any = 0.0
     Iy: Any = 0.0
     Iz: Any = 0.0
     J: Any = 0.0
@@ -54,10 +58,8 @@ class SectionForm(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the contributions of the changes to K."""
-        return tuple(
-            replace(c, K=getattr(self, key) * c.K) for key, parts in self.parts.items() for c in parts
-        )
+        """Return the contributions of the changes to K and M."""
+        return tuple(_scaled(c, getattr(self, key)) for key, parts in self.parts.items() for c in parts)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middles of the members, (n, 3) [m]."""
@@ -81,6 +83,10 @@ class SectionForm(Effect):
         return tuple(_sections(model)) if model.of_kind(Frame) else ()
 
 
+def _scaled(c: Contribution, factor: Any) -> Contribution:
+    return replace(c, K=None if c.K is None else factor * c.K, M=None if c.M is None else factor * c.M)
+
+
 def _size(parts: tuple[Contribution, ...]) -> float:
     return float(sum(np.abs(c.K).sum() for c in parts if c.K is not None))
 
@@ -98,12 +104,25 @@ def _sections(model: Model) -> Iterator[SectionForm]:
         rows = np.concatenate([model.mesh.members[m] for m in members])
         parts = {}
         step = 1 + 1j * _STEP
-        changes = {"Iy": SectionChange(Iy=step), "Iz": SectionChange(Iz=step), "J": SectionChange(J=step)}
+        changes = {
+            "A": SectionChange(A=step),
+            "Iy": SectionChange(Iy=step),
+            "Iz": SectionChange(Iz=step),
+            "J": SectionChange(J=step),
+        }
         for key, change in changes.items():
             changed = sheared_frame(model).contribution_of(model, rows, change)
-            slopes = [(c.dofs, np.imag(c.K) / _STEP) for c in changed if c.K is not None]
-            own = [Contribution(d, (K + np.swapaxes(K, 1, 2)) / 2) for d, K in slopes if np.any(K)]
+            slopes = [(c.dofs, _slope(c.K), _slope(c.M) if key == "A" else None) for c in changed]
+            own = [Contribution(d, K, M) for d, K, M in slopes if K is not None or M is not None]
             if own:
                 parts[key] = tuple(own)
         if parts:
             yield SectionForm(name=f"section_form:{members[0]}", members=tuple(members), parts=parts)
+
+
+def _slope(matrices: Any) -> Any:
+    """Return the derivative (n, m, m) of matrices by a change, symmetric; None if there is none."""
+    if matrices is None or not np.any(np.imag(matrices)):
+        return None
+    slope = np.imag(matrices) / _STEP
+    return (slope + np.swapaxes(slope, 1, 2)) / 2

@@ -1,4 +1,4 @@
-"""Connections of finite size: stiffer inside, and heavier or lighter, than members that meet in a point."""
+"""Connections of finite size: otherwise stiff inside, and heavier or lighter, than members that end in points."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -18,6 +19,9 @@ STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
 SOFTEST = -0.2
 """The same at least: connections of finite size are stiffer than centre lines."""
+SOFTEST_HELD = -1.5
+"""The same where a support holds members: what holds them gives way. A member that ends on an elastic half-space
+of its own material turns there as if it were longer by 0.3 of its depth, a logarithm of -0.5."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
 
@@ -33,6 +37,8 @@ class ZoneForm(Effect):
     place : str
     frame : Frame
         Of the model that it was proposed for: moduli that are a little otherwise hardly matter here.
+    held : bool
+        Whether a support holds the connection: its mass does not move.
     u : float
     mass : float
         Share of the stretches' mass that they have more [-].
@@ -44,11 +50,12 @@ class ZoneForm(Effect):
     entry: ClassVar[Entry | None] = Entry(
         quantities="`u` [-], `mass` [-]",
         meaning="stiffness e^u and mass of the inside of a connection of finite size",
-        places="each corner and each joint of members",
+        places="each corner and each joint of members, and each support that holds against turning",
     )
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
     frame: Frame
+    held: bool = False
     u: Any = 0.0
     mass: Any = 0.0
 
@@ -58,11 +65,10 @@ class ZoneForm(Effect):
         return self.place
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the logarithm of the stiffness and the mass."""
-        return (
-            Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
-            Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
-        )
+        """Return the logarithm of the stiffness and, where it can move, the mass."""
+        u = Parameter("u", "-", self.u, 0.0, SOFTEST_HELD if self.held else SOFTEST, STIFFEST)
+        mass = Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True)
+        return (u,) if self.held else (u, mass)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
@@ -86,7 +92,7 @@ class ZoneForm(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Return each corner and each joint."""
+        """Return each corner and each joint, and each support that holds against turning."""
         return tuple(_zones(model)) if model.of_kind(Frame) else ()
 
 
@@ -109,6 +115,10 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             known[0].update(ends)
         else:
             groups[min(ends)] = (set(ends), f"joint {pair.name}")
+    holding = {s.point: s for s in model.of_kind(Support) if set("xyz") < set(s.fixed)}
+    for p, support in holding.items():
+        if p in at and not any(p in points for points, _ in groups.values()):
+            groups[p] = ({p}, support.where)
     taken: dict[str, list[tuple[float, float]]] = {}
     for number, (points, place) in enumerate(groups.values()):
         arms = [arm for p in sorted(points) for arm in at.get(p, ())]
@@ -120,11 +130,17 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
                 for other, _, row in arms
                 if other != m and abs(axes[row][0] @ along) < _ALONG
             ]
+            if points & set(holding):
+                depths += [section_extent(model, m, axes[line], side) for side in axes[line][1:]]
             if depths:
                 zones += _stretches(mesh.member_length(m), taken.setdefault(m, []), m, s, max(depths))
         if zones:
             yield ZoneForm(
-                name=f"zone_form:{number}", zones=tuple(zones), place=place, frame=sheared_frame(model)
+                name=f"zone_form:{number}",
+                zones=tuple(zones),
+                place=place,
+                frame=sheared_frame(model),
+                held=bool(points & set(holding)),
             )
 
 

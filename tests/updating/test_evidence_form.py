@@ -6,6 +6,7 @@ import pytest
 from fem import assemble, solve_modes
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
+from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, fix, portal
 from updating.diagnosis.evidence.form import form_of
 
@@ -53,6 +54,14 @@ def test_a_section_that_is_stiffer_in_one_plane_gives_a_cantilever_that_is_so(ke
     assert before - after == pytest.approx(bending * (1 - 1 / 1.1), rel=2e-3)
 
 
+def test_a_heavier_section_lowers_the_frequencies_of_bending():
+    """ω ~ √(E I / ρ A): a slender beam whose area alone is larger by x vibrates 1/√(1 + x) as fast."""
+    model = beam(8, effects=(fix(0),))
+    (form,) = (e for e in form_of(model)[0] if isinstance(e, SectionForm))
+    heavier = frequencies(model.with_effect(form.with_values(A=0.1)), 2)
+    np.testing.assert_allclose(heavier * np.sqrt(1.1), frequencies(model, 2), rtol=1e-4)
+
+
 def test_a_stiffer_stretch_gives_way_less_by_its_share_of_the_flexibility():
     """A cantilever's tip: ∫ x² / (E I) dx, of which the stretch at the clamp keeps e^-u."""
     model = beam(8).with_effect(fix(0))
@@ -66,3 +75,21 @@ def test_a_stiffer_stretch_gives_way_less_by_its_share_of_the_flexibility():
     lost = (L**3 - (L - z) ** 3) / (3 * STEEL.E * FLAT.Iy) * (1 - np.exp(-u))
     change = tip_compliance(model, direction) - tip_compliance(model.with_effect(zone), direction)
     assert change == pytest.approx(lost, rel=2e-3)
+
+
+def test_a_clamp_may_give_way_as_on_an_elastic_half_space():
+    """A rigid square of side b rocks on a half-space with K = 3.6 G (b/2)³ / (1 - ν) (Dobry and Gazetas)."""
+    b, L, nu = 0.02, 1.0, 0.3
+    model = beam(8, L, section=Section.rectangle(b, b), effects=(fix(0),))
+    (zone,) = (e for e in form_of(model)[0] if isinstance(e, ZoneForm))
+    assert [p.name for p in zone.parameters()] == ["u"]
+    rocking = 3.6 * STEEL.E / (2 + 2 * nu) * (b / 2) ** 3 / (1 - nu)
+    u = -np.log(1 + STEEL.E * b**4 / 12 / (rocking * b / 2))
+    assert zone.parameters()[0].lower < u < -0.5
+    soft, stiff = (tip_compliance(m, 2) for m in (model.with_effect(zone.with_values(u=u)), model))
+    assert soft - stiff == pytest.approx(L**2 / rocking, rel=b / L)  # the zone turns b/4 from the clamp
+
+
+def test_a_support_that_lets_turn_has_no_form():
+    model = beam(8, effects=(fix(0, ("x", "y", "z")),))
+    assert not [e for e in form_of(model)[0] if isinstance(e, ZoneForm)]
