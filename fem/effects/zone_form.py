@@ -1,4 +1,4 @@
-"""Connections of finite size: otherwise stiff inside, and heavier or lighter, than members that end in points."""
+"""Connections of finite size: stiffness and mass inside differ from those of members that end in points."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ STIFFEST = 3.5
 SOFTEST = -0.2
 """The same at least: connections of finite size are stiffer than centre lines."""
 SOFTEST_HELD = -1.5
-"""The same where a support holds members: what holds them gives way. A member that ends on an elastic half-space
-of its own material turns there as if it were longer by 0.3 of its depth, a logarithm of -0.5."""
+"""The same where a support holds members: what holds them gives way. A member that ends on an elastic
+half-space of its own material turns there as if it were longer by 0.3 of its depth, a logarithm of -0.5."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
 

@@ -1,9 +1,9 @@
 """The form of frames: what centre lines and nominal sections leave out of any real structure.
 
-Members bend and twist a little otherwise than their sections say. What lies inside of a connection of finite
-size is stiffer and lighter or heavier than members that end in a point, and what holds a clamped end gives way.
-All are uncertain parameters of every hypothesis: an effect is believed only for what they cannot do within
-their tolerance.
+Members are a little heavier, and bend and twist a little otherwise, than their sections say. What lies inside
+of a connection of finite size is stiffer and lighter or heavier than members that end in a point, and what
+holds a clamped end gives way. All are uncertain parameters of every hypothesis: an effect is believed only
+for what they cannot do within their tolerance.
 """
 
 from fem.effects.section_form import SectionForm
