@@ -27,8 +27,7 @@ class SectionForm(Effect):
     parts : dict
         Derivatives of the members' matrices by each of the changes.
     A, Iy, Iz, J : float
-        Relative changes of the area, with the mass and the axial stiffness, and of the stiffnesses of bending
-        and torsion [-].
+        Relative changes of the area, with the mass, and of the stiffnesses of bending and torsion [-].
     """
 
     kind: ClassVar[str] = "section_form"
@@ -36,7 +35,7 @@ class SectionForm(Effect):
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`A` [-], `Iy` [-], `Iz` [-], `J` [-]",
-        meaning="area, bending and torsional stiffness of members of one section, relative to the model's",
+        meaning="mass per length, bending and torsional stiffness of one section, relative to the model's",
         places="all members of one section and length",
     )
     members: tuple[str, ...]
@@ -88,7 +87,7 @@ def _scaled(c: Contribution, factor: Any) -> Contribution:
 
 
 def _size(parts: tuple[Contribution, ...]) -> float:
-    return float(sum(np.abs(c.K).sum() for c in parts if c.K is not None))
+    return float(sum(np.abs(X).sum() for c in parts for X in (c.K, c.M) if X is not None))
 
 
 def _sections(model: Model) -> Iterator[SectionForm]:
@@ -112,8 +111,9 @@ def _sections(model: Model) -> Iterator[SectionForm]:
         }
         for key, change in changes.items():
             changed = sheared_frame(model).contribution_of(model, rows, change)
-            slopes = [(c.dofs, _slope(c.K), _slope(c.M) if key == "A" else None) for c in changed]
-            own = [Contribution(d, K, M) for d, K, M in slopes if K is not None or M is not None]
+            slopes = [(c.dofs, _slope(c.M if key == "A" else c.K)) for c in changed]
+            some = [(dofs, X) for dofs, X in slopes if X is not None]
+            own = [Contribution(d, M=X) if key == "A" else Contribution(d, X) for d, X in some]
             if own:
                 parts[key] = tuple(own)
         if parts:

@@ -1,4 +1,4 @@
-"""Connections of finite size: stiffness and mass inside differ from those of members that end in points."""
+"""Connections of finite size: stiffer inside, and heavier or lighter, than members that meet in a point."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
-from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -19,16 +18,21 @@ STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
 SOFTEST = -0.2
 """The same at least: connections of finite size are stiffer than centre lines."""
-SOFTEST_HELD = -1.5
-"""The same where a support holds members: what holds them gives way. A member that ends on an elastic
-half-space of its own material turns there as if it were longer by 0.3 of its depth, a logarithm of -0.5."""
+IN_PLANE = 2.0
+"""Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
+_FLAT, _SPANS = 0.2, 0.3
+"""Members lie in a plane if the third singular value of their directions is less than the first of these, and
+span it if the second one is more than the other [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ZoneForm(Effect):
     """Stretches of members inside of a connection, stiffer by a factor e^u and heavier by a share.
+
+    Where the members lie in a plane, bending in it is stiffer by e^(u + plane): a member that is welded to
+    another holds it over its own depth in this plane alone.
 
     Attributes
     ----------
@@ -37,9 +41,10 @@ class ZoneForm(Effect):
     place : str
     frame : Frame
         Of the model that it was proposed for: moduli that are a little otherwise hardly matter here.
-    held : bool
-        Whether a support holds the connection: its mass does not move.
-    u : float
+    inside : tuple of (int, int)
+        For each stretch the local force and moment of bending in the plane of the members, of 0 to 5; empty
+        where they span space.
+    u, plane : float
     mass : float
         Share of the stretches' mass that they have more [-].
     """
@@ -48,16 +53,17 @@ class ZoneForm(Effect):
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`u` [-], `mass` [-]",
-        meaning="stiffness e^u and mass of the inside of a connection of finite size",
-        places="each corner and each joint of members, and each support that holds against turning",
+        quantities="`u` [-], `mass` [-], `plane` [-]",
+        meaning="stiffness e^u, in the members' plane e^(u + plane), and mass of the inside of a connection",
+        places="each corner and each joint of members",
     )
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
     frame: Frame
-    held: bool = False
+    inside: tuple[tuple[int, int], ...] = ()
     u: Any = 0.0
     mass: Any = 0.0
+    plane: Any = 0.0
 
     @property
     def where(self) -> str:
@@ -65,15 +71,20 @@ class ZoneForm(Effect):
         return self.place
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the logarithm of the stiffness and, where it can move, the mass."""
-        u = Parameter("u", "-", self.u, 0.0, SOFTEST_HELD if self.held else SOFTEST, STIFFEST)
-        mass = Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True)
-        return (u,) if self.held else (u, mass)
+        """Return the logarithm of the stiffness, the mass and, in a plane, that of bending in it."""
+        out = (
+            Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
+            Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
+        )
+        return (*out, Parameter("plane", "-", self.plane, 0.0, -IN_PLANE, IN_PLANE)) if self.inside else out
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
         frame = self.frame
-        stiff = stiffening(frame, model, self.zones, np.exp(-self.u))
+        u = np.full((len(self.zones), 6), self.u + 0 * self.plane)
+        for k, bending in enumerate(self.inside):
+            u[k, bending] += self.plane
+        stiff = stiffening(frame, model, self.zones, np.exp(-u))
         ends = [
             (m, min(s, s + towards * length), max(s, s + towards * length), frame.mass_per_length(m))
             for m, s, length, towards in self.zones
@@ -92,7 +103,7 @@ class ZoneForm(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Return each corner and each joint, and each support that holds against turning."""
+        """Return each corner and each joint."""
         return tuple(_zones(model)) if model.of_kind(Frame) else ()
 
 
@@ -115,10 +126,6 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             known[0].update(ends)
         else:
             groups[min(ends)] = (set(ends), f"joint {pair.name}")
-    holding = {s.point: s for s in model.of_kind(Support) if set("xyz") < set(s.fixed)}
-    for p, support in holding.items():
-        if p in at and not any(p in points for points, _ in groups.values()):
-            groups[p] = ({p}, support.where)
     taken: dict[str, list[tuple[float, float]]] = {}
     for number, (points, place) in enumerate(groups.values()):
         arms = [arm for p in sorted(points) for arm in at.get(p, ())]
@@ -130,18 +137,28 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
                 for other, _, row in arms
                 if other != m and abs(axes[row][0] @ along) < _ALONG
             ]
-            if points & set(holding):
-                depths += [section_extent(model, m, axes[line], side) for side in axes[line][1:]]
             if depths:
                 zones += _stretches(mesh.member_length(m), taken.setdefault(m, []), m, s, max(depths))
         if zones:
+            normal = _normal(np.array([axes[line][0] for *_, line in arms]))
+            of = {m: axes[line] for m, _, line in arms}
+            inside = () if normal is None else tuple(_bending(of[m], normal) for m, *_ in zones)
+            frame = sheared_frame(model)
             yield ZoneForm(
-                name=f"zone_form:{number}",
-                zones=tuple(zones),
-                place=place,
-                frame=sheared_frame(model),
-                held=bool(points & set(holding)),
+                name=f"zone_form:{number}", zones=tuple(zones), place=place, frame=frame, inside=inside
             )
+
+
+def _normal(directions: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the normal of the plane that directions (n, 3) span; None if they span a line or space."""
+    _, sizes, axes = np.linalg.svd(directions)
+    across, out = (*sizes, 0.0, 0.0)[1:3]
+    return axes[2] if across > _SPANS and out < _FLAT else None
+
+
+def _bending(axes: NDArray[np.float64], normal: NDArray[np.float64]) -> tuple[int, int]:
+    """Return the local force and moment of a member's bending about the axis that is nearest to a normal."""
+    return (2, 4) if abs(axes[1] @ normal) > abs(axes[2] @ normal) else (1, 5)
 
 
 def _stretches(

@@ -92,7 +92,7 @@ def mass_of_stretches(
 
 
 def stiffening(
-    frame: Frame, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: float
+    frame: Frame, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: ArrayLike
 ) -> Contribution:
     """Return the increase of K and D where stretches of members are stiffer.
 
@@ -106,21 +106,26 @@ def stiffening(
     zones : sequence of (str, float, float, int)
         Member, arc length at which the stretch begins, its length [m], and 1 or -1 for up or down the
         member. A length may be complex, for derivatives. Stretches must not overlap.
-    flexibility : float
-        Part of its flexibility that a stretch keeps [-].
+    flexibility : array_like () or (n_zones, 6)
+        Parts of its flexibility that a stretch keeps, to forces along its local axes and moments about them
+        [-].
     """
     stretches, lost = [], []
-    for member, start, length, towards in zones:
+    kept = np.broadcast_to(flexibility, (len(zones), 6))
+    for (member, start, length, towards), keep in zip(zones, kept, strict=True):
         reach = at_least(length, 1e-9 * model.mesh.member_length(member))
         ends = (start, start + reach) if towards > 0 else (start - reach, start)
         stretches.append((member, *ends))
-        lost.append((1 - flexibility) * (length / reach))
+        lost.append((1 - keep) * (length / reach))
     lines, lo, hi, which = _fractions_of(model.mesh, stretches)
     touched, each = np.unique(lines, return_inverse=True)
     g = frame.lines(model.mesh, touched)
     parts = some_lines(g, each)
-    less = np.array(lost)[which, None, None] * end_flexibility(
-        parts, flexible_fraction(parts, lo), flexible_fraction(parts, hi)
+    share = np.array(lost)[which]
+    less = (
+        0.5
+        * (share[:, :, None] + share[:, None, :])
+        * end_flexibility(parts, flexible_fraction(parts, lo), flexible_fraction(parts, hi))
     )
     F = end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
     before = with_connections(g, _stiffness_from_flexibility(g, F))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fem import assemble, solve_modes
+from fem.effects.clamp_form import ClampForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.sections.section import Section
@@ -28,7 +29,7 @@ def test_form_of_no_size_changes_nothing():
     model = portal()
     effects, nuisances = form_of(model)
     kinds = {e.kind for e in effects}
-    assert kinds == {"section_form", "zone_form"}
+    assert kinds == {"section_form", "zone_form", "clamp_form"}
     assert {(n.effect, n.parameter) for n in nuisances} == {
         (e.name, p.name) for e in effects for p in e.parameters()
     }
@@ -81,15 +82,50 @@ def test_a_clamp_may_give_way_as_on_an_elastic_half_space():
     """A rigid square of side b rocks on a half-space with K = 3.6 G (b/2)³ / (1 - ν) (Dobry and Gazetas)."""
     b, L, nu = 0.02, 1.0, 0.3
     model = beam(8, L, section=Section.rectangle(b, b), effects=(fix(0),))
-    (zone,) = (e for e in form_of(model)[0] if isinstance(e, ZoneForm))
-    assert [p.name for p in zone.parameters()] == ["u"]
+    (clamp,) = (e for e in form_of(model)[0] if isinstance(e, ClampForm))
     rocking = 3.6 * STEEL.E / (2 + 2 * nu) * (b / 2) ** 3 / (1 - nu)
-    u = -np.log(1 + STEEL.E * b**4 / 12 / (rocking * b / 2))
-    assert zone.parameters()[0].lower < u < -0.5
-    soft, stiff = (tip_compliance(m, 2) for m in (model.with_effect(zone.with_values(u=u)), model))
-    assert soft - stiff == pytest.approx(L**2 / rocking, rel=b / L)  # the zone turns b/4 from the clamp
+    u = -np.log(1 + STEEL.E * b**4 / 12 / (rocking * b / 4))
+    assert clamp.parameters()[0].lower < u < -0.5
+    soft, stiff = (tip_compliance(m, 2) for m in (model.with_effect(clamp.with_values(u=u)), model))
+    assert soft - stiff == pytest.approx(L**2 / rocking, rel=b / L)  # the stretch turns b/8 from the clamp
+
+
+def test_a_flat_gives_way_at_its_clamp_by_its_depth_in_each_plane():
+    """Both planes gain length in proportion to the depth: what turns is δ L² / (E I), δ ~ h."""
+    model = beam(8, effects=(fix(0),))
+    (clamp,) = (e for e in form_of(model)[0] if isinstance(e, ClampForm))
+    soft = model.with_effect(clamp.with_values(u=-1.0))
+    axes = model.effect("frame").rotations(model.mesh)[0]
+    y, z = (int(np.argmax(np.abs(axes[k]))) for k in (1, 2))
+    turned = [
+        (tip_compliance(soft, d) - tip_compliance(model, d)) * STEEL.E * I
+        for d, I in ((y, FLAT.Iz), (z, FLAT.Iy))
+    ]
+    assert turned[0] / turned[1] == pytest.approx(0.03 / 0.01, rel=0.01)
 
 
 def test_a_support_that_lets_turn_has_no_form():
     model = beam(8, effects=(fix(0, ("x", "y", "z")),))
-    assert not [e for e in form_of(model)[0] if isinstance(e, ZoneForm)]
+    assert not [e for e in form_of(model)[0] if isinstance(e, ClampForm)]
+
+
+def test_a_corner_is_stiffer_in_its_plane_alone():
+    """A portal lies in a plane: out of it bending stays as it is, in it ``plane`` does as ``u`` does."""
+    model = portal()
+    corner = next(e for e in form_of(model)[0] if isinstance(e, ZoneForm))
+    normal = int(np.argmin(np.ptp(model.mesh.points, axis=0)))
+
+    def shapes_of(effect):
+        modes = solve_modes(assemble(model.with_effect(effect)), n=6)
+        motion = np.abs(modes.shapes.reshape(-1, 6, 6))
+        across = motion[:, normal].max(axis=0) > np.delete(motion[:, :3], normal, axis=1).max(axis=(0, 1))
+        return modes.frequency, across
+
+    (plain, across), (stiff, same) = shapes_of(corner), shapes_of(corner.with_values(plane=1.0))
+    assert across.any()
+    assert not across.all()
+    assert np.array_equal(across, same)
+    assert (stiff[~across] > plain[~across] * 1.0001).any()
+    np.testing.assert_allclose(stiff[across], plain[across], rtol=1e-9)
+    in_all = shapes_of(corner.with_values(u=1.0))[0]
+    np.testing.assert_allclose(in_all[~across], stiff[~across], rtol=2e-3)

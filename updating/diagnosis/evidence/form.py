@@ -6,11 +6,14 @@ holds a clamped end gives way. All are uncertain parameters of every hypothesis:
 for what they cannot do within their tolerance.
 """
 
+from fem.effects.clamp_form import ClampForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.priors import FORM_SECTION, FORM_ZONE
 from updating.inference.parameters import Nuisance
+
+FORMS = SectionForm, ZoneForm, ClampForm
 
 
 def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
@@ -18,8 +21,8 @@ def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
 
     A model that has some of them already, as one that an earlier diagnosis found, keeps its own.
     """
-    known = {_place(e): e for kind in (SectionForm, ZoneForm) for e in model.of_kind(kind)}
-    every = [known.get(_place(e), e) for e in (*SectionForm.propose(model), *ZoneForm.propose(model))]
+    known = {_place(e): e for kind in FORMS for e in model.of_kind(kind)}
+    every = [known.get(_place(e), e) for kind in FORMS for e in kind.propose(model)]
     std = FORM_SECTION | FORM_ZONE
     own = [Nuisance(e.name, p.name, std[p.name]) for e in every for p in e.parameters()]
     return tuple(e for e in every if e not in known.values()), tuple(own)

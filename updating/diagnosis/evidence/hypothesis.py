@@ -96,6 +96,10 @@ class Odds:
                 total -= np.log(max(self.n_places[kind], 1))
         return float(total)
 
+    def against(self, effects: Sequence[Effect], new: Sequence[Effect]) -> float:
+        """Return the logarithm of the prior odds against more effects beside some."""
+        return self.prior(effects) - self.prior((*effects, *new))
+
 
 def key_of(effects: Sequence[Effect]) -> frozenset[str]:
     """Return the names of effects."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.fits import AnyProblem, Fits, around, with_forces
 from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.hypothesis import (
@@ -24,7 +25,7 @@ from updating.diagnosis.evidence.hypothesis import (
 )
 from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
-from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
+from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
@@ -288,9 +289,9 @@ class Search:
             now,
             [c for c in self.candidates if fits(c)],
             lambda e: e.name in there,
-            None if self.fits.is_far(base) else partial(self.may_win, base),
+            None if self.fits.is_far(base) else lambda effect, gain: self.may_win(base, (effect,), gain),
         )
-        likely = [s for s in screened if self.may_win(base, s.effect, s.gain)]
+        likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: N_SHORT * self.fits.ranking.breadth]
         for names in held:
             best = {s.effect.kind: s for s in reversed(likely) if s.effect.name in names}
@@ -300,14 +301,12 @@ class Search:
         out: list[Proposal] = [((s.effect,), s.starts, s.effect.name in first) for s in chosen]
         return out + self.blocks(base, quick, now, ranked, fits)
 
-    def may_win(self, base: Hypothesis, new: Effect, gain: float) -> bool:
-        """Whether an effect beside those of a hypothesis that raises its likelihood so may be more probable.
+    def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
+        """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
 
         Or nearly so. Far from the data nothing is linear, and all may be.
         """
-        odds = self.fits.odds
-        less = odds.prior(base.effects) - odds.prior((*base.effects, new))
-        return self.fits.is_far(base) or gain > less - TWIN_NATS
+        return self.fits.is_far(base) or gain > self.fits.odds.against(base.effects, new) - TWIN_NATS
 
     def blocks(
         self,
@@ -346,12 +345,33 @@ class Search:
         out: dict[frozenset[str], Proposal] = {}
         for each in chosen:
             block = each[0].effects
-            # Its evidence pays for the directions that stay: of a block for one at least.
-            gain = max(b.gain for b in each)
-            if len(block) > 1 and any(self.may_win(base, e, gain) for e in block):
-                starts = [*(b.start for b in each), *self.block_starts(block, each[-1].start.near)]
-                out[key_of(block)] = block, starts, block in near[:1]
+            is_first, wins = block in near[:1], True
+            starts = self.block_starts(block, each[-1].start.near)
+            if not self.fits.is_far(base):  # small changes say enough
+                each, wins = self.paying(base, each, ranked_blocks)
+                block, starts = each[0].effects, []
+            if len(block) > 1 and wins:
+                out[key_of(block)] = block, [*(b.start for b in each), *starts], is_first
         return list(out.values())
+
+    def paying(
+        self, base: Hypothesis, each: tuple[Block, ...], ranked: RankedBlocks
+    ) -> tuple[tuple[Block, ...], bool]:
+        """Return those effects of a block that pay for their prior odds, and whether they may win together.
+
+        By what small changes do, so near the data.
+        """
+
+        def worth(blocks: tuple[Block, ...]) -> float:
+            return max(b.gain for b in blocks) - self.fits.odds.against(base.effects, blocks[0].effects)
+
+        while len(each[0].effects) > 1:
+            effects = each[0].effects
+            best = max(ranked([tuple(x for x in effects if x is not e) for e in effects]), key=worth)
+            if worth(best) <= worth(each):
+                break
+            each = best
+        return each, self.may_win(base, each[0].effects, max(b.gain for b in each))
 
     def block_starts(self, block: Sequence[Effect], near: FitResult) -> list[Start]:
         """Return starts in which directions give way a little or much, by the effects' own grids.

@@ -1,0 +1,156 @@
+"""What halving and doubling each constant of the priors changes: python -m benchmarks.prior_sensitivity
+
+Each case is searched once. Then its best hypotheses are fitted again with one constant at half and at twice
+its value, and put in order anew: the search itself is not repeated. A row says in which cases another
+hypothesis is the best one then, and the mean probability of the answer that was the best before.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.file.config import load_study
+from dovetail.pipeline import measured, without_held_out
+from fem.model import Effect
+from tests.independent.convert import convert
+from tests.independent.table import CASES, hidden_effects
+from updating.diagnosis.evidence import priors
+from updating.diagnosis.evidence.diagnosis import Searched, search_by_evidence
+from updating.diagnosis.evidence.fits import Fits
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
+
+FACTORS = 0.5, 2.0
+OF_THE_FORM = {"FORM_SECTION": "section_form", "FORM_ZONE": "zone_form"}
+"""Constants that are standard deviations of the form's parameters, by kind of effect."""
+PLAIN = (
+    "DATA_PER_MODE", "FORM_DAMPING", "FORM_MODES", "EFFECT_ODDS", "UNKNOWN_ODDS", "FORM_LEFT", "FORM_LEAST",
+    "DECADE",
+)  # fmt: skip
+N_AGAIN, WITHIN = 8, 25.0
+"""So many hypotheses at most are fitted again, of those within so many nats of the best one."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The best hypothesis of a case with some constants."""
+
+    best: frozenset[str]
+    probability: float
+
+
+@contextmanager
+def constant(name: str, value: Any) -> Iterator[None]:
+    """Give a constant of the priors another value in every module that has imported it."""
+    modules = [m for key, m in list(sys.modules.items()) if key.startswith("updating.") and hasattr(m, name)]
+    before = getattr(priors, name)
+    for m in modules:
+        setattr(m, name, value)
+    try:
+        yield
+    finally:
+        for m in modules:
+            setattr(m, name, before)
+
+
+def searched(case: Path) -> Searched:
+    """Return the search of a case."""
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
+    path = Path("out/sensitivity") / case.name / "study.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(convert(nominal, case, path), encoding="utf-8")
+    study = load_study(path)
+    return search_by_evidence(
+        study.model, without_held_out(study, measured(study)[0]), study.nuisances,
+        damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
+        model_error=study.model_error,
+    )  # fmt: skip
+
+
+def with_form(fits: Fits, name: str, factor: float) -> Fits:
+    """Return fits whose form is less or more certain."""
+    kinds = {e.name for e in fits.problem.reduced.model.effects if e.kind == OF_THE_FORM[name]}
+    own = tuple(replace(n, std=factor * n.std) if n.effect in kinds else n for n in fits.problem.nuisances)
+    return replace(fits, problem=replace(fits.problem, nuisances=own))
+
+
+def again(done: Searched, candidates: Sequence[Effect], fits: Fits) -> Answer:
+    """Return the answer among the best hypotheses and none, fitted again."""
+    known = sorted(done.search.known.values(), key=lambda h: -h.score)
+    kept = [h for h in known if h.score > known[0].score - WITHIN][:N_AGAIN]
+    nothing = done.search.known[frozenset()]
+    kept += [] if nothing in kept else [nothing]
+    fits = replace(fits, odds=Odds.of(candidates))
+    fitted: list[Hypothesis] = [fits.fully(h.effects, values_of(h.effects), h) for h in kept]
+    best = max(fitted, key=lambda h: h.score)
+    search = replace_fits(done, fits)
+    scores = np.array([*(h.score for h in fitted), search.unknown(best)])
+    before = next(h for h in fitted if h.key == known[0].key)
+    return Answer(best.key, float(np.exp(before.score - np.logaddexp.reduce(scores))))
+
+
+def replace_fits(done: Searched, fits: Fits) -> Any:
+    """Return the search with other fits, for what it says of the unknown."""
+    done.search.fits = fits
+    return done.search
+
+
+def variants() -> Iterator[tuple[str, float]]:
+    """Yield each constant with each factor."""
+    for name in (*OF_THE_FORM, *PLAIN):
+        for factor in FACTORS:
+            yield name, factor
+
+
+def of_case(case: Path) -> dict[tuple[str, float], Answer]:
+    """Return the answers of a case by constant and factor; ("", 1) stands for the constants as they are."""
+    done = searched(case)
+    search, fits = done.search, done.search.fits
+    out = {("", 1.0): again(done, search.candidates, fits)}
+    for name, factor in variants():
+        if name in OF_THE_FORM:
+            out[name, factor] = again(done, search.candidates, with_form(fits, name, factor))
+        else:
+            with constant(name, factor * getattr(priors, name)):
+                out[name, factor] = again(done, search.candidates, fits)
+        search.fits = fits
+    return out
+
+
+def main() -> None:
+    """Print a row for each constant and factor."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=Path, default=CASES)
+    parser.add_argument("--only", nargs="*", default=[""])
+    options = parser.parse_args()
+    truth = json.loads((options.cases / "truth.json").read_text(encoding="utf-8"))
+    answers = {}
+    for path in sorted(options.cases.glob("*/nominal.json")):
+        case = path.parent
+        if any(text in case.name for text in options.only):
+            begun = time.process_time()
+            answers[case.name] = of_case(case)
+            n_hidden = len(hidden_effects(truth[case.name], json.loads(path.read_text(encoding="utf-8")))[0])
+            first = answers[case.name]["", 1.0]
+            print(
+                f"{case.name}: {n_hidden} hidden, best {sorted(first.best) or 'nothing'} "
+                f"{first.probability:.2f}, {time.process_time() - begun:.0f} s",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+    print("| constant | factor | other answer | mean probability of the answer before |\n|---|---|---|---|")
+    for key in (("", 1.0), *variants()):
+        other = [n for n, a in answers.items() if a[key].best != a["", 1.0].best]
+        told = [f"{n}: {', '.join(sorted(answers[n][key].best)) or 'nothing'}" for n in other]
+        mean = np.mean([a[key].probability for a in answers.values()])
+        print(f"| `{key[0] or 'as they are'}` | {key[1]} | {'; '.join(told) or 'none'} | {mean:.3f} |")
+
+
+if __name__ == "__main__":
+    main()
