@@ -34,7 +34,10 @@ ALLOWED = {
     "fem/analysis/buckling_limits.py": ("takes that prestress apart", {"Prestress"}),
     "updating/measurement/measurement.py": ("makes the masses that sensors state", {"AddedMass"}),
     "updating/diagnosis/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
-    "updating/diagnosis/evidence/form.py": ("lets the form of every model vary", {"SectionForm", "ZoneForm", "ClampForm"}),
+    "updating/diagnosis/evidence/form.py": (
+        "lets the form of every model vary",
+        {"SectionForm", "ZoneForm", "ClampForm"},
+    ),
     "updating/diagnosis/evidence/search.py": (
         "springs of one connection that are searched together",
         {"end_release", "joint_stiffness", "support_flexibility"},
