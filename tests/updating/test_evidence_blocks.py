@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.effects.joint_stiffness import JointStiffness
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
-from updating.diagnosis.evidence.hypothesis import values_of
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
 from updating.diagnosis.evidence.screening import Grid, look_at
+from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.evidence.shortlist import linear_gains
 from updating.inference.preparation import build_problem
 
@@ -89,6 +91,42 @@ def test_springs_in_two_directions_are_found_together(problem, springs):
     # The third direction is rigid: it begins where it is hardly seen, at few times its slight point.
     least = grids[springs[2].name].slight_points()[0][0]["stiffness"]
     assert least / 3 < block.start.values[2]["stiffness"] <= least
+
+
+def test_of_a_block_near_the_data_go_on_the_directions_that_pay(problem, springs):
+    """Gains of small changes are weighed against the prior odds of each effect."""
+
+    def what_pays(times):
+        weak = [slight(problem, e, x) for e, x in zip(springs, times, strict=True)]
+        known = hiding(problem, weak)
+        search = Search(known, (), propose(known.reduced.model, ["support_flexibility"]))
+        base = Hypothesis(fit(known, n_lines=FULL_LINES), 0.0)
+        assert not search.fits.is_far(base)
+        ranked = search.fits.ranking.blocks(known, base.fitted.result)
+        (block,) = ranked([springs])
+        kept, wins = search.paying(base, block, ranked)
+        return [e.name for e in kept[0].effects], wins
+
+    assert what_pays((60.0, 100.0, 1.0)) == ([e.name for e in springs[:2]], True)
+    assert what_pays((1.0, 1.0, 1.0))[1] is False
+
+
+def test_each_effect_costs_its_odds_and_each_place_its_number():
+    """Of 2 joints with 3 candidates each: 1/10 for an effect, 1/2 for a joint, 1/3 for a law there."""
+
+    def spring(joint, axis):
+        return JointStiffness(
+            name=f"{joint}.{axis}", joints=(joint,), direction=axis, stiffness=1.0, assumed=2.0
+        )
+
+    every = [spring(joint, axis) for joint in ("J", "K") for axis in ("rx", "ry", "rz")]
+    odds = Odds.of(every)
+    one, same, other = every[:1], every[:2], (every[0], every[3])
+    assert odds.prior(()) == 0.0
+    assert odds.prior(one) == pytest.approx(-np.log(10 * 2 * 3))
+    assert odds.prior(same) == pytest.approx(-np.log(10 * 2 * 3 * 10 * 3))
+    assert odds.prior(other) == pytest.approx(2 * odds.prior(one))
+    assert odds.against(one, every[1:2]) == pytest.approx(np.log(10 * 3))
 
 
 def test_what_is_at_its_bound_does_not_adapt(problem):

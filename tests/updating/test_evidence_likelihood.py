@@ -12,12 +12,13 @@ from dovetail.pipeline import fit_problem
 from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
+from tests.hidden.cases import make_case
 from updating.diagnosis.evidence.fitting import with_seen_noise
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_MODES
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
-from updating.inference.preparation import direct_responses
+from updating.inference.preparation import build_problem, direct_responses
 from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels
 
@@ -103,6 +104,25 @@ def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted
         np.testing.assert_allclose(slope, expected, atol=0.02 * np.abs(expected).max())
     ratio = np.atleast_2d(problem.damping.ratio(problem.data.frequency, fitted.zeta))[0]
     np.testing.assert_allclose(scatter.std[: len(members)], 0.1 * 2 * np.median(ratio))
+
+
+def test_slopes_of_the_scatter_are_those_of_joints_loss_factors():
+    case = make_case(3, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    nominal, lines = problem.nominal(), problem.lines_up_to(np.inf, 20)
+    scatter = scatter_of(problem, nominal, 0.1, 0.0)
+    (joint,) = scatter.connections
+    frequency, own = problem.data.frequency[lines], (joint.name, "eta")
+    zeta, values = problem.damping.ratio(frequency, nominal.zeta), {**nominal.values, own: joint.eta}
+    engine = problem.engine(frequency, list(values))
+    H = [
+        engine.evaluate(np.array([*nominal.values.values(), joint.eta + more]), zeta, gradient=False)[0]
+        for more in (0.0, 1e-6)
+    ]
+    expected, k = np.log(H[1] / H[0]) / 1e-6, len(scatter.members)
+    np.testing.assert_allclose(scatter.slopes(lines)[k], expected, atol=1e-3 * np.abs(expected).max())
+    ratio = np.median(np.atleast_2d(problem.damping.ratio(problem.data.frequency, nominal.zeta))[0])
+    assert scatter.std[k] == pytest.approx(problem.damping.std * (joint.eta + 2 * ratio))
 
 
 def receptances(problem, fitted, lines, change, loss):
