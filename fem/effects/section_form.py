@@ -32,7 +32,7 @@ class SectionForm(Effect):
 
     kind: ClassVar[str] = "section_form"
     is_form: ClassVar[bool] = True
-    role: ClassVar[Role] = Role.STIFFNESS
+    role: ClassVar[Role] = Role.STIFFNESS | Role.MASS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`A` [-], `Iy` [-], `Iz` [-], `J` [-]",
         meaning="mass per length, bending and torsional stiffness of one section, relative to the model's",

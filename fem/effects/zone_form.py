@@ -1,7 +1,8 @@
 """Connections of finite size: stiffer inside, and heavier or lighter, than members that meet in a point."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.recent import Recent
 
 STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
@@ -20,6 +22,8 @@ SOFTEST = -0.2
 """The same at least: connections of finite size are stiffer than centre lines."""
 IN_PLANE = 2.0
 """Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
+_MESHES = 2
+"""Number of meshes whose masses an effect keeps."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
 _FLAT, _SPANS = 0.2, 0.3
@@ -47,6 +51,8 @@ class ZoneForm(Effect):
     u, plane : float
     mass : float
         Share of the stretches' mass that they have more [-].
+    heavy : Recent
+        Their mass by the mesh; effects with other values share it.
     """
 
     kind: ClassVar[str] = "zone_form"
@@ -64,6 +70,7 @@ class ZoneForm(Effect):
     u: Any = 0.0
     mass: Any = 0.0
     plane: Any = 0.0
+    heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
     def where(self) -> str:
@@ -80,17 +87,21 @@ class ZoneForm(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
-        frame = self.frame
         u = np.full((len(self.zones), 6), self.u + 0 * self.plane)
         for k, bending in enumerate(self.inside):
             u[k, bending] += self.plane
-        stiff = stiffening(frame, model, self.zones, np.exp(-u))
+        stiff = stiffening(self.frame, model, self.zones, np.exp(-u))
+        heavy = self.heavy.get(model.mesh, partial(self._heavy, model))
+        return stiff, replace(heavy, M=self.mass * heavy.M)
+
+    def _heavy(self, model: Model) -> Contribution:
+        """Return the mass of the stretches."""
+        frame = self.frame
         ends = [
             (m, min(s, s + towards * length), max(s, s + towards * length), frame.mass_per_length(m))
             for m, s, length, towards in self.zones
         ]
-        heavy = mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
-        return stiff, Contribution(heavy.dofs, M=self.mass * heavy.M)
+        return mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return nothing: the moduli are those of the frame that it holds."""
