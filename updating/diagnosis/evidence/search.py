@@ -1,7 +1,7 @@
 """The search: places by the scan, then blocks and single laws there, each by its evidence."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
 from itertools import combinations, product
@@ -43,7 +43,9 @@ MOST_FITS = 3
 N_RIVALS = 6
 """Number of rival candidates at the place of a found effect that are fitted."""
 MOST_EFFECTS = 6
-"""Largest number of effects in a hypothesis."""
+"""A hypothesis with so many effects is not searched on from."""
+MOST_BACK = 1
+"""So often the search goes back to a less probable hypothesis if the best one does not explain the data."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
 CONNECTIONS = ("joint", "support", "end")
@@ -177,23 +179,35 @@ class Search:
         # The form of one that is far from the data is bent, and not searched on from.
         best = best if self.fits.is_far(best) else self.on_own_basis(best)
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
-        beam = [best]
-        while beam and len(best.effects) < MOST_EFFECTS:
-            better = {h.key: h for b in beam for h in self.extended(b)}
+        beam, gone, n_back = [best], {best.key}, 0
+        while beam:
+            better = {h.key: h for b in beam for h in self.extended(b, gone)}
             beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
-            if not beam or beam[0].score <= best.score:
+            if beam and beam[0].score > best.score:
+                beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
+            elif self.unknown(best) < best.score:
                 break
-            beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
-            self.say(f"=> {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
+            # One of several missing effects may not pay for itself: on, while the unknown is more probable.
+            beam = [h for h in beam if len(h.effects) < MOST_EFFECTS]
+            if not beam and self.unknown(best) >= best.score and n_back < MOST_BACK:
+                n_back += 1
+                left = [h for h in self.known.values() if h.key not in gone and len(h.effects) < MOST_EFFECTS]
+                beam = sorted(left, key=lambda h: -h.score)[:1]
+            gone |= {h.key for h in beam}
+            for h in beam[:1]:
+                self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
         return max(self.known.values(), key=lambda h: h.score)
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
         return h.score > best.score - BEAM_NATS and not h.places <= best.places
 
-    def extended(self, base: Hypothesis) -> list[Hypothesis]:
-        """Return the best hypotheses with something more than another has, simplified."""
+    def extended(self, base: Hypothesis, gone: Set[frozenset[str]]) -> list[Hypothesis]:
+        """Return the best hypotheses with something more than another has, simplified.
+
+        Those that are simplified to one that has ``gone`` before stay as they are.
+        """
         quick, free = self.fits.problems(base)
         kept = values_of(base.effects)
         proposals = self.proposals(base, quick)
@@ -222,7 +236,8 @@ class Search:
         # Few lines say less than all.
         near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
         highest = self.workers.map(_highest, (self.fits, free, base), near)
-        return [self.simplified(h) for h in self.all_full(highest)]
+        fitted = [(h, self.simplified(h)) for h in self.all_full(highest)]
+        return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""

@@ -1,0 +1,92 @@
+"""Where the search goes on and where it ends, with hypotheses whose scores are given."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import pytest
+
+from updating.diagnosis.evidence import search as module
+from updating.diagnosis.evidence.search import MOST_EFFECTS, Search
+
+
+@dataclass(frozen=True)
+class Given:
+    """A hypothesis by the letters of its effects."""
+
+    effects: str
+    score: float
+
+    @property
+    def key(self):
+        return frozenset(self.effects)
+
+    @property
+    def places(self):
+        return self.key
+
+    @property
+    def name(self):
+        return self.effects or "nothing"
+
+    @property
+    def fitted(self):
+        return SimpleNamespace(level=1.0)
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Return a function that searches over given scores, and tells the best one and what was searched on."""
+
+    def of(scores, unknown):
+        """Scores by effects; each has those with one effect more as extensions. ``unknown`` is a score."""
+        known = {frozenset(k): Given(k, s) for k, s in scores.items()}
+        went = []
+
+        def extended(self, base, gone):
+            went.append(base.name)
+            more = [h for h in known.values() if base.key < h.key and len(h.key) == len(base.key) + 1]
+            self.known.update({h.key: h for h in more})
+            return [h for h in more if h.key not in gone]
+
+        def full(self, effects, values):
+            return self.known.setdefault(frozenset(), known[frozenset()])
+
+        for name, f in {
+            "extended": extended,
+            "full": full,
+            "swapped": lambda self, h: h,
+            "on_own_basis": lambda self, h: h,
+            "unknown": lambda self, h: unknown,
+        }.items():
+            monkeypatch.setattr(Search, name, f)
+        search = object.__new__(Search)
+        search.known, search.say = {}, lambda text: None
+        search.fits = SimpleNamespace(floor=1.0, is_far=lambda h: True)
+        return search.run().name, went
+
+    return of
+
+
+def test_the_search_ends_where_nothing_more_pays(run):
+    scores = {"": 0.0, "a": 10.0, "ab": 4.0, "abc": 50.0}
+    assert run(scores, unknown=-5.0) == ("a", ["nothing", "a"])
+
+
+def test_it_goes_on_while_the_unknown_is_more_probable(run):
+    """Of three effects that explain the data together neither one nor two pay for their odds."""
+    scores = {"": 0.0, "a": -3.0, "ab": -5.0, "abc": 50.0}
+    best, went = run(scores, unknown=20.0)
+    assert best == "abc"
+    assert went[:3] == ["nothing", "a", "ab"]
+
+
+def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
+    """A hypothesis with as many effects as there may be is no end while another one has room."""
+    many = "abcdefgh"[:MOST_EFFECTS]
+    scores = {"": 0.0, "x": -15.0, "xy": 90.0} | {many[:n]: 10.0 + n for n in range(1, MOST_EFFECTS + 1)}
+    best, went = run(scores, unknown=60.0)
+    assert best == "xy"
+    assert went.index("x") == MOST_EFFECTS
+    assert module.MOST_BACK == 1
+    hopeless = {"": 0.0, "a": -1.0, "b": -2.0, "c": -3.0, "d": -4.0}
+    assert run(hopeless, unknown=60.0) == ("nothing", ["nothing", "a", "b", "c"])
