@@ -1,5 +1,6 @@
 """The look at candidates near the noise: a little of each is linear, alone and together with others."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
 from updating.diagnosis.evidence.screening import Grid, look_at
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.evidence.shortlist import linear_gains
@@ -127,6 +128,15 @@ def test_each_effect_costs_its_odds_and_each_place_its_number():
     assert odds.prior(same) == pytest.approx(-np.log(10 * 2 * 3 * 10 * 3))
     assert odds.prior(other) == pytest.approx(2 * odds.prior(one))
     assert odds.against(one, every[1:2]) == pytest.approx(np.log(10 * 3))
+
+
+def test_a_law_with_two_changes_costs_as_much_as_two_effects(problem):
+    """Where a mass sits along a member is no change of its own."""
+    every = {e.kind: e for e in propose(problem.reduced.model)}
+    assert n_changes(every["point_mass"]) == n_changes(every["support_flexibility"]) == 1
+    assert n_changes(every["foundation"]) == 2
+    odds = Odds(Counter(), Counter())
+    assert odds.prior([every["foundation"]]) == pytest.approx(2 * odds.prior([every["support_flexibility"]]))
 
 
 def test_what_is_at_its_bound_does_not_adapt(problem):

@@ -90,7 +90,7 @@ class Odds:
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            total -= EFFECT_ODDS + np.log(max(self.n_candidates[name], 1))
+            total -= EFFECT_ODDS * n_changes(e) + np.log(max(self.n_candidates[name], 1))
             if name not in seen:
                 seen.add(name)
                 total -= np.log(max(self.n_places[kind], 1))
@@ -99,6 +99,14 @@ class Odds:
     def against(self, effects: Sequence[Effect], new: Sequence[Effect]) -> float:
         """Return the logarithm of the prior odds against more effects beside some."""
         return self.prior(effects) - self.prior((*effects, *new))
+
+
+def n_changes(effect: Effect) -> int:
+    """Return how many things an effect changes, where it is not counted.
+
+    A stiffness with a loss factor is as improbable as the two effects that change one of them.
+    """
+    return max(1, sum(not p.position for p in effect.parameters()))
 
 
 def key_of(effects: Sequence[Effect]) -> frozenset[str]:

@@ -21,7 +21,7 @@ joints is as uncertain as the study's damping."""
 FORM_MODES = 0.002
 """Standard deviation of the relative shift of each mode's eigenvalue that frame theory leaves [-]."""
 EFFECT_ODDS = np.log(10.0)
-"""Prior odds, as a logarithm, against one more effect."""
+"""Prior odds, as a logarithm, against one more change: each parameter of an effect but its position."""
 UNKNOWN_ODDS = np.log(1e4)
 """Prior odds, as a logarithm, against what is missing being nothing that the library has."""
 TWIN_NATS = 3.0

@@ -127,6 +127,11 @@ def _quickly(
         return None
 
 
+def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
+    fits, quick = shared
+    return fits.continued(quick, [item])
+
+
 def _highest(shared: tuple[Fits, AnyProblem, Hypothesis], item: Hypothesis) -> Hypothesis:
     fits, quick, base = shared
     return fits.highest(quick, item, base)
@@ -272,6 +277,10 @@ class Search:
         now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
+        # A few steps from what is only alike are not the end.
+        rivals = self.workers.map(
+            _onward, (self.fits, free), [r for r in rivals if r.score > now.score - BEAM_NATS]
+        )
         # Few lines say less than all.
         fitted = self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS])
         best = max(k.score for k in (h, *fitted))
