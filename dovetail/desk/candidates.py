@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from dovetail.desk.widgets import button, card
+from dovetail.report.probable import hypotheses, probability_text
 from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 from fem.summary import percent
@@ -147,8 +148,9 @@ class CandidateList:
             if d.findings or d.faults:
                 button("Take over", lambda: page.act(desk.take_over), "done_all")
         ui.label(d.reason).classes("desk-note")
-        for names, probability in d.posterior[:N_RANKED]:
-            hypothesis = " and ".join(names) or "nothing missing"
+        if sure := probability_text(d):
+            ui.label(sure).classes("desk-note")
+        for hypothesis, probability in hypotheses(d)[:N_RANKED]:
             ui.label(f"{percent(probability)}: {hypothesis}").classes("desk-note")
         for ranked in (r for round_ in d.rounds[:1] for r in round_[:N_RANKED]):
             with ui.element("div").classes("desk-row"):

@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.cli import main
-from dovetail.report import figures, words
+from dovetail.report import figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
 from dovetail.report.outline import Picture, Table, read_outline
 from dovetail.report.pictures import Album, draw_all
@@ -182,14 +182,14 @@ def test_a_figure_that_cannot_be_made_is_named():
 
 def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     by_hand = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
-    assert words.probability_text(by_hand.diagnosis) == ""
+    assert probable.probability_text(by_hand.diagnosis) == ""
     assert "How probable" not in report_html(by_hand, Album(tmp_path), figures.make_all(by_hand))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
-    assert "Probability among all hypotheses: 93\u00a0%" in head
+    assert "Probability of this effect, alone or with others: 93\u00a0%; alone: 93\u00a0%" in head
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
     assert list(figures.make_all(sure).known["probability"].data[0].x) == [0.93, 0.05, 0.02]
