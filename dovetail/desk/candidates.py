@@ -70,6 +70,15 @@ class CandidateList:
         with self._found:
             self._diagnosis()
 
+    def _take_over(self) -> None:
+        page, desk = self._page, self._page.desk
+
+        def take() -> None:
+            if left := desk.take_over():
+                ui.notify(f"Not on the desk, as it cannot show them: {', '.join(left)}", multi_line=True)
+
+        page.act(take)
+
     def _add(self, name: str) -> None:
         page = self._page
         page.act(lambda: page.desk.add(name))
@@ -146,7 +155,7 @@ class CandidateList:
             ui.label(f"Diagnosis: {d.verdict}").classes("desk-name")
             ui.space()
             if d.findings or d.faults:
-                button("Take over", lambda: page.act(desk.take_over), "done_all")
+                button("Take over", self._take_over, "done_all")
         ui.label(d.reason).classes("desk-note")
         if sure := probability_text(d):
             ui.label(sure).classes("desk-note")
