@@ -157,6 +157,11 @@ class CandidateList:
             if d.findings or d.faults:
                 button("Take over", self._take_over, "done_all")
         ui.label(d.reason).classes("desk-note")
+        last = d.steps[-1]
+        ui.label(
+            f"It leaves {last.fit_db:.2f} dB on the lines of the fit, "
+            f"{last.held_out_db:.2f} dB on held-out lines"
+        ).classes("desk-note")
         if sure := probability_text(d):
             ui.label(sure).classes("desk-note")
         for hypothesis, probability in hypotheses(d)[:N_RANKED]:

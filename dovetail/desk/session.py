@@ -332,7 +332,8 @@ class Desk:
         """Make the diagnosed model the present hypothesis: all that its last fit has fitted.
 
         Effects, uncertain parameters with the form of the frame, damping and corrections of sensors are those
-        of the diagnosis, so that the error is the one that it reports. Sensors that were switched off stay so.
+        of the diagnosis, so that the error is the one that it reports. Sensors that were switched off stay
+        off.
 
         Returns
         -------

@@ -24,7 +24,7 @@ CONFIG = {
 the data to its makers' server."""
 
 TOOL_BAR = 30
-"""Height of plotly's tool bar at the upper edge; legends begin below it, however many rows they need [pixel]."""
+"""Height of plotly's tool bar at the upper edge; legends begin below it, whatever their rows [pixel]."""
 TITLE = 38
 """Height of a title at the upper edge [pixel]."""
 LEGEND_ROW = 24
