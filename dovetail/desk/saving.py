@@ -54,8 +54,10 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     compared = path.with_suffix(".npz")
     check_outputs(input_files(study.path), Output("path", path), Output("path", compared))
     result, data = h.result(), live.data_of(h)
-    effects = (*form_of(live, h), *result.effects)
-    reported = Reported(study, live.problem, result, model_of(study, live, h), effects, h.faults)
+    model = model_of(study, live, h)
+    form = {e.name for e in form_of(live, h)}
+    effects = (*(e for e in model.effects if e.name in form), *result.effects)
+    reported = Reported(study, live.problem, result, model, effects, h.faults)
     text = reported_text(reported, path.parent, compared.name)
     if h.held_out != held_out_of(study):
         text = with_values(text, {("fit", "held_out"): sorted(h.held_out)})
@@ -74,7 +76,7 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
 
 
 def form_of(live: LiveModel, h: Hypothesis) -> tuple[Effect, ...]:
-    """Return the effects that let the form of the frame vary, where a hypothesis lets it."""
+    """Return the effects that let the form vary, of no size; none where a hypothesis does not."""
     return live.form if live.has_form(h) else ()
 
 

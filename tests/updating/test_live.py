@@ -135,7 +135,7 @@ def test_the_form_changes_nothing_until_it_is_fitted(live, fitted):
     h = live.with_form(fitted)
     more = {name for name, _ in h.values} - {name for name, _ in fitted.values}
     assert more == {e.name for e in live.form}
-    assert {"U", "D"} <= {getattr(e, "member", "") for e in live.form}
+    assert all(e.is_form for e in live.form)
     plain, formed = live.evaluate(fitted), live.evaluate(h)
     assert formed.result.fit_db == pytest.approx(plain.result.fit_db, rel=1e-4)  # another reduced basis
     ref = next(r for r in h.values if r[0] in more)
