@@ -245,6 +245,13 @@ def drawn(page, name):
     return box
 
 
+def legend_below_the_bar(page, name):
+    """Return whether the legend of a figure begins below its tool bar."""
+    box = f"document.querySelector('figure[data-figure=\"{name}\"] PART').getBoundingClientRect()"
+    legend, bar = (page.evaluate(box.replace("PART", part)) for part in (".legend .bg", ".modebar"))
+    return legend["height"] > 0 and legend["top"] >= bar["bottom"]
+
+
 EYE = "document.querySelector('figure[data-figure=model] .plot')._fullLayout.scene.camera.eye"
 SHOWN = """() => Array.from(document.querySelector('figure[data-figure=frf] .plot').data
   .find((t) => t.meta && t.meta.series === 'measured' && t.meta.quantity === 'magnitude').y)"""
@@ -263,6 +270,7 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         page.mouse.up()
         page.wait_for_function(f"Math.abs({EYE}.x - {before['x']}) > 0.1")
         turned = page.evaluate(EYE)
+        assert legend_below_the_bar(page, "model")
         plot.focus()
         page.keyboard.press("ArrowLeft")
         page.wait_for_function(f"Math.abs({EYE}.x - {turned['x']}) > 0.01")
@@ -326,6 +334,8 @@ def test_a_narrow_page_does_not_scroll_sideways(folder, live, chromium):
     with opened(chromium, folder / "report.html", 400, 800, color_scheme="dark") as page:
         for name in ("staircase", "model", "map-fitted", "ranking-1", "frf-error", "frf", "modes"):
             drawn(page, name)
+        for name in ("staircase", "model", "ranking-1", "frf-error", "frf", "modes"):
+            assert legend_below_the_bar(page, name), name
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         colour = page.evaluate("document.querySelector('figure[data-figure=frf] .plot').data[0].line.color")
         assert colour == "#e6edf3"  # measured FRFs are light on a dark page
