@@ -357,10 +357,10 @@ def test_no_figure_offers_to_send_its_data_away():
     assert theme.CONFIG["displaylogo"] is False
 
 
-def test_legends_begin_below_the_tool_bar(measured, pair):
+def test_legends_begin_below_the_tool_bar(measured):
     made = (
         model.model_figure(beam(2), places=[solids.Place(np.zeros(3), "p", "a place")]),
-        frf.frf_figure(measured, {"nominal": measured}, pair),
+        frf.frf_figure(measured, {"nominal": measured}, (measured.outputs[0], measured.inputs[0])),
         error.staircase_figure([("nominal", 6.0, 7.0), ("fitted", 1.0, 2.0)], 0.5),
         error.ranking_figure(["a", "b"], [1.0, 2.0], 3.0),
     )
