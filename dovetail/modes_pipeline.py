@@ -14,6 +14,7 @@ from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
 from dovetail.found import mode_found_text
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
+from dovetail.report.probable import probability_text
 from dovetail.report.words import explanation_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
@@ -139,7 +140,7 @@ def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
 
 def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
     """Return a diagnosis from modes as lines of text."""
-    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", ""]
+    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", *filter(None, [probability_text(d)]), ""]
     out.append("probability  explanation")
     for e in d.credible[:MOST_SAID]:
         out.append(f"{e.probability:11.2f}  {explanation_text(e)}")

@@ -34,6 +34,7 @@ from updating.diagnosis.begin import begin
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.carried import carried_over
+from updating.diagnosis.evidence.diagnosis import formed_problem
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
@@ -175,16 +176,31 @@ def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
 
     Of two states it is the second one's, with the model calibrated on the first.
     """
-    more: dict[str, Any] = {
-        "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
-        "model_error": study.model_error,
-    }  # fmt: skip
+    more = _fit_settings(study)
     after = without_held_out(study, measured(study, phases=False)[0])
     if study.baseline_frfs is None:
         return begin(study.model, after, study.nuisances, **more), study.model
     before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
     _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed
+
+
+def formed_fit_problem(study: Study) -> FitProblem:
+    """Return a study's problem with the form of its frame among the uncertain parameters.
+
+    Of two states it is that of :func:`fit_problem`, whose form was calibrated on the first.
+    """
+    if study.baseline_frfs is not None:
+        return fit_problem(study)
+    after = without_held_out(study, measured(study, phases=False)[0])
+    return formed_problem(study.model, after, study.nuisances, **_fit_settings(study))[0]
+
+
+def _fit_settings(study: Study) -> dict[str, Any]:
+    return {
+        "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
+        "model_error": study.model_error,
+    }  # fmt: skip
 
 
 def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
@@ -211,10 +227,12 @@ def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
 
 
 def without_held_out(study: Study, measurement: Measurement) -> Measurement:
-    """Return a measurement without the excitations and sensors that are kept from the fit."""
+    """Return a measurement without excitations and sensors that are kept from the fit, its bands marked."""
     frf = measurement.frf
     outputs = [name for name in frf.outputs if name not in study.held_out_sensors]
     inputs = [name for name in frf.inputs if name not in study.held_out]
+    if study.held_out_bands:
+        measurement = replace(measurement, held_out=study.held_out_bands)
     if len(outputs) == len(frf.outputs) and len(inputs) == len(frf.inputs):
         return measurement
     return measurement.with_frf(frf.select(outputs, inputs))

@@ -90,10 +90,9 @@ def study(root):
 @pytest.fixture(scope="session")
 def live(study):
     """Return its model, ready for one hypothesis after the other."""
-    from dovetail.pipeline import fit_problem
-    from updating.live.engine import LiveModel
+    from dovetail.desk.saving import live_model
 
-    return LiveModel(fit_problem(study))
+    return live_model(study)
 
 
 @pytest.fixture(scope="session")

@@ -11,14 +11,17 @@ from dovetail.commands.tables import cell, width_of
 
 
 def found_lines(d: "Diagnosis") -> list[str]:
-    """Return found effects with values and twins, and sensor faults, a line each."""
+    """Return found effects with values, twins and probability, and sensor faults, a line each."""
     from dovetail.report import words
+    from dovetail.report.probable import probability_text
 
     out = []
     for f in d.findings:
         out.append(f"  {words.finding_text(f)}")
         if f.twins:
             out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
+    sure = probability_text(d)
+    out += [f"  {sure}"] if sure else []
     return out + [f"  {words.fault_text(f)}" for f in d.faults]
 
 

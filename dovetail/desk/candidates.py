@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from dovetail.desk.widgets import button, card
+from dovetail.report.probable import hypotheses, probability_text
 from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 from fem.summary import percent
@@ -68,6 +69,15 @@ class CandidateList:
         self._found.clear()
         with self._found:
             self._diagnosis()
+
+    def _take_over(self) -> None:
+        page, desk = self._page, self._page.desk
+
+        def take() -> None:
+            if left := desk.take_over():
+                ui.notify(f"Not on the desk, as it cannot show them: {', '.join(left)}", multi_line=True)
+
+        page.act(take)
 
     def _add(self, name: str) -> None:
         page = self._page
@@ -145,10 +155,16 @@ class CandidateList:
             ui.label(f"Diagnosis: {d.verdict}").classes("desk-name")
             ui.space()
             if d.findings or d.faults:
-                button("Take over", lambda: page.act(desk.take_over), "done_all")
+                button("Take over", self._take_over, "done_all")
         ui.label(d.reason).classes("desk-note")
-        for names, probability in d.posterior[:N_RANKED]:
-            hypothesis = " and ".join(names) or "nothing missing"
+        last = d.steps[-1]
+        ui.label(
+            f"It leaves {last.fit_db:.2f} dB on the lines of the fit, "
+            f"{last.held_out_db:.2f} dB on held-out lines"
+        ).classes("desk-note")
+        if sure := probability_text(d):
+            ui.label(sure).classes("desk-note")
+        for hypothesis, probability in hypotheses(d)[:N_RANKED]:
             ui.label(f"{percent(probability)}: {hypothesis}").classes("desk-note")
         for ranked in (r for round_ in d.rounds[:1] for r in round_[:N_RANKED]):
             with ui.element("div").classes("desk-row"):

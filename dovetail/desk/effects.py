@@ -60,12 +60,15 @@ class EffectList:
             word = "Fit uncertain parameters after each move"
             self._follow = ui.checkbox(word).props("dense")
             self._follow.props["aria-label"] = word
+            self._form = self._form_box()
             self._box = ui.element("div").classes("desk-column").style("width: 100%")
         self.refresh()
 
     def refresh(self) -> None:
         """Show the added effects of the present state; widgets that show them already keep their focus."""
         desk = self._page.desk
+        if self._form is not None:
+            self._form.set_value(desk.live.has_form(desk.now.hypothesis))
         effects = desk.now.hypothesis.effects
         now = [(e.name, parameter_values(e)) for e in effects]
         if now == self._shown:
@@ -81,6 +84,21 @@ class EffectList:
                 )
             for effect in effects:
                 self._effect(effect)
+
+    def _form_box(self) -> ui.checkbox | None:
+        """Return a box that lets the form of the frame vary; None where the study says that it is right."""
+        page, desk = self._page, self._page.desk
+        if not desk.varies_form:
+            return None
+        word = "Form of sections and connections is uncertain, as in a diagnosis"
+
+        def changed(e: Any) -> None:
+            if bool(e.value) != desk.live.has_form(desk.now.hypothesis):
+                page.act(lambda: desk.vary_form(bool(e.value)))
+
+        box = ui.checkbox(word, value=desk.live.has_form(desk.now.hypothesis), on_change=changed)
+        box.props("dense").props["aria-label"] = word
+        return box
 
     @property
     def refits(self) -> bool:

@@ -63,13 +63,13 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
         models[SECOND] = second.frf
     held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
     f = desk.shown.frf.frequency
-    bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.problem.data)
-    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, height=height)
+    bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.data_of(desk.now.hypothesis))
+    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, title="", height=height)
     for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
         if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
             phase = _cut(_decibels(desk.shown.frf, pair)[1])
             trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=_sent(phase, 1))
-    return figure.update_layout(title=None)  # the fields above name the pair
+    return figure  # without a title: the fields above name the pair
 
 
 def error_map(desk: Desk) -> Figure:

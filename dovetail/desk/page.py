@@ -12,6 +12,7 @@ from nicegui import background_tasks, json, run, ui
 from nicegui.events import GenericEventArguments, KeyEventArguments
 
 from dovetail.desk import figures
+from dovetail.desk.bands import BandList
 from dovetail.desk.candidates import CandidateList
 from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
@@ -20,7 +21,7 @@ from dovetail.desk.session import RANKED_UNASKED, Desk
 from dovetail.desk.widgets import Numbers, button, card
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
-from viz.interactive.theme import CONFIG
+from viz.interactive.theme import CONFIG, TOOL_BAR
 
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
@@ -134,6 +135,8 @@ class Page:
                     self._choices = {**getattr(self, "_choices", {}), k: choice}
             self._frf = figures.frf(self.desk, self.pair, 400)
             self.frf = _plot(self._frf, "Amplitude and phase of one FRF, measured and computed")
+            self.bands = BandList(self)
+            self.frf.on("plotly_relayout", lambda e: self.bands.zoomed(e.args))
 
     def _map_card(self) -> None:
         with card("Error by sensor and band"):
@@ -223,6 +226,7 @@ class Page:
         self._show_numbers(desk.shown)
         self.effects.refresh()
         self.sensors.refresh()
+        self.bands.refresh()
         self.candidates.refresh()
         self.refresh_buttons()
 
@@ -452,7 +456,8 @@ def _plot(figure: Any, label: str) -> ui.plotly:
 def _dict(figure: Any) -> dict[str, Any]:
     plain = figure.to_plotly_json()
     if not (plain["layout"].get("title") or {}).get("text"):
-        plain["layout"]["margin"] = {**plain["layout"]["margin"], "t": 28}
+        margin = plain["layout"]["margin"]
+        plain["layout"]["margin"] = {**margin, "t": max(TOOL_BAR, margin["t"])}
     return {**plain, "config": CONFIG}
 
 

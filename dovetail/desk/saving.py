@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,17 @@ from dovetail.file.config import Study
 from dovetail.file.paths import input_files
 from dovetail.file.toml import with_values
 from dovetail.found import Reported, reported_text
-from dovetail.pipeline import Progress, analysed, fit_problem, write
+from dovetail.pipeline import Progress, analysed, fit_problem, formed_fit_problem, write
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
+from fem.model import Effect, Model
 from updating.diagnosis.diagnosis import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
 from updating.diagnosis.findings import Finding, parameters_of, step_added, step_of
 from updating.inference.preparation import basis_error, discretisation_error, fitted_model
 from updating.live.engine import LiveModel
 from updating.live.fitting import fit_uncertain
 from updating.live.hypothesis import Hypothesis
+from updating.measurement.held_out import band_of, band_text
 
 BY_HAND = "The effects of this report were chosen by hand; no search has compared them with others."
 
@@ -51,9 +54,10 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     compared = path.with_suffix(".npz")
     check_outputs(input_files(study.path), Output("path", path), Output("path", compared))
     result, data = h.result(), live.data_of(h)
-    reported = Reported(
-        study, live.problem, result, fitted_model(study.model, result), result.effects, h.faults
-    )
+    model = model_of(study, live, h)
+    form = {e.name for e in form_of(live, h)}
+    effects = (*(e for e in model.effects if e.name in form), *result.effects)
+    reported = Reported(study, live.problem, result, model, effects, h.faults)
     text = reported_text(reported, path.parent, compared.name)
     if h.held_out != held_out_of(study):
         text = with_values(text, {("fit", "held_out"): sorted(h.held_out)})
@@ -69,6 +73,16 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
     return path
+
+
+def form_of(live: LiveModel, h: Hypothesis) -> tuple[Effect, ...]:
+    """Return the effects that let the form vary, of no size; none where a hypothesis does not."""
+    return live.form if live.has_form(h) else ()
+
+
+def model_of(study: Study, live: LiveModel, h: Hypothesis) -> Model:
+    """Return the full model of a hypothesis."""
+    return fitted_model(study.model.with_effect(*form_of(live, h)), h.result())
 
 
 def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path, say: Progress) -> Path:
@@ -93,7 +107,7 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     check_outputs(input_files(study.path), Output("folder", folder, NAMES))
     if h.held_out:  # a report compares held-out channels apart, beside data that do not have them
         study, h = holding_out(study, h.held_out), replace(h, held_out=frozenset(), fit=None)
-        live = LiveModel(fit_problem(study))
+        live = live_model(study)
         have = {*live.problem.measured.outputs, *live.problem.measured.inputs}
         known = (f for f in h.faults if f.sensor in have and (f.kind != "sensor_swap" or f.other in have))
         h = replace(h, faults=tuple(known))
@@ -106,18 +120,24 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     return result.report
 
 
+def live_model(study: Study) -> LiveModel:
+    """Return a study's model, ready for one hypothesis after the other, with its form or without."""
+    return LiveModel(fit_problem(study), partial(formed_fit_problem, study))
+
+
 def held_out_of(study: Study) -> frozenset[str]:
-    """Return the channels that a study keeps from fits, as `[fit] held_out` writes them."""
+    """Return the channels and bands that a study keeps from fits, as `[fit] held_out` writes them."""
     held = (*(f"excitation {n}" for n in study.held_out), *(f"sensor {n}" for n in study.held_out_sensors))
-    return frozenset(held)
+    return frozenset((*held, *map(band_text, study.held_out_bands)))
 
 
-def holding_out(study: Study, channels: Collection[str]) -> Study:
-    """Return a study that keeps other channels from fits, in the study's own order."""
+def holding_out(study: Study, parts: Collection[str]) -> Study:
+    """Return a study that keeps other channels and bands from fits, channels in the study's own order."""
     return replace(
         study,
-        held_out=tuple(c.name for c in study.excitations if f"excitation {c.name}" in channels),
-        held_out_sensors=tuple(c.name for c in study.sensors if f"sensor {c.name}" in channels),
+        held_out=tuple(c.name for c in study.excitations if f"excitation {c.name}" in parts),
+        held_out_sensors=tuple(c.name for c in study.sensors if f"sensor {c.name}" in parts),
+        held_out_bands=tuple(sorted(b for b in map(band_of, parts) if b is not None)),
     )
 
 
@@ -134,6 +154,6 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
     return Diagnosis(
         EFFECT if h.effects else NOTHING, "effects were added by hand", findings, h.faults, tuple(steps), (),
         problem.data.noise_db, mesh_db, basis_error(problem, found, N_CHECKED),
-        max(problem.model_error, floor), floor, problem, fitted_model(study.model, found), (BY_HAND,),
+        max(problem.model_error, floor), floor, problem, model_of(study, live, h), (BY_HAND,),
         seconds,
     )  # fmt: skip

@@ -9,10 +9,10 @@ import numpy as np
 
 from dovetail.desk.jobs import Job
 from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
-from dovetail.desk.saving import held_out_of, holding_out, save_study, write_desk_report
+from dovetail.desk.saving import held_out_of, holding_out, live_model, save_study, write_desk_report
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import History, Stair, State
-from dovetail.pipeline import Progress, diagnose_study, fit_problem, measured
+from dovetail.pipeline import Progress, diagnose_study, measured
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
 from fem.model import Effect, parameter_values
@@ -84,7 +84,7 @@ class Desk:
         say("reading the study", 0.1)
         study = load_study(path)
         say("reducing the model", 0.5)
-        live = LiveModel(fit_problem(holding_out(study, ())))
+        live = live_model(holding_out(study, ()))
         start = replace(Hypothesis.nominal(live.problem), held_out=held_out_of(study))
         first = State("open the study", start, (Stair.of(NOMINAL, live.evaluate(start)),))
         desk = cls(study, live, History((first,)), journal_of(study.path))
@@ -234,17 +234,23 @@ class Desk:
         other = other if turned else h.with_fault(Fault("sensor_sign", sensor, -1.0, 0.0))
         self.suppose(f"turn the sign of sensor {sensor}", other)
 
-    def hold_out(self, channel: str) -> None:
-        """Keep a channel, such as ``sensor A1``, from the fits and compare it apart, or fit it again.
+    def hold_out(self, part: str) -> None:
+        """Keep a channel or a band from the fits and compare it apart, or fit it again.
+
+        Parameters
+        ----------
+        part : str
+            Such as ``sensor A1``, ``excitation E1`` or ``band 120-180 Hz``.
 
         Raises
         ------
-        StudyError
-            If no sensor or no excitation would be left for the fit.
+        StudyError, MeasurementError
+            If no sensor, no excitation or no line would be left for the fit, or if a band has no line.
         """
-        h = self.now.hypothesis.held(channel)
+        h = self.now.hypothesis.held(part)
         measured(holding_out(self.study, h.held_out))
-        self.suppose(f"{'hold out' if channel in h.held_out else 'fit'} {channel}", h)
+        self.live.data_of(h)
+        self.suppose(f"{'hold out' if part in h.held_out else 'fit'} {part}", h)
 
     def set_gain(self, sensor: str, gain: float) -> None:
         """Say that a sensor reads so many times too much; 1 takes the correction away."""
@@ -322,23 +328,44 @@ class Desk:
         work = partial(write_desk_report, self.study, self.live, h, folder)
         return Job("Export report", work).start()
 
-    def take_over(self) -> None:
-        """Add the effects of the diagnosis, with their values."""
-        assert self.diagnosis is not None
-        last = self.diagnosis.steps[-1].result
-        h = self.now.hypothesis
-        for finding in self.diagnosis.findings:
-            own = self.candidates.get(finding.effect.name)
-            if own is not None and all(e.name != own.name for e in h.effects):
-                h = h.with_effect(own.with_values(**parameter_values(finding.effect)))
+    def take_over(self) -> tuple[str, ...]:
+        """Make the diagnosed model the present hypothesis: all that its last fit has fitted.
+
+        Effects, uncertain parameters with the form of the frame, damping and corrections of sensors are those
+        of the diagnosis, so that the error is the one that it reports. Sensors that were switched off stay
+        off.
+
+        Returns
+        -------
+        tuple of str
+            Effects found that the desk cannot show.
+        """
+        d = self.diagnosis
+        assert d is not None
+        last, h = d.steps[-1].result, self.now.hypothesis
+        found = [f.effect for f in d.findings]
+        own = [
+            self.candidates[e.name].with_values(**parameter_values(e))
+            for e in found
+            if e.name in self.candidates
+        ]
+        h = self.live.with_form(h) if self.varies_form else h
         values = {ref: float(last.values.get(ref, v)) for ref, v in h.values.items()}
-        same = len(last.zeta) == len(h.zeta)
-        h = replace(h, values=values, zeta=last.zeta if same else h.zeta, fit=None)
-        known = {(f.kind, f.sensor) for f in h.faults}
-        for fault in self.diagnosis.faults:
-            if (fault.kind, fault.sensor) not in known:
-                h = h.with_fault(fault)
-        self.suppose("take over the diagnosis", h)
+        h = replace(h, effects=tuple(own), values=values, zeta=last.zeta, faults=d.faults, fit=None)
+        stair = Stair.of("diagnosis taken over", self.live.evaluate(h))
+        self.commit(self.now.moved("take over the diagnosis", h).with_stair(stair))
+        return tuple(e.name for e in found if e.name not in self.candidates)
+
+    @property
+    def varies_form(self) -> bool:
+        """Whether the form may vary: beams may err, and it was not calibrated on a baseline."""
+        return self.study.model_error > 0 and self.study.baseline_frfs is None
+
+    def vary_form(self, on: bool) -> None:
+        """Let the form of the frame vary in fits, as a diagnosis does, or take it as it is drawn."""
+        h = self.now.hypothesis
+        h = self.live.with_form(h) if on else self.live.without_form(h)
+        self.suppose(f"{'vary' if on else 'do not vary'} the form of the frame", h)
 
     def scales(self, effect: Effect) -> dict[str, Scale]:
         """Return the scales of the sliders of an effect's parameters."""

@@ -34,7 +34,7 @@ from dovetail.file.geometry import (
 from dovetail.file.lines import key_lines
 from dovetail.file.loads import Loads, read_loads
 from dovetail.file.measured import RawMeasurement, read_files
-from dovetail.file.measured_match import labels_of, match, read_held_out, top_frequency
+from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_out, top_frequency
 from dovetail.file.measured_modes import (
     MeasuredModes,
     RawModes,
@@ -307,7 +307,7 @@ class _Reader:
 
         fit = top.table("fit")
         settings = read_fit(fit)
-        held_out, held_out_sensors = self._held_out(fit, sensors, excitations)
+        held_out = self._held_out(fit, sensors, excitations)
         measured_to = _highest(raw, raw_modes, settings.band)
         frequency, highest = read_frequency(top, measured_to, notes)
         superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
@@ -349,8 +349,9 @@ class _Reader:
             band=settings.band,
             model_error=settings.model_error,
             n_lines=settings.n_lines,
-            held_out=held_out,
-            held_out_sensors=held_out_sensors,
+            held_out=held_out.excitations,
+            held_out_sensors=held_out.sensors,
+            held_out_bands=held_out.bands,
             frequency=frequency,
             max_frequency=highest,
             element_size=(float(aimed.min()), float(aimed.max())),
@@ -455,16 +456,14 @@ class _Reader:
         unbalances = read_unbalances(top, geometry)
         return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances)
 
-    def _held_out(
-        self, fit: Table, sensors: list[Channel], excitations: list[Channel]
-    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Read the names of the excitations and sensors that are not fitted, the last key of ``[fit]``."""
-        held_out, held_out_sensors = (), ()
+    def _held_out(self, fit: Table, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
+        """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""
+        held_out = HeldOut()
         fit.get("held_out", ())
         with self._if_all_was_read():
-            held_out, held_out_sensors = read_held_out(fit, sensors, excitations)
+            held_out = read_held_out(fit, sensors, excitations)
         fit.finish()
-        return held_out, held_out_sensors
+        return held_out
 
     def _refined(
         self, mesh: Mesh, parts: "_Parts", highest: float, notes: list[str]

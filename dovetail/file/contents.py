@@ -57,6 +57,8 @@ class Study:
         Names of excitations whose FRFs are compared but not fitted.
     held_out_sensors : tuple of str
         Names of sensors whose FRFs are.
+    held_out_bands : tuple of (float, float)
+        Bands that are, in place of the blocks of lines that the program holds out [Hz].
     frequency : ndarray
         Lines of :command:`dovetail frf` where there is no measurement [Hz].
     max_frequency : float
@@ -117,6 +119,7 @@ class Study:
     max_frequency: float
     element_size: tuple[float, float]
     assumptions: tuple[str, ...]
+    held_out_bands: tuple[tuple[float, float], ...] = ()
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()

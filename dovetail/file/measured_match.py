@@ -1,7 +1,7 @@
 """Measured FRFs at the sensors and excitations of a study."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from dovetail.file.measured import RawMeasurement, array_for
 from dovetail.file.sensors import Channel
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF
+from updating.measurement.held_out import EXAMPLE, Band, band_of
 from updating.measurement.measurement import Measurement, at_values_of
 from updating.quality.corrections import Fault, set_right
 
@@ -159,23 +160,47 @@ def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | Non
     return highest if band is None else min(highest, band[1])
 
 
-def read_held_out(
-    fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the excitations and the sensors that are kept from the fit.
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Parts of the measurement that are compared and not fitted.
+
+    Attributes
+    ----------
+    excitations, sensors : tuple of str
+    bands : tuple of (float, float)
+        [Hz].
+    """
+
+    excitations: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
+    bands: tuple[Band, ...] = ()
+
+
+def read_held_out(fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> HeldOut:
+    """Return the excitations, the sensors and the bands that are kept from the fit.
 
     A name that both have is the excitation's; ``sensor NAME`` and ``excitation NAME`` say which is meant.
+    ``band 120-180 Hz`` is a band.
     """
     have = {"excitation": [c.sensor.name for c in excitations], "sensor": [c.sensor.name for c in sensors]}
     out: dict[str, list[str]] = {"excitation": [], "sensor": []}
+    bands: list[Band] = []
     for word in fit.texts("held_out", ()):
+        with fit.at("held_out"):
+            band = band_of(word)
+        if band is not None:
+            bands.append(band)
+            continue
         first, _, rest = word.partition(" ")
         options = [(first, rest)] if first in have else [(role, word) for role in have]
         found = [(role, name) for role, name in options if name in have[role]]
         if not found:
             known = [name for role, _ in options for name in have[role]]
             what = " or ".join(role for role, _ in options)
-            fit.refuse("held_out", f"there is no {what} '{options[0][1]}'; {suggest(options[0][1], known)}")
+            more = f"; a band is written as '{EXAMPLE}'" if first == "band" else ""
+            fit.refuse(
+                "held_out", f"there is no {what} '{options[0][1]}'; {suggest(options[0][1], known)}{more}"
+            )
         role, name = found[0]
         out[role].append(name)
-    return tuple(out["excitation"]), tuple(out["sensor"])
+    return HeldOut(tuple(out["excitation"]), tuple(out["sensor"]), tuple(bands))

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from dovetail.file.contents import Study
 from dovetail.report import cells, words
+from dovetail.report.confidence import confidence
 from dovetail.report.page import Markup, bullets, join, paragraph, section, table, tag
+from dovetail.report.probable import probability_text
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from updating.correlation import DB_PER_NEPER
@@ -20,7 +22,7 @@ def answer(result: RunResult, shown: Shown) -> Markup:
         d.verdict,
         words.headline(result),
         [words.finding_text(f) for f in d.findings],
-        words.probability_text(d),
+        probability_text(d),
         d.reason,
     )
     return first_screen(result.study, box, _staircase(result, shown), _structure(result, shown))
@@ -77,7 +79,7 @@ def how_sure(result: RunResult) -> Markup:
         if result.diagnosis.verdict == UNEXPLAINED
         else []
     )
-    return section("How sure", bullets(words.confidence(result)), _steps(result), *advice)
+    return section("How sure", bullets(confidence(result)), _steps(result), *advice)
 
 
 def _steps(result: RunResult) -> Markup:

@@ -25,6 +25,7 @@ from dovetail.report.drawn import (
     rivals,
     telling_pairs,
 )
+from dovetail.report.probable import hypotheses
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
@@ -137,20 +138,8 @@ def _staircase(result: RunResult) -> Figure:
 
 
 def _probability(result: RunResult) -> Figure | None:
-    known = hypotheses(result)
+    known = hypotheses(result.diagnosis)
     return probability_figure(known) if known else None
-
-
-def hypotheses(result: RunResult) -> list[tuple[str, float]]:
-    """Return the hypotheses in words with their probabilities; none where the search gives none."""
-    d = result.diagnosis
-    named = {e.name: words.effect_label(e.kind, e.where) for e in d.candidates}
-    named |= {f.effect.name: words.effect_label(f.effect.kind, f.effect.where) for f in d.findings}
-    named["unknown"] = "something that the library does not have"
-    return [
-        (" and ".join(named.get(n, n) for n in names) or "nothing missing", float(p))
-        for names, p in d.posterior
-    ]
 
 
 def _error_map(result: RunResult, step: int) -> Figure:

@@ -3,9 +3,10 @@
 import math
 
 from dovetail.report import cells, words
+from dovetail.report.confidence import best_of, rival_of
 from dovetail.report.drawn import ranking_caption
-from dovetail.report.figures import hypotheses
 from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
+from dovetail.report.probable import hypotheses
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
 from fem.summary import percent
@@ -59,7 +60,7 @@ def _absent(finding: Finding, name: str) -> str:
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
-    known.append((words.rival_of(finding, ranked), "best other"))
+    known.append((rival_of(finding, ranked), "best other"))
     rows = [
         [cells.tagged(r, what), words.parameters_text(r.parameters), *cells.errors(r), f"{r.similarity:.2f}"]
         for r, what in known
@@ -116,7 +117,7 @@ def _decisive(piece: Decisive) -> Markup:
 
 def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
     """Return the probabilities of hypotheses; nothing where the search gives none."""
-    known = hypotheses(result)
+    known = hypotheses(result.diagnosis)
     if not known:
         return []
     rows = [[name, percent(p)] for name, p in known]
@@ -156,7 +157,7 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
 
 def _nothing_found(result: RunResult) -> list[Markup]:
     d = result.diagnosis
-    best, looked_at = words.best_of(d.rounds), len(d.candidates)
+    best, looked_at = best_of(d.rounds), len(d.candidates)
     gained = (
         f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the "
         f"residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} "

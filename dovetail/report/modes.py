@@ -9,6 +9,7 @@ from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report import cells, words
 from dovetail.report.answer import first_screen, verdict_box
 from dovetail.report.compared import check_first
+from dovetail.report.confidence import mode_confidence
 from dovetail.report.mode_drawn import (
     DEVIATIONS,
     MAC,
@@ -21,6 +22,7 @@ from dovetail.report.mode_drawn import (
 )
 from dovetail.report.page import Markup, bullets, contents, facts, page, paragraph, section, table, tag
 from dovetail.report.pictures import Album
+from dovetail.report.probable import probability_text
 from dovetail.report.responses import shapes, uncertain
 from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
@@ -59,7 +61,7 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
     ]
     box = verdict_box(
         d.verdict, words.mode_headline(result), words.mode_values(d),
-        words.mode_probability_text(d), d.reason,
+        probability_text(d), d.reason,
     )  # fmt: skip
     return page(
         f"{result.study.name}: {d.verdict}",
@@ -94,7 +96,7 @@ def _how_sure(result: ModeRunResult) -> Markup:
     ]
     return section(
         "How sure",
-        bullets(words.mode_confidence(result)),
+        bullets(mode_confidence(result)),
         table(head, [row[: len(head)] for row in rows], numbers=(1, 2)),
         paragraph(
             "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "

@@ -4,19 +4,16 @@ import math
 import re
 from collections.abc import Sequence
 
-from dovetail.mode_result import ModeRunResult, mode_findings, mode_steps
-from dovetail.result import RunResult, Uncertain, added_parameters
+from dovetail.mode_result import ModeRunResult, mode_findings
+from dovetail.result import RunResult, added_parameters
 from fem.model import Effect, Parameter
-from fem.summary import percent
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
-from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
-FAR = 2.5
-"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _DIRECTION = re.compile(r", (r?)([xyz])$")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
@@ -234,43 +231,6 @@ def mode_values(d: ModeDiagnosis) -> list[str]:
     return lines if d.sure or not lines else ["The most probable explanation:", *lines]
 
 
-def mode_probability_text(d: ModeDiagnosis) -> str:
-    """Return the probability of what was found by modes, and of its place."""
-    if not d.found:
-        return ""
-    known, place_ = d.searched.probability(d.final), d.searched.probability_there(d.final)
-    of_all, there = map(percent, (known, place_))
-    return f"Probability among all hypotheses: {of_all}, of the place {there}"
-
-
-def mode_confidence(result: ModeRunResult) -> list[str]:
-    """Return how sure the verdict of a run on modes is, in a few sentences."""
-    d = result.diagnosis
-    m, (first, last) = d.modes, (list(mode_steps(d).values())[k] for k in (0, -1))
-    before, after = (100 * m.errors(f, False) for f in (first, last))
-    start = "calibrated" if d.baseline is not None else "nominal"
-    out = [
-        f"The {start} model's natural frequencies are {before:.2g} % off, those of the model reported "
-        f"{after:.2g} %. Noise and mesh account for {100 * d.noise_limit:.2g} %."
-    ]
-    if m.held_out.any():
-        held = [100 * m.errors(f, True) for f in (first, last)]
-        out.append(
-            f"Modes that no fit has seen are {held[0]:.2g} % off before, {held[1]:.2g} % in the end. A "
-            "prediction that is met is worth more than a fit."
-        )
-    if len(d.credible) > 1:
-        out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
-    return [*out, *_far_from_nominal(result.uncertain)]
-
-
-def probability_text(d: Diagnosis) -> str:
-    """Return the probability of the found effects among all hypotheses; empty where the search gives none."""
-    found = {f.effect.name for f in d.findings}
-    known = next((p for names, p in d.posterior if set(names) == found), None)
-    return "" if known is None else f"Probability among all hypotheses: {percent(known)}"
-
-
 def sentence(finding: Finding) -> str:
     """Return a finding as a plain sentence about the structure, the effect's own statement where it has one.
 
@@ -342,96 +302,6 @@ def proposal_text(proposal: Proposal) -> str:
         "sensor": "a sensor on ", "excitation": "a force on ", "band": "",
     }[proposal.kind]  # fmt: skip
     return f"{what}{proposal.where}"
-
-
-def ratio(before: float, after: float) -> float:
-    """Return the factor by which an error fell; NaN where it is unknown."""
-    return before / after if after > 0 and math.isfinite(before) else math.nan
-
-
-def confidence(result: RunResult) -> list[str]:
-    """Return how sure the verdict is, in a few sentences."""
-    d = result.diagnosis
-    steps: Sequence[Step] = d.steps
-    base, last = steps[min(1, len(steps) - 1)], steps[-1]
-    start = "calibrated" if d.baseline is not None else "nominal"
-    if d.findings:
-        out = [
-            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
-            f"{last.fit_db:.2f} dB on the lines of the fit (factor "
-            f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
-            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on lines that no fit has seen (factor "
-            f"{ratio(base.held_out_db, last.held_out_db):.1f})."
-        ]
-    else:
-        out = [
-            f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
-            "fit and "
-            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the {start} model had "
-            f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
-        ]
-    for label, (first, *_, end) in result.held_out_channels.items():
-        said = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
-        nothing = "nothing of them can be compared"
-        out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
-    out.append(
-        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
-        f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
-        f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
-    )
-    out += _far_from_nominal(result.uncertain)
-    for finding, ranked in zip(d.findings, d.rounds, strict=False):
-        out.append(_rivals(finding, ranked, len(d.findings) > 1))
-    best = best_of(d.rounds)
-    if best and not d.findings:
-        out.append(
-            f"The best of {len(d.rounds[-1])} candidates, {ranked_label(best)}, would leave "
-            f"{best.fit_db:.2f} dB, on "
-            f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
-        )
-    return out
-
-
-def _far_from_nominal(parameters: Sequence[Uncertain]) -> list[str]:
-    """Return a warning of uncertain parameters that went far; none without any."""
-    far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if abs(u.moved) >= FAR]
-    if not far:
-        return []
-    return [
-        f"Beware of uncertain parameters far from nominal, in prior standard deviations: {', '.join(far)}. "
-        "They may stand in for something else that the model has wrong."
-    ]
-
-
-def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
-    """Return the best candidate of the last round."""
-    return rounds[-1][0] if rounds and rounds[-1] else None
-
-
-def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
-    """Return the best candidate that is neither the effect nor one of its twins."""
-    same = {finding.effect.name, *(t.name for t in finding.twins)}
-    return next((r for r in ranked if r.name not in same), None)
-
-
-MORE_PROBABLE = "; it is more probable, as each band has an error level of its own, and laws have priors."
-
-
-def _rivals(finding: Finding, ranked: Sequence[Ranked], name_it: bool) -> str:
-    subject = effect_label(finding.effect.kind, finding.effect.where) if name_it else "It"
-    if finding.twins:
-        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
-            " …" if len(finding.twins) > 4 else ""
-        )
-        text = f"{subject} cannot be told by these data from {listed}."
-    else:
-        text = f"{subject} has no twin: no other candidate explains the data nearly as well."
-    rival = rival_of(finding, ranked)
-    own = next((r for r in ranked if r.name == finding.effect.name), None)
-    if rival and own:
-        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
-        text += MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "."
-    return text
 
 
 def advice(result: RunResult) -> list[str]:

@@ -221,6 +221,8 @@ def test_study(tmp_path, capsys, old, new, words):
         ("[fit]\nevidence = true", ["fit.evidence", "unknown key"]),
         ("[fit]\nmodel_error = -1", ["fit.model_error", "-1"]),
         ('[fit]\nheld_out = ["sensor x"]', ["fit.held_out", "no sensor 'x'"]),
+        ('[fit]\nheld_out = ["band 120 Hz"]', ["fit.held_out", "written as 'band 120-180 Hz'"]),
+        ('[fit]\nheld_out = ["band 180-120 Hz"]', ["fit.held_out", "ends above its beginning"]),
         ("[frequency]\nstart = 100\nstop = 10", ["frequency.start", "not below"]),
         ('[[masses]]\npoint = "B"', ["masses[1]: 'mass' is missing"]),
         (

@@ -13,6 +13,7 @@ import pytest
 from docs.images.desk import with_two
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.desk import figures
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
 from dovetail.desk.saving import save_study
@@ -23,6 +24,7 @@ from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
+from updating.measurement.measurement import MeasurementError
 from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
@@ -238,6 +240,28 @@ def test_a_channel_is_held_out_and_one_stays(desk, tmp_path):
     assert desk.shown.result.fit_db == before
 
 
+def test_a_band_is_held_out_and_written(desk, tmp_path):
+    before = desk.shown.result
+    desk.hold_out("band 100-250 Hz")
+    shown = desk.shown.result
+    assert (shown.fit_db, shown.held_out_db) != (before.fit_db, before.held_out_db)
+    assert [(s.x0, s.x1) for s in figures.frf(desk, ("U1z", "U1z"), 400).layout.shapes] == [
+        pytest.approx((100.0, 250.0), abs=desk.shown.frf.frequency[1] - desk.shown.frf.frequency[0])
+    ]
+    path = desk.save(tmp_path / "held.toml")
+    assert load_study(path).held_out_bands == ((100.0, 250.0),)
+    assert main(["compare", str(path), "--quiet", "--json", str(tmp_path / "c.json")]) == 0
+    printed = json.loads((tmp_path / "c.json").read_text())
+    assert printed["error_db"] == pytest.approx(shown.fit_db, rel=1e-9)
+    assert printed["held_out_db"] == pytest.approx(shown.held_out_db, rel=1e-9)
+    for band, said in (("band 0-5000 Hz", "every line"), ("band 5000-6000 Hz", "no line lies in")):
+        with pytest.raises(MeasurementError, match=said):
+            desk.hold_out(band)
+    desk.hold_out("band 100-250 Hz")
+    assert desk.now.label == "fit band 100-250 Hz"
+    assert desk.shown.result.held_out_db == before.held_out_db
+
+
 def test_a_click_finds_its_spot(desk):
     joint = desk.spots["joint J"]
     assert "joint J on its second side (as a point)" in joint.places
@@ -254,16 +278,45 @@ def test_a_diagnosis_is_taken_over(desk):
     found = desk.candidates[TURNING].with_values(stiffness=190.0)
     last = SimpleNamespace(values={("frame", "E:steel"): 2.1e11}, zeta=desk.now.hypothesis.zeta * 1.1)
     desk.diagnosis = SimpleNamespace(
-        findings=[SimpleNamespace(effect=found)],
-        faults=[Fault("sensor_sign", "U1z", -1.0, 0.0)],
+        findings=[SimpleNamespace(effect=found), SimpleNamespace(effect=SimpleNamespace(name="patch"))],
+        faults=(Fault("sensor_sign", "U1z", -1.0, 0.0),),
         steps=[SimpleNamespace(result=last)],
     )
-    desk.take_over()
+    desk.add(MASS, mass=0.1)  # in place of what was tried by hand
+    assert desk.take_over() == ("patch",)
     h = desk.now.hypothesis
+    assert [e.name for e in h.effects] == [TURNING]
     assert h.effect(TURNING).stiffness == pytest.approx(190.0)
     assert h.values["frame", "E:steel"] == 2.1e11
     assert [f.sensor for f in h.faults] == ["U1z"]
     np.testing.assert_array_equal(h.zeta, last.zeta)
+
+
+def test_taking_over_brings_the_error_of_the_diagnosis(desk, tmp_path):
+    problem = desk.live.formed  # a diagnosis fits the form of the frame, too
+    fit = problem.fit(
+        [desk.candidates[TURNING]], [{"stiffness": 200.0}], stages=problem.stages[-1:], n_lines=40,
+        max_iterations=4,
+    )  # fmt: skip
+    form = [abs(v) for (name, _), v in fit.values.items() if name in {e.name for e in desk.live.form}]
+    assert max(form) > 1e-3
+    desk.diagnosis = SimpleNamespace(
+        findings=[SimpleNamespace(effect=fit.effects[0])], faults=(), steps=[SimpleNamespace(result=fit)]
+    )
+    assert desk.take_over() == ()
+    shown = desk.shown.result
+    assert (shown.fit_db, shown.held_out_db) == pytest.approx((fit.fit_db, fit.held_out_db), rel=1e-4)
+    assert desk.now.stairs[-1].fit_db == shown.fit_db
+    path = desk.save(tmp_path / "taken.toml")
+    assert main(["compare", str(path), "--quiet", "--json", str(tmp_path / "c.json")]) == 0
+    assert json.loads((tmp_path / "c.json").read_text())["error_db"] == pytest.approx(shown.fit_db, rel=1e-3)
+    write_journal(tmp_path / "j.json", desk.history, "text")
+    again = read_journal(tmp_path / "j.json", "text", desk.candidates).now.hypothesis
+    assert desk.live.evaluate(again).result.fit_db == shown.fit_db
+    desk.vary_form(on=False)
+    assert desk.shown.result.fit_db > shown.fit_db + 0.01
+    desk.undo()
+    assert desk.shown.result.fit_db == shown.fit_db
 
 
 def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):

@@ -233,7 +233,7 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     }  # fmt: skip
     first = text[: text.index("<nav")]
     assert "Verdict: effect" in first
-    assert "Probability among all hypotheses: above 99\u00a0%" in first
+    assert "alone or with others: above 99\u00a0%; alone: above 99\u00a0%; of the place: " in first
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text

@@ -12,7 +12,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail import pipeline as run
-from dovetail.report import words
+from dovetail.commands.diagnosis_words import found_lines
+from dovetail.report import probable, words
 from dovetail.report.page import Markup, esc, table, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
@@ -149,6 +150,50 @@ def test_twins_are_named_in_the_headline(found, album):
     page = report_html(twofold, album)
     assert "or it is one of 2 others that these data cannot tell from it" in page
     assert page.count(">twin<") >= 2
+
+
+def with_posterior(result, *hypotheses):
+    """Return a result whose answer is the first hypothesis, and which has others besides."""
+    return replace(result, diagnosis=replace(result.diagnosis, posterior=hypotheses))
+
+
+def test_an_effect_counts_in_every_answer_that_has_it(found, album):
+    name = found.diagnosis.findings[0].effect.name
+    other = next(e.name for e in found.diagnosis.candidates if e.name != name)
+    both = with_posterior(found, ((name,), 0.55), ((other, name), 0.44), ((other,), 0.01))
+    page = report_html(both, album)
+    lines = found_lines(both.diagnosis)
+    for text in (page, "\n".join(lines)):
+        assert "Probability of this effect, alone or with others: 99\u00a0%; alone: 55\u00a0%" in text
+    assert "It has no twin: no answer without it is nearly as probable." in page
+
+
+def test_an_answer_of_several_effects_is_named_where_it_could_replace_one(found, album):
+    name = found.diagnosis.findings[0].effect.name
+    first, second = [e for e in found.diagnosis.candidates if e.name != name][:2]
+    pair = with_posterior(found, ((name,), 0.6), ((first.name, second.name), 0.35), (("unknown",), 0.05))
+    page = report_html(pair, album)
+    label = " and ".join(words.effect_label(e.kind, e.where) for e in (first, second))
+    assert f"It may be replaced by another answer: {label} (35\u00a0%)." in page
+    assert "has no twin" not in page
+    assert "alone or with others: 60\u00a0%; alone: 60\u00a0%" in page
+
+
+def test_each_of_several_effects_has_its_own_probability(found):
+    (finding,) = found.diagnosis.findings
+    other = next(e for e in found.diagnosis.candidates if e.name != finding.effect.name)
+    a, b = finding.effect.name, other.name
+    d = replace(
+        found.diagnosis, findings=(finding, replace(finding, effect=other)),
+        posterior=(((a, b), 0.5), ((a,), 0.3), ((b,), 0.1), ((), 0.1)),
+    )  # fmt: skip
+    text = probable.probability_text(d)
+    assert text.endswith("; of exactly these: 50\u00a0%")
+    assert re.findall(r"(\d+)\u00a0%", text) == ["80", "60", "50"]
+    far = replace(d, findings=(), verdict="unexplained", posterior=(((), 0.03), (("unknown",), 0.97)))
+    assert probable.probability_text(far) == (
+        "Probability of a cause that the library does not have: 97\u00a0%"
+    )
 
 
 def test_doubts_are_told(found, album):

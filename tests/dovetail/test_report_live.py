@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.cli import main
-from dovetail.report import figures, words
+from dovetail.report import figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
 from dovetail.report.outline import Picture, Table, read_outline
 from dovetail.report.pictures import Album, draw_all
@@ -182,14 +182,14 @@ def test_a_figure_that_cannot_be_made_is_named():
 
 def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     by_hand = replace(found, diagnosis=replace(found.diagnosis, posterior=()))
-    assert words.probability_text(by_hand.diagnosis) == ""
+    assert probable.probability_text(by_hand.diagnosis) == ""
     assert "How probable" not in report_html(by_hand, Album(tmp_path), figures.make_all(by_hand))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
-    assert "Probability among all hypotheses: 93\u00a0%" in head
+    assert "Probability of this effect, alone or with others: 93\u00a0%; alone: 93\u00a0%" in head
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
     assert list(figures.make_all(sure).known["probability"].data[0].x) == [0.93, 0.05, 0.02]
@@ -245,6 +245,13 @@ def drawn(page, name):
     return box
 
 
+def legend_below_the_bar(page, name):
+    """Return whether the legend of a figure begins below its tool bar."""
+    box = f"document.querySelector('figure[data-figure=\"{name}\"] PART').getBoundingClientRect()"
+    legend, bar = (page.evaluate(box.replace("PART", part)) for part in (".legend .bg", ".modebar"))
+    return legend["height"] > 0 and legend["top"] >= bar["bottom"]
+
+
 EYE = "document.querySelector('figure[data-figure=model] .plot')._fullLayout.scene.camera.eye"
 SHOWN = """() => Array.from(document.querySelector('figure[data-figure=frf] .plot').data
   .find((t) => t.meta && t.meta.series === 'measured' && t.meta.quantity === 'magnitude').y)"""
@@ -263,6 +270,7 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         page.mouse.up()
         page.wait_for_function(f"Math.abs({EYE}.x - {before['x']}) > 0.1")
         turned = page.evaluate(EYE)
+        assert legend_below_the_bar(page, "model")
         plot.focus()
         page.keyboard.press("ArrowLeft")
         page.wait_for_function(f"Math.abs({EYE}.x - {turned['x']}) > 0.01")
@@ -326,6 +334,8 @@ def test_a_narrow_page_does_not_scroll_sideways(folder, live, chromium):
     with opened(chromium, folder / "report.html", 400, 800, color_scheme="dark") as page:
         for name in ("staircase", "model", "map-fitted", "ranking-1", "frf-error", "frf", "modes"):
             drawn(page, name)
+        for name in ("staircase", "model", "ranking-1", "frf-error", "frf", "modes"):
+            assert legend_below_the_bar(page, name), name
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         colour = page.evaluate("document.querySelector('figure[data-figure=frf] .plot').data[0].line.color")
         assert colour == "#e6edf3"  # measured FRFs are light on a dark page

@@ -114,6 +114,35 @@ def test_a_held_out_channel_is_compared_apart(study, live):
     assert live.evaluate(h.held("sensor D3z").held("excitation U1z")).held_out is None
 
 
+def test_a_held_out_band_takes_the_place_of_the_blocks(study, live, fitted):
+    band = (100.0, 250.0)
+    h = fitted.held("band 100-250 Hz")
+    found, f = live.evaluate(h), live.problem.data.frequency
+    inside = (f >= band[0]) & (f <= band[1])
+    ratio = np.where(found.mask, np.log(np.abs(found.frf.H / found.measured.H)), np.nan)
+    for lines, error in ((inside, found.result.held_out_db), (~inside, found.result.fit_db)):
+        assert 20 / np.log(10) * np.sqrt(np.nanmean(ratio[lines] ** 2)) == pytest.approx(error, rel=1e-9)
+    seen = live.problem_of(h).lines_up_to(np.inf, 10_000)
+    np.testing.assert_array_equal(seen, np.flatnonzero(~inside))
+    held = LiveModel(fit_problem(replace(study, held_out_bands=(band,))))
+    alone = held.evaluate(fitted)
+    assert alone.result.fit_db == pytest.approx(found.result.fit_db, rel=1e-9)
+    assert alone.result.held_out_db == pytest.approx(found.result.held_out_db, rel=1e-9)
+    assert h.held("band 100-250 Hz").held_out_bands == ()
+
+
+def test_the_form_changes_nothing_until_it_is_fitted(live, fitted):
+    h = live.with_form(fitted)
+    more = {name for name, _ in h.values} - {name for name, _ in fitted.values}
+    assert more == {e.name for e in live.form}
+    assert all(e.is_form for e in live.form)
+    plain, formed = live.evaluate(fitted), live.evaluate(h)
+    assert formed.result.fit_db == pytest.approx(plain.result.fit_db, rel=1e-4)  # another reduced basis
+    ref = next(r for r in h.values if r[0] in more)
+    assert abs(live.evaluate(h.with_uncertain(ref, 0.05)).result.fit_db - formed.result.fit_db) > 1e-3
+    assert live.without_form(h).values == fitted.values
+
+
 def test_a_corrected_sensor_is_read_otherwise(live, fitted):
     wrong = live.evaluate(fitted.with_fault(Fault("sensor_gain", "D3z", 2.0, 0.0)))
     plain = live.evaluate(fitted)

@@ -355,3 +355,17 @@ def test_texts_can_be_read_by_day_and_by_night(colour):
 def test_no_figure_offers_to_send_its_data_away():
     assert theme.CONFIG["showSendToCloud"] is False
     assert theme.CONFIG["displaylogo"] is False
+
+
+def test_legends_begin_below_the_tool_bar(measured):
+    made = (
+        model.model_figure(beam(2), places=[solids.Place(np.zeros(3), "p", "a place")]),
+        frf.frf_figure(measured, {"nominal": measured}, (measured.outputs[0], measured.inputs[0])),
+        error.staircase_figure([("nominal", 6.0, 7.0), ("fitted", 1.0, 2.0)], 0.5),
+        error.ranking_figure(["a", "b"], [1.0, 2.0], 3.0),
+    )
+    for figure in made:
+        legend, height = figure.layout.legend, figure.layout.height
+        assert (legend.yref, legend.yanchor) == ("container", "top")
+        assert (1 - legend.y) * height >= theme.TOOL_BAR - 1e-9
+        assert figure.layout.margin.t >= (1 - legend.y) * height + theme.LEGEND_ROW - 1e-9

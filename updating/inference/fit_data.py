@@ -11,6 +11,7 @@ from fem.analysis.frf import FRF
 from fem.model import Model
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
+from updating.measurement.held_out import lines_held_out
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
 from updating.measurement.noise import amplitude_noise, relative_noise
 
@@ -116,15 +117,14 @@ def prepare(
     measurement: Measurement,
     computed: NDArray[np.complex128] | None = None,
     band: tuple[float, float] | None = None,
-    n_blocks: int = 20,
     across: NDArray[np.float64] | None = None,
 ) -> FitData:
     """Prepare measured FRFs for fits.
 
-    Every fourth of ``n_blocks`` blocks of lines is held out. An FRF is left out if its level, computed and
-    measured, lies more than 60 dB (measured: 50 dB) under the median level of all, or if it is noise at most
-    lines, or no more there than ``TRANSVERSE`` of the motion across its sensor. A mask of the
-    measurement takes precedence.
+    The measurement's held-out bands are held out, or without any every fourth block of lines. An FRF is left
+    out if its level, computed and measured, lies more than 60 dB (measured: 50 dB) under the median level of
+    all, or if it is noise at most lines, or no more there than ``TRANSVERSE`` of the motion across its
+    sensor. A mask of the measurement takes precedence.
 
     Parameters
     ----------
@@ -133,14 +133,13 @@ def prepare(
         Receptances of the nominal model at the measurement's lines in the band.
     band : (float, float), optional
         Frequencies that count [Hz].
-    n_blocks : int
     across : ndarray (n_freq, n_out, n_in), optional
         How far each sensor's place moves square to it, as receptances, where that may be in the readings.
 
     Raises
     ------
     MeasurementError
-        If all FRFs are zero.
+        If all FRFs are zero, or if a held-out band has no line or all bands have every line.
     """
     frf = measurement.frf.select(band=band) if band else measurement.frf
     if frf.frequency[0] == 0:
@@ -162,8 +161,7 @@ def prepare(
     if kept.compared is not None:
         mask = np.where(np.isfinite(kept.compared), kept.compared > 0, mask) & (H != 0)
     weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + uncertain**2) * mask
-    block = np.arange(frf.n_freq) * n_blocks // frf.n_freq
-    return FitData(kept, frf.frequency, H, mask, weight, noise, block % 4 == 2)
+    return FitData(kept, frf.frequency, H, mask, weight, noise, lines_held_out(kept, frf.frequency))
 
 
 def counted_values(

@@ -116,9 +116,12 @@ def frf_data(
         lines_in_band(frf.frf, band)
         data = counted_data(model, measurement, band, form_error)
         rows, columns = (sensor_vectors(model, s) for s in (frf.sensors, frf.excitations))
+        # blocks that the program holds out are for the search; an update fits them
+        kept = ~data.held_out if frf.held_out else slice(None)
         return _counted(
-            data.frequency, data.H, data.mask, data.uncertain, rows, columns, model_error, amplitude_error
-        )
+            data.frequency[kept], data.H[kept], data.mask[kept], data.uncertain[kept], rows, columns,
+            model_error, amplitude_error,
+        )  # fmt: skip
     if isinstance(frf, Measurement):
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs

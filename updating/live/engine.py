@@ -1,6 +1,6 @@
 """FRFs and errors of hypotheses at once: one small eigenproblem for each change of a value."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from threading import Lock
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
-from fem.model import ParameterRef, parameter_values
+from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
@@ -19,6 +19,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
 from updating.live.hypothesis import Hypothesis
+from updating.measurement.held_out import held_out_lines
 from updating.quality.corrections import corrected
 
 KEPT = 4
@@ -93,13 +94,52 @@ class LiveModel:
     ----------
     problem : FitProblem
         As a comparison begins with it.
+    form : callable, optional
+        Makes the same problem with the form of its frame among the uncertain parameters, as a diagnosis has
+        it. It is called once, by the first hypothesis whose values have the form's.
     """
 
-    def __init__(self, problem: FitProblem) -> None:
+    def __init__(self, problem: FitProblem, form: Callable[[], FitProblem] | None = None) -> None:
         self.problem = problem
+        self._form = form
         self._lock = Lock()
         self._engines = Recent(KEPT)
         self._data = Recent(KEPT)
+
+    @cached_property
+    def formed(self) -> FitProblem:
+        """The problem with the form of its frame; itself where there is no form."""
+        return self.problem if self._form is None else self._form()
+
+    @cached_property
+    def form(self) -> tuple[Effect, ...]:
+        """Effects that let the form vary, of no size."""
+        known = {e.name for e in self.problem.reduced.model.effects}
+        return tuple(e for e in self.formed.reduced.model.effects if e.name not in known)
+
+    def has_form(self, h: Hypothesis) -> bool:
+        """Return whether the form of the frame may vary in a hypothesis."""
+        return not {effect for effect, _ in h.values} <= {e.name for e in self.problem.reduced.model.effects}
+
+    def with_form(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis whose form may vary: as it is drawn, unless it varies already."""
+        return replace(h, values={**self._form_values, **h.values}, fit=None)
+
+    def without_form(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis whose form is as it is drawn."""
+        kept = {ref: v for ref, v in h.values.items() if ref not in self._form_values}
+        return replace(h, values=kept, fit=None)
+
+    @cached_property
+    def _form_values(self) -> dict[ParameterRef, float]:
+        names = {e.name for e in self.form}
+        nominal = self.formed.reduced.model.values()
+        refs = ((n.effect, n.parameter) for n in self.formed.nuisances)
+        return {ref: float(nominal[ref]) for ref in refs if ref[0] in names}
+
+    def _problem(self, h: Hypothesis) -> FitProblem:
+        """Return the problem whose parameters a hypothesis has."""
+        return self.formed if self.has_form(h) else self.problem
 
     @cached_property
     def sensors(self) -> tuple[str, ...]:
@@ -107,8 +147,13 @@ class LiveModel:
         return self.problem.measured.outputs
 
     def data_of(self, h: Hypothesis) -> FitData:
-        """Return the data of a hypothesis: corrected, without sensors that are off and held-out channels."""
+        """Return the data of a hypothesis: corrected, without sensors that are off and held-out channels.
+
+        Bands that it holds out take the place of the problem's own.
+        """
         data = corrected(self.problem.data, h.faults)
+        if bands := h.held_out_bands:
+            data = replace(data, held_out=held_out_lines(data.frequency, bands, data.measurement.name))
         on, fitted = self._counted(h), self._held_out(h) == 0
         return data if (on & fitted).all() else replace(data, mask=data.mask & on & fitted)
 
@@ -127,8 +172,9 @@ class LiveModel:
 
     def problem_of(self, h: Hypothesis) -> FitProblem:
         """Return the problem of a hypothesis, for a fit in another thread: it shares no cache."""
-        apart = replace(self.problem.reduced).with_forces_of(h.effects)
-        return replace(self.problem, reduced=apart, data=self.data_of(h))
+        problem = self._problem(h)
+        apart = replace(problem.reduced).with_forces_of(h.effects)
+        return replace(problem, reduced=apart, data=self.data_of(h))
 
     def evaluate(self, h: Hypothesis) -> Evaluation:
         """Return the FRFs of a hypothesis and their errors."""
@@ -136,7 +182,7 @@ class LiveModel:
             given = h.result()
             believed = (h.faults, h.off, h.held_out)
             data, measured, apart = self._data.get(believed, lambda: self._believed(h))
-            problem = self._known(data, self._receptances(given))
+            problem = self._known(self._problem(h), data, given)
             result = problem.assessed(given)
             frf = problem.frf(result)
             comparison = compare(measured, frf, mask=data.mask)
@@ -148,26 +194,27 @@ class LiveModel:
         apart = self.compared(h) & (self._held_out(h) == 1)
         return data, replace(self.problem, data=data).measured, apart if apart.any() else None
 
-    def _known(self, data: FitData, H: NDArray[np.complex128]) -> _Known:
-        same: dict[str, Any] = {f.name: getattr(self.problem, f.name) for f in fields(FitProblem)}
+    def _known(self, problem: FitProblem, data: FitData, result: FitResult) -> _Known:
+        same: dict[str, Any] = {f.name: getattr(problem, f.name) for f in fields(FitProblem)}
         same["data"] = data
-        return _Known(**same, H=H)
+        return _Known(**same, H=self._receptances(problem, result))
 
-    def _receptances(self, result: FitResult) -> NDArray[np.complex128]:
+    def _receptances(self, problem: FitProblem, result: FitResult) -> NDArray[np.complex128]:
         refs: list[ParameterRef] = list(result.values)
-        engine: ParametricFRF = self._engines.get(self._key(result), lambda: self._engine(result, refs))
+        key = (problem is self.problem, *self._key(result))
+        engine: ParametricFRF = self._engines.get(key, lambda: self._engine(problem, result, refs))
         f = self.problem.data.frequency
         values = np.array([result.values[r] for r in engine.refs])
         return engine.evaluate(values, self.problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
-    def _engine(self, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
+    def _engine(self, problem: FitProblem, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
         # with the forces of where the effects are now, as a crack that moves bends other places
-        reduced: ReducedModel = self.problem.reduced.with_forces_of(result.effects)
-        own = replace(self.problem, reduced=reduced)
+        reduced: ReducedModel = problem.reduced.with_forces_of(result.effects)
+        own = replace(problem, reduced=reduced)
         return own.engine(self.problem.data.frequency, refs, result.effects)
 
     @staticmethod
-    def _key(result: FitResult) -> Hashable:
+    def _key(result: FitResult) -> tuple[Hashable, ...]:
         """Return the key of an engine: its effects and their places."""
         at: list[Any] = []
         for e in result.effects:

@@ -10,6 +10,7 @@ from fem.model import Effect, ModelError, Parameter, ParameterRef, parameter_val
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Solution
+from updating.measurement.held_out import Band, band_of
 from updating.quality.corrections import Fault
 
 
@@ -22,7 +23,7 @@ class Hypothesis:
     effects : tuple of Effect
         Added effects with their present values.
     values : mapping of (effect, parameter) to float
-        Values of the model's uncertain parameters.
+        Values of the model's uncertain parameters, and of the form of its frame where that may vary.
     zeta : ndarray (n_unknowns,)
         The damping curve's unknowns [-].
     faults : tuple of Fault
@@ -30,7 +31,8 @@ class Hypothesis:
     off : frozenset of str
         Sensors that are left out of comparison and fit.
     held_out : frozenset of str
-        Channels that are compared and not fitted: ``"sensor A1"``, ``"excitation E1"``.
+        Channels and bands that are compared and not fitted: ``"sensor A1"``, ``"excitation E1"``,
+        ``"band 120-180 Hz"``.
     fit : FitResult or None
         The fit that gave these values; None as soon as one of them is changed by hand.
     """
@@ -110,9 +112,14 @@ class Hypothesis:
         """Return the hypothesis with a sensor left out that was counted, or the other way round."""
         return replace(self, off=self.off ^ {sensor}, fit=None)
 
-    def held(self, channel: str) -> "Hypothesis":
-        """Return the hypothesis with a channel held out that was fitted, or the other way round."""
-        return replace(self, held_out=self.held_out ^ {channel}, fit=None)
+    def held(self, part: str) -> "Hypothesis":
+        """Return the hypothesis with a channel or band held out that was fitted, or the other way round."""
+        return replace(self, held_out=self.held_out ^ {part}, fit=None)
+
+    @property
+    def held_out_bands(self) -> tuple[Band, ...]:
+        """Bands of frequency that no fit sees, in place of the problem's own blocks of lines [Hz]."""
+        return tuple(sorted(band for band in map(band_of, self.held_out) if band is not None))
 
     def result(self) -> FitResult:
         """Return the hypothesis as a fit, whose errors are not assessed unless it was fitted."""

@@ -73,6 +73,8 @@ class Measurement:
         of which it has said nothing.
     phase : bool
         Whether the FRFs have phases; without, they are amplitudes.
+    held_out : tuple of (float, float)
+        Bands that no fit sees, ends included; without any, fits leave every fourth block of lines out [Hz].
     """
 
     frf: FRF
@@ -85,6 +87,7 @@ class Measurement:
     scatter: NDArray[np.float64] | None = None
     compared: NDArray[np.float64] | None = None
     phase: bool = True
+    held_out: tuple[tuple[float, float], ...] = ()
 
     def __repr__(self) -> str:
         """Return the file, the FRFs and their noise, as far as it is known, on one line."""

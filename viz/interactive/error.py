@@ -251,7 +251,7 @@ def ranking_figure(
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
         yaxis=_names_axis(shown),
     )  # fmt: skip
-    look["legend"] |= {"y": 1.0 + 24 / look["height"]}
+    look["margin"]["t"] += 24  # for the note above the bars
     return Figure(traces, look)
 
 

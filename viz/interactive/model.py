@@ -92,9 +92,9 @@ def model_figure(
     named = names if len(sensors) + len(excitations) <= MOST_NAMED else []
     look = layout(
         height, title, scene=scene(np.vstack(bounds), [*named, *notes]),
-        margin={"l": 0, "r": 0, "t": 60 if title else 36, "b": 0},
     )  # fmt: skip
-    look["legend"] |= {"itemsizing": "constant", "y": 1.0}
+    look["margin"] |= {"l": 0, "r": 0, "b": 0}
+    look["legend"] |= {"itemsizing": "constant"}
     return Figure([*traces, *marks], look)
 
 

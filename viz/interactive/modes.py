@@ -27,6 +27,8 @@ FRAME_MS = 60
 
 MOST_FRAMED = 12
 """A figure with frames holds so many modes unless they are named; each takes a sixth of a megabyte."""
+MENUS = 36
+"""Height of the list of modes and the stop button [pixel]."""
 N_PIECES = 200
 """Straight pieces of all members together, about."""
 
@@ -116,16 +118,17 @@ def modes_figure(
         mode_motion(model, modes, k, (measured or {}).get(k), (labels or {}).get(k, "")) for k in chosen
     ]
     traces, moving = _traces(rest, motions, edges=not frames)
-    look = layout(
-        height, title, scene=scene(rest.rest), margin={"l": 0, "r": 0, "t": 76 if frames else 36, "b": 0}
-    )
-    look["legend"] |= {"itemsizing": "constant", "y": 1.0}
+    look = layout(height, title, scene=scene(rest.rest))
+    look["margin"] |= {"l": 0, "r": 0, "b": 0}
+    look["legend"] |= {"itemsizing": "constant"}
     if not frames:
         look["meta"] = {
             "modes": [{"label": m.label, **_displacements(m)} for m in motions],
             "edges": edge_rows(rest.edges).astype(np.int32),
         }
         return Figure(traces, look)
+    look["margin"]["t"] += MENUS
+    look["legend"] |= {"y": 1.0, "yref": "paper", "yanchor": "bottom"}  # below the menus
     figure = Figure(traces, {**look, "updatemenus": _menus(motions)})
     figure.frames = _frames(rest, motions, traces, moving)
     figure.update(data=[{} if k not in moving else _moved(rest, motions[0], traces[k], 1.0)

@@ -23,6 +23,12 @@ CONFIG = {
 """How pages draw the figures: ``figure.show(config=CONFIG)``. Plotly's own settings have a button that sends
 the data to its makers' server."""
 
+TOOL_BAR = 30
+"""Height of plotly's tool bar at the upper edge; legends begin below it, whatever their rows [pixel]."""
+TITLE = 38
+"""Height of a title at the upper edge [pixel]."""
+LEGEND_ROW = 24
+"""Height of a legend of one row; a figure makes room for more by itself [pixel]."""
 CELL = "#f0f1f3"
 """A cell without a value."""
 EDGE = "#4a525a"
@@ -78,6 +84,7 @@ def _exchanged(value: Any) -> Any:
 
 def layout(height: float, title: str = "", *, legend: bool = True, **more: Any) -> dict[str, Any]:
     """Return the layout that figures share: transparent, as wide as the page, room above for the legend."""
+    head = TITLE if title else TOOL_BAR if legend else 10
     return {
         "template": "none",
         "font": {"family": FONT, "size": 13, "color": style.INK},
@@ -89,9 +96,10 @@ def layout(height: float, title: str = "", *, legend: bool = True, **more: Any) 
         } if title else None,
         "height": height,
         "autosize": True,
-        "margin": {"l": 62, "r": 16, "t": (38 if title else 10) + 46 * legend, "b": 48},
+        "margin": {"l": 62, "r": 16, "t": head + LEGEND_ROW * legend, "b": 48},
         "legend": {
-            "orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom",
+            "orientation": "h", "x": 0, "xanchor": "left", "y": 1 - head / height, "yref": "container",
+            "yanchor": "top",
             "bgcolor": "rgba(0,0,0,0)", "font": {"size": 12}, "traceorder": "normal",
         },
         "hoverlabel": {"font": {"family": FONT, "size": 12}, "align": "left"},

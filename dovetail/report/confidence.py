@@ -1,0 +1,125 @@
+"""How sure a verdict is, in sentences."""
+
+import math
+from collections.abc import Sequence
+
+from dovetail.mode_result import ModeRunResult, mode_steps
+from dovetail.report.probable import replaced_text
+from dovetail.report.words import effect_label, ranked_label
+from dovetail.result import RunResult, Uncertain
+from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.findings import Finding, Ranked, Step
+
+FAR = 2.5
+"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
+
+
+def mode_confidence(result: ModeRunResult) -> list[str]:
+    """Return how sure the verdict of a run on modes is, in a few sentences."""
+    d = result.diagnosis
+    m, (first, last) = d.modes, (list(mode_steps(d).values())[k] for k in (0, -1))
+    before, after = (100 * m.errors(f, False) for f in (first, last))
+    start = "calibrated" if d.baseline is not None else "nominal"
+    out = [
+        f"The {start} model's natural frequencies are {before:.2g} % off, those of the model reported "
+        f"{after:.2g} %. Noise and mesh account for {100 * d.noise_limit:.2g} %."
+    ]
+    if m.held_out.any():
+        held = [100 * m.errors(f, True) for f in (first, last)]
+        out.append(
+            f"Modes that no fit has seen are {held[0]:.2g} % off before, {held[1]:.2g} % in the end. A "
+            "prediction that is met is worth more than a fit."
+        )
+    if len(d.credible) > 1:
+        out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
+    return [*out, *_far_from_nominal(result.uncertain)]
+
+
+def ratio(before: float, after: float) -> float:
+    """Return the factor by which an error fell; NaN where it is unknown."""
+    return before / after if after > 0 and math.isfinite(before) else math.nan
+
+
+def confidence(result: RunResult) -> list[str]:
+    """Return how sure the verdict is, in a few sentences."""
+    d = result.diagnosis
+    steps: Sequence[Step] = d.steps
+    base, last = steps[min(1, len(steps) - 1)], steps[-1]
+    start = "calibrated" if d.baseline is not None else "nominal"
+    if d.findings:
+        out = [
+            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
+            f"{last.fit_db:.2f} dB on the lines of the fit (factor "
+            f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
+            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on lines that no fit has seen (factor "
+            f"{ratio(base.held_out_db, last.held_out_db):.1f})."
+        ]
+    else:
+        out = [
+            f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
+            "fit and "
+            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the {start} model had "
+            f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
+        ]
+    for label, (first, *_, end) in result.held_out_channels.items():
+        said = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
+        nothing = "nothing of them can be compared"
+        out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
+    out.append(
+        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
+        f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
+        f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
+    )
+    out += _far_from_nominal(result.uncertain)
+    for finding, ranked in zip(d.findings, d.rounds, strict=False):
+        out.append(_rivals(d, finding, ranked))
+    best = best_of(d.rounds)
+    if best and not d.findings:
+        out.append(
+            f"The best of {len(d.rounds[-1])} candidates, {ranked_label(best)}, would leave "
+            f"{best.fit_db:.2f} dB, on "
+            f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
+        )
+    return out
+
+
+def _far_from_nominal(parameters: Sequence[Uncertain]) -> list[str]:
+    """Return a warning of uncertain parameters that went far; none without any."""
+    far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if abs(u.moved) >= FAR]
+    if not far:
+        return []
+    return [
+        f"Beware of uncertain parameters far from nominal, in prior standard deviations: {', '.join(far)}. "
+        "They may stand in for something else that the model has wrong."
+    ]
+
+
+def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
+    """Return the best candidate of the last round."""
+    return rounds[-1][0] if rounds and rounds[-1] else None
+
+
+def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
+    """Return the best candidate that is neither the effect nor one of its twins."""
+    same = {finding.effect.name, *(t.name for t in finding.twins)}
+    return next((r for r in ranked if r.name not in same), None)
+
+
+MORE_PROBABLE = "; it is more probable, as each band has an error level of its own, and laws have priors."
+
+
+def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
+    subject = effect_label(finding.effect.kind, finding.effect.where) if len(d.findings) > 1 else "It"
+    if finding.twins:
+        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
+            " …" if len(finding.twins) > 4 else ""
+        )
+        text = f"{subject} cannot be told by these data from {listed}."
+    else:
+        text = replaced_text(d, subject, finding.effect.name)
+    rival = rival_of(finding, ranked)
+    own = next((r for r in ranked if r.name == finding.effect.name), None)
+    if rival and own:
+        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
+        text += MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "."
+    return text

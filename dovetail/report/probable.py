@@ -1,0 +1,88 @@
+"""How probable the effects found are, alone and as parts of larger answers: one way to say it for all."""
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+
+from dovetail.report.words import effect_label
+from fem.model import Effect
+from fem.summary import percent
+from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
+from updating.diagnosis.evidence.diagnosis import UNKNOWN
+from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+
+Posterior = Sequence[tuple[Collection[str], float]]
+"""Hypotheses by the names of their effects, each with its probability [-]."""
+
+
+def included(posterior: Posterior, names: Collection[str]) -> float:
+    """Return the probability of all hypotheses that have these effects, with or without others [-]."""
+    return float(sum(p for known, p in posterior if set(names) <= set(known)))
+
+
+def exactly(posterior: Posterior, names: Collection[str]) -> float | None:
+    """Return the probability of the hypothesis with these effects and no other; None if it is unknown [-]."""
+    return next((float(p) for known, p in posterior if set(known) == set(names)), None)
+
+
+def without(posterior: Posterior, name: str) -> tuple[Collection[str], float] | None:
+    """Return the most probable hypothesis that has not this effect, if it is as probable as a twin may be."""
+    others = [(known, p) for known, p in posterior if name not in known]
+    least = math.exp(-TWIN_NATS) * max((p for _, p in posterior), default=0.0)
+    best = max(others, key=lambda other: other[1], default=((), 0.0))
+    return best if best[1] > least else None
+
+
+def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
+    """Return how probable it is that the effects found are missing, and that no other is besides.
+
+    Empty where the search gives no probabilities.
+    """
+    posterior, found = _known(d)
+    exact = exactly(posterior, [e.name for e in found])
+    if exact is None:
+        return ""
+    if d.verdict == UNEXPLAINED:
+        outside = percent(included(posterior, [UNKNOWN]))
+        return f"Probability of a cause that the library does not have: {outside}"
+    if not found:
+        return f"Probability among all hypotheses: {percent(exact)}"
+    shares = [percent(included(posterior, [e.name])) for e in found]
+    if len(found) == 1:
+        text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
+    else:
+        each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
+        text = f"Probability of each effect: {'; '.join(each)}; of exactly these: {percent(exact)}"
+    if isinstance(d, ModeDiagnosis):  # the reason of a diagnosis by FRFs tells of the place
+        text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
+    return text
+
+
+def replaced_text(d: Diagnosis, subject: str, name: str) -> str:
+    """Return which answer could replace an effect that has no twin alone, or that none could."""
+    other = without(d.posterior, name)
+    if other is None:
+        return f"{subject} has no twin: no answer without it is nearly as probable."
+    label, p = label_of(d, other[0]), percent(other[1])
+    return f"{subject} may be replaced by another answer: {label} ({p})."
+
+
+def hypotheses(d: Diagnosis) -> list[tuple[str, float]]:
+    """Return the hypotheses in words with their probabilities; none where the search gives none."""
+    return [(label_of(d, names), float(p)) for names, p in d.posterior]
+
+
+def label_of(d: Diagnosis, names: Iterable[str]) -> str:
+    """Return a hypothesis in words."""
+    effects = [*d.candidates, *(f.effect for f in d.findings)]
+    known = {e.name: effect_label(e.kind, e.where) for e in effects}
+    known[UNKNOWN] = "something that the library does not have"
+    return " and ".join(known.get(n, n) for n in names) or "nothing missing"
+
+
+def _known(d: Diagnosis | ModeDiagnosis) -> tuple[Posterior, Sequence[Effect]]:
+    """Return the posterior of a diagnosis, and the effects that it has found."""
+    if isinstance(d, Diagnosis):
+        return d.posterior, [f.effect for f in d.findings]
+    named = [([x.name for x in e.effects] if e.known else [UNKNOWN], e.probability) for e in d.explanations]
+    return named, d.found
