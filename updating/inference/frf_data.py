@@ -37,6 +37,8 @@ class FRFData:
         Relative standard deviation with which even the right parameters meet a natural frequency [-].
     amplitude_error : float
         The same of an amplitude, calibration included [-].
+    phase : bool
+        Whether the receptances have phases; without, they are amplitudes, and residuals those of ln|H|.
     """
 
     frequency: NDArray[np.float64]
@@ -47,6 +49,16 @@ class FRFData:
     inputs: NDArray[np.float64]
     model_error: float
     amplitude_error: float
+    phase: bool = True
+
+    @property
+    def n_parts(self) -> int:
+        """Parts of ln H that were measured: its real part, ln|H|, and with a phase its imaginary part."""
+        return 2 if self.phase else 1
+
+    def seen(self, logarithm: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the part of ln H, or of its changes, that was measured: of amplitudes the real part."""
+        return logarithm if self.phase else logarithm.real + 0j
 
     def lines(self, highest: float, n: int) -> "FRFData":
         """Return at most n evenly spread lines up to a frequency."""
@@ -116,9 +128,10 @@ def frf_data(
         lines_in_band(frf.frf, band)
         data = counted_data(model, measurement, band, form_error)
         rows, columns = (sensor_vectors(model, s) for s in (frf.sensors, frf.excitations))
-        return _counted(
+        counted = _counted(
             data.frequency, data.H, data.mask, data.uncertain, rows, columns, model_error, amplitude_error
         )
+        return replace(counted, phase=frf.phase)
     if isinstance(frf, Measurement):
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs
