@@ -62,7 +62,7 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
-from updating.measurement.measurement import sensor_rows
+from updating.measurement.measurement import sensor_rows, with_moving_base
 from updating.quality.corrections import Fault, set_right
 
 
@@ -140,8 +140,9 @@ class Study(config.Study):
         if frequency is None:
             frequency = self.frequency if measured is None else measured.frequency
         kind = kind or (FRFKind.ACCELERANCE if measured is None else measured.kind)
-        outputs, inputs = (sensor_rows(self.model, part) for part in (self.sensors, self.excitations))
-        system = assemble(self.model, reciprocal=False)
+        model = with_moving_base(self.model, self.excitations)
+        outputs, inputs = (sensor_rows(model, part) for part in (self.sensors, self.excitations))
+        system = assemble(model, reciprocal=False)
         H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
         names, forces = (tuple(s.name for s in part) for part in (self.sensors, self.excitations))
         return FRF.of(FRF.from_arrays(frequency, H, kind, names, forces))

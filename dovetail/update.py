@@ -20,7 +20,7 @@ from updating.inference.frf_data import frf_data
 from updating.inference.mode_data import mode_data
 from updating.inference.update import update
 from updating.inference.updated import Updated
-from updating.measurement.measurement import Measurement, sensor_rows
+from updating.measurement.measurement import Measurement, sensor_rows, with_moving_base, with_resting_base
 from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
@@ -127,7 +127,7 @@ def update_study(study: Study) -> StudyUpdate:
         If nothing was measured, or nothing is uncertain.
     """
     plan = study.plan
-    if study.modes is None and not study.measurements:
+    if study.modes is None and not (study.measurements or study.amplitudes):
         msg = (
             f"{study.path}: it has {study.lack_of_frfs} and no [modes]; an update needs measured FRFs or "
             "modes"
@@ -147,6 +147,8 @@ def update_study(study: Study) -> StudyUpdate:
         modes = _as_measured(identified, data)
     of_frf = _fitted(study) if "frf" in to else None
     model, of_modes = study.model.with_effect(*plan.effects), None
+    if of_frf is not None:
+        model = with_moving_base(model, of_frf.excitations)
     if modes is not None and ("modes" in to or "frequencies" in to):
         shaped = "modes" in to
         of_modes = mode_data(
@@ -166,7 +168,7 @@ def update_study(study: Study) -> StudyUpdate:
     )  # fmt: skip
     before = after = None
     if modes is not None and modes.sensors:
-        before, after = (_compared(modes, m) for m in (model, updated.model))
+        before, after = (_compared(modes, m) for m in (with_resting_base(model), updated.model))
     return StudyUpdate(study, updated, to, modes, identified, of_frf, before, after, tuple(notes))
 
 
@@ -182,7 +184,7 @@ def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
 
 def _fitted(study: Study) -> Measurement:
     """Return the first measurement without held-out lines and sensors."""
-    return without_held_out(study, measured(study)[0])
+    return without_held_out(study, measured(study, phases=False)[0])
 
 
 def _compared(modes: MeasuredModes, model: Model) -> ModeComparison:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
+from fem.ground import MovingGround
 from fem.mesh import Location, Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
 
@@ -226,6 +227,11 @@ class Effect(ABC):
     def n_internal(self) -> int:
         """Number of coordinates that it has beside the points' (modes of a reduced part, for example)."""
         return 0
+
+    @property
+    def ground_motions(self) -> Array:
+        """Directions (k, 3) in which its first internal coordinates move all supports and grounds."""
+        return np.zeros((0, 3))
 
     def with_values(self, **values: Any) -> Self:
         """Return a copy with other parameter values; complex values are carried for derivatives."""
@@ -533,17 +539,26 @@ class Model:
 
     def contributions(self) -> tuple[Contribution, ...]:
         """Return the contributions of all effects."""
-        return tuple(c for effect in self.effects for c in effect.contribute(self))
+        return tuple(c for effect in self.effects for c in self.parts_of(effect))
+
+    def parts_of(self, effect: Effect) -> tuple[Contribution, ...]:
+        """Return the contributions of an effect; those that the ground holds are relative to its motion."""
+        ground, parts = MovingGround.of(self), effect.contribute(self)
+        return parts if ground is None else tuple(ground.resisted(c) for c in parts)
 
     def batches(self) -> Iterator[Contribution]:
         """Return the contributions of all effects in parts that need little memory at a time."""
+        ground = MovingGround.of(self)
         for effect in self.effects:
-            yield from effect.batches(self)
+            for part in effect.batches(self):
+                yield part if ground is None else ground.resisted(part)
 
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the constraints of all effects, without those that an effect has released."""
         released = {key for effect in self.effects for key in effect.released()}
-        return tuple(c for e in self.effects for c in e.constraints(self) if c.key not in released)
+        own = (c for e in self.effects for c in e.constraints(self) if c.key not in released)
+        ground = MovingGround.of(self)
+        return tuple(own) if ground is None else tuple(ground.constrained(c) for c in own)
 
 
 def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.elements.frame import Frame
+from fem.ground import MovingGround
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 from fem.summary import summary
@@ -186,8 +187,8 @@ def reassemble(system: System, model: Model) -> System:
             [e for e in m.effects if id(e) not in kept or any(name in changed for name, _ in e.refers_to(m))]
             for m in (was, model)
         )
-    before = [c for e in gone for c in e.contribute(was)]
-    after = [c for e in new for c in e.contribute(model)]
+    before = [c for e in gone for c in was.parts_of(e)]
+    after = [c for e in new for c in model.parts_of(e)]
     constraints = model.constraints()
     left_out = _left_out(system.Q, constraints)
     if any(c.law is not None or left_out[c.dofs].any() for c in after):
@@ -295,7 +296,8 @@ def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
 def rigid_motions(model: Model) -> NDArray[np.float64]:
     """Return the six rigid-body motions about the mesh's centre, shape (n_dof, 6).
 
-    Rotations are divided by the mesh's size; internal coordinates of effects stay at rest.
+    Rotations are divided by the mesh's size; internal coordinates of effects stay at rest, but for those of
+    a moving ground.
     """
     points = model.mesh.points
     motions = np.zeros((model.n_dof, 6))
@@ -305,6 +307,9 @@ def rigid_motions(model: Model) -> NDArray[np.float64]:
     at[:, 0, 4], at[:, 0, 5], at[:, 1, 5] = arm[:, 2], -arm[:, 1], arm[:, 0]
     at[:, 1, 3], at[:, 2, 3], at[:, 2, 4] = -arm[:, 2], arm[:, 1], -arm[:, 0]
     motions[:, 3:] /= max(model.mesh.size, 1e-300)
+    ground = MovingGround.of(model)
+    if ground is not None:
+        motions[ground.dofs, :3] = ground.translated(np.eye(3))
     return motions
 
 
@@ -488,7 +493,7 @@ def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> li
 def connection_stiffness(system: System) -> sp.csc_array:
     """Return the part of K that belongs to connections, sparse (n_free, n_free)."""
     model, Q = system.model, system.Q
-    parts = tuple(c for e in model.effects if e.connection for c in e.contribute(model))
+    parts = tuple(c for e in model.effects if e.connection for c in model.parts_of(e))
     return sp.csc_array(Q.T @ sum_contributions(parts, Q.shape[0])[0] @ Q)
 
 

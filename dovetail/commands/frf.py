@@ -20,6 +20,7 @@ from dovetail.file.settings import MOST_LINES
 from dovetail.study import Study
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz
+from updating.measurement.measurement import BaseMotion
 
 HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
@@ -80,7 +81,9 @@ def run(options: Options, progress: Progress) -> None:
     if writer is not None:
         writer(options.out, computed)
     elif nodes is not None:
-        write_with_nodes(options.out, nodes, frf=computed)
+        driven = zip(study.excitations, computed.inputs, strict=True)
+        base = [label for e, label in driven if isinstance(e, BaseMotion)]
+        write_with_nodes(options.out, nodes, frf=computed, base=base)
     new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
     progress.close()
     words = {

@@ -21,7 +21,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import MODE_MARGIN, elastic_frequencies, forces_at
-from updating.measurement.measurement import Sensor, with_sensor_masses
+from updating.measurement.measurement import Sensor, with_instruments
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class SampledModel:
         kind : FRFKind
         seed : int
         """
-        model, ends = with_sensor_masses(model, (*sensors, *excitations)), (*sensors, *excitations)
+        model, ends = with_instruments(model, sensors, excitations), (*sensors, *excitations)
         highest = float(frequency[-1])
         forces = forces_at(model, ends)
         reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)

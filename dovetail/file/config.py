@@ -72,7 +72,7 @@ from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
-from updating.measurement.measurement import Measurement, Sensor, with_sensor_masses
+from updating.measurement.measurement import Measurement, Sensor, with_moving_base, with_sensor_masses
 from updating.quality.corrections import Fault
 
 NEEDS = ("sensors", "measurements")
@@ -234,6 +234,12 @@ class _Parts:
         """Members, supports and joints."""
         return Frame(members=self.properties), *self.supports, *self.joints
 
+    def held(self, mesh: Mesh) -> np.ndarray:
+        """Return the first place where the structure is held, or the mesh's first point, (3,) [m]."""
+        places = [s.locations(Model(mesh, ())) for s in self.supports]
+        places += [mesh.points[[j.point1]] for j in self.joints if j.point2 is None]
+        return next((at[0] for at in places if len(at)), mesh.points[0])
+
     def note_free(self, notes: list[str]) -> None:
         """Note the assumption of a study without supports."""
         if self.supports:
@@ -300,7 +306,7 @@ class _Reader:
         parts = self._parts(geometry, notes)
         refuse_loads(top, plane)
         raw, raw_modes, nodes = self._files(notes)
-        sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes)
+        sensors, excitations = self._channels(raw, raw_modes, geometry, nodes, notes, parts)
         with self._attempt("sensors"):
             refuse_channels(plane, (*sensors, *excitations))
         groups = [[c.sensor for c in group] for group in (sensors, excitations)]
@@ -316,6 +322,8 @@ class _Reader:
         flat = () if plane is None else (plane,)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes)
+        with top.at("excitations"):
+            driven = with_moving_base(model, groups[1])
 
         every, modes, faults = self._measured(raw, raw_modes, sensors, excitations, notes)
         phased = [r.phase for r in raw] if every else []
@@ -324,12 +332,12 @@ class _Reader:
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         nuisances, damping_std = read_uncertain(top, model, parts.joints, notes)
         kinds, exclude = read_candidates(top)
-        plan = self._plan(model, groups, nuisances, any(r.phase for r in raw), modes)
+        plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
         odd = implausible(top, model, highest)
         if "measurements" in self.needs and every:
             with beside_implausible(odd), top.at():
                 self.warnings += self._suspicions(
-                    model, raw, (measurements, amplitudes), sensors, excitations
+                    driven, raw, (measurements, amplitudes), sensors, excitations
                 )
         parts.note_free(notes)
         return Study(
@@ -540,11 +548,12 @@ class _Reader:
         groups: Sequence[list[Sensor]],
         nuisances: Sequence[Nuisance],
         has_frf: bool,
+        has_phase: bool,
         modes: MeasuredModes | None,
     ) -> UpdatePlan:
         """Read ``[update]``."""
-        shaped = has_frf or (modes is not None and bool(modes.sensors))
-        has = {"frf": has_frf, "modes": shaped, "frequencies": has_frf or modes is not None}
+        shaped = has_phase or (modes is not None and bool(modes.sensors))
+        has = {"frf": has_frf, "modes": shaped, "frequencies": has_phase or modes is not None}
         known = [unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
         plan = UpdatePlan()
         with self._if_all_was_read():
@@ -567,6 +576,7 @@ class _Reader:
         geometry: Geometry,
         nodes: dict[int, np.ndarray],
         notes: list[str],
+        parts: "_Parts",
     ) -> tuple[list[Channel], list[Channel]]:
         """Read sensors and excitations, or take those of the measured files."""
         top = self.top
@@ -586,7 +596,9 @@ class _Reader:
                     "taken, at their nodes"
                 )
         with attempt():
-            excitations = read_excitations(top, geometry, sensors, nodes, notes, attempt, self.path.parent)
+            excitations = read_excitations(
+                top, geometry, sensors, nodes, notes, attempt, self.path.parent, parts.held(geometry.mesh)
+            )
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
         return sensors, excitations

@@ -26,6 +26,9 @@ from updating.quality.phase import phase_evidence
 COHERENCE_TYPE = 6
 """Function type of a coherence in universal files."""
 
+TRANSMISSIBILITY = "transmissibility"
+"""Kind of FRFs of accelerations for an acceleration of the base: as accelerances for a force of 1."""
+
 G0 = 9.80665
 """Standard gravity [m/s²]."""
 
@@ -88,7 +91,8 @@ def read_files(
     for t in top.tables("measurements"):
         files = _files(t, folder)
         name = t.text("name", Path(files[0]).name)
-        kind = t.text("kind", None, [str(k) for k in FRFKind])
+        kind = t.text("kind", None, [*map(str, FRFKind), TRANSMISSIBILITY])
+        kind = str(FRFKind.ACCELERANCE) if kind == TRANSMISSIBILITY else kind
         level = t.number("force_level", None, above=0, unit="N")
         check, check_phase = t.flag("check_units", True), t.flag("check_phase", True)
         convention = read_convention(t)

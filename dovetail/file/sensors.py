@@ -13,7 +13,7 @@ from dovetail.file.sensor_table import sensor_tables
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
-from updating.measurement.measurement import Sensor, place_sensors
+from updating.measurement.measurement import BaseMotion, Sensor, place_sensors
 
 Nodes = Mapping[int, NDArray[np.float64]]
 """Coordinates of the nodes of the measured files [m]."""
@@ -146,6 +146,7 @@ def _sensors_of(
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     mass = t.number("mass", 0.0, least=0, unit="kg")
     gain = t.number("gain", 1.0, above=0)
+    relative = own_kind and t.flag("relative", False)
     convention = read_convention(t, own_kind)
     if "directions" in t:
         for key in ("name", "label", "direction"):
@@ -166,7 +167,7 @@ def _sensors_of(
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
             own = mass if k == 0 else 0.0  # one body with several channels
-            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own), notes)
+            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own, relative), notes)
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
 
@@ -243,8 +244,9 @@ def read_excitations(
     notes: list[str],
     attempt: Attempt,
     folder: Path,
+    held: NDArray[np.float64],
 ) -> list[Channel]:
-    """Read ``[[excitations]]``; ``folder`` is the study's."""
+    """Read ``[[excitations]]``; ``folder`` is the study's, ``held`` (3,) where the base holds it [m]."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
     for t in _tables(top, "excitations", folder, notes, attempt):
@@ -255,6 +257,8 @@ def read_excitations(
                     t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
                 at, label = by_name[name], t.text("label", by_name[name].label)
                 found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
+            elif "base" in t:
+                found = [_base_motion(t, held)]
             else:
                 found = list(_sensors_of(t, geometry, nodes, notes))
             t.finish()
@@ -262,7 +266,25 @@ def read_excitations(
             if len(set(names)) < len(names):
                 t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
             out += found
+    moved = any(isinstance(c.sensor, BaseMotion) for c in out)
+    for c in () if moved else sensors:
+        if c.sensor.relative:
+            c.table.refuse(
+                "relative",
+                'the base rests in this study; give the motion of the base: [[excitations]] base = "z"',
+            )
     return out
+
+
+def _base_motion(t: Table, held: NDArray[np.float64]) -> Channel:
+    """Return an excitation that is the acceleration of the base along ``base``."""
+    word, sign = t.get("base"), t.number("sign", 1.0)
+    if abs(sign) != 1:
+        t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
+    name = t.text("name", f"base {word}" if isinstance(word, str) else "base")
+    direction = sign * t.direction("base", word)
+    motion = BaseMotion(name, held, direction, gain=t.number("gain", 1.0, above=0))
+    return Channel(motion, t, t.text("label", ""), t.whole("node", None), (), read_convention(t))
 
 
 def channels_of_labels(

@@ -18,7 +18,7 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import KINDS, SETS, draw_hidden
+from dovetail.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
 from dovetail.validation.hiding import Hidden
 from dovetail.validation.truth import TrueFrame
 from fem.analysis.frf import FRF
@@ -72,7 +72,7 @@ class CaseSettings:
         Least and largest change of the FRFs that a hidden effect makes beyond the reach of uncertain
         parameters [dB].
     weaker : float
-        Factor by which the amplitudes of the set "weak" are smaller.
+        Factor by which the amplitudes of the sets "weak" and "frf-states" are smaller.
     version : int
     """
 
@@ -128,6 +128,8 @@ class Case:
     nuisances : tuple of Nuisance
     exclude : tuple of str
         Kinds that the search may not use.
+    baseline : Measurement or None
+        FRFs of the frame before the effects came.
     """
 
     set: str
@@ -140,6 +142,7 @@ class Case:
     measurement: Measurement
     nuisances: tuple[Nuisance, ...]
     exclude: tuple[str, ...]
+    baseline: Measurement | None = None
 
     @property
     def name(self) -> str:
@@ -185,7 +188,7 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
         implants = drawn_implants(rng, settings, draft, truth, kinds)
         if implants is None:
             continue
-        if set_name == "weak":
+        if set_name in WEAK_SETS:
             implants = tuple(
                 replace(i, amplitude=i.amplitude / settings.weaker, visible_db=np.nan) for i in implants
             )
@@ -391,7 +394,7 @@ def _measured(
     truth: TrueFrame,
     implants: tuple[Implant, ...],
 ) -> Case:
-    sensors = draft.sensors
+    sensors, before = draft.sensors, truth
     for i in implants:
         truth = i.hidden.change(truth, i.amplitude)
         if i.hidden.readings is not None:
@@ -402,15 +405,11 @@ def _measured(
         if i.hidden.data is not None:
             exact = i.hidden.data(f, exact, i.amplitude)
     relative = float(rng.uniform(*settings.noise))
-    g = rng.standard_normal((4, *exact.shape)) / np.sqrt(2)
-    peak = np.abs(exact).max(axis=(0, 1))
-    H = exact * (1 + relative * (g[0] + 1j * g[1])) + settings.noise_floor * peak * (g[2] + 1j * g[3])
-    frf = FRF.from_arrays(
-        f, H, "accelerance", [s.name for s in draft.sensors], [d.name for d in draft.drives]
-    )
-    measurement = Measurement(
-        frf, sensors_of(draft.frame, draft.sensors), sensors_of(draft.frame, draft.drives)
-    )
+    measurement = _with_noise(rng, settings, draft, exact, relative)
+    baseline = None
+    if set_name in FRF_STATES:
+        first = before.frf(f, draft.sensors, draft.drives) * (-((2 * np.pi * f) ** 2))[:, None, None]
+        baseline = _with_noise(rng, settings, draft, first, relative)
     model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
     exclude = (
         tuple(k for i in implants for k in KINDS[i.hidden.kind].found_as) if set_name == "withheld" else ()
@@ -426,7 +425,20 @@ def _measured(
         measurement,
         nuisances_of(settings, draft),
         exclude,
+        baseline,
     )
+
+
+def _with_noise(
+    rng: Generator, settings: CaseSettings, draft: Draft, exact: NDArray[np.complex128], relative: float
+) -> Measurement:
+    """Return FRFs as they are measured, with relative noise and a floor."""
+    g = rng.standard_normal((4, *exact.shape)) / np.sqrt(2)
+    peak = np.abs(exact).max(axis=(0, 1))
+    H = exact * (1 + relative * (g[0] + 1j * g[1])) + settings.noise_floor * peak * (g[2] + 1j * g[3])
+    names = [[s.name for s in part] for part in (draft.sensors, draft.drives)]
+    frf = FRF.from_arrays(draft.frequency, H, "accelerance", *names)
+    return Measurement(frf, *(sensors_of(draft.frame, part) for part in (draft.sensors, draft.drives)))
 
 
 def nuisances_of(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:

@@ -51,14 +51,21 @@ SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "modes-null": (),
     "ambient": (SEEN_IN_MODES,),
     "ambient-null": (),
+    "frf-states": (EFFECTS,),
+    "frf-states-null": (),
 }
 """Sets of cases, with the kinds that each thing in them is drawn from.
 
 One effect; nothing; one whose kind the search may not use; one ten times weaker; two; a fault of a sensor; a
 connection that gives way in two or three directions; two such; one and a mass; something that is mounted
 elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing; modes
-that are identified from the response to unknown forces, and nothing.
+that are identified from the response to unknown forces, and nothing. Two states of one frame by FRFs, with
+a change as weak as in "weak", and two without a change.
 """
+FRF_STATES = ("frf-states", "frf-states-null")
+"""Sets of two states that are measured by FRFs."""
+WEAK_SETS = ("weak", "frf-states")
+"""Sets whose effects are weaker."""
 
 
 def draw_hidden(rng: Generator, kind: str, draft: Draft, truth: TrueFrame) -> Hidden | None:

@@ -221,7 +221,7 @@ def _nearest(d: Diagnosis) -> Record | None:
 def _outcome(
     case: Case, d: Diagnosis, found: Sequence[Implant], false: bool, twin: bool, explained: bool
 ) -> str:
-    if case.set == "null":
+    if not case.implants:
         if d.findings or d.faults:
             return "wrong"
         return "right" if d.verdict == NOTHING else "unexplained"

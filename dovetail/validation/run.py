@@ -92,6 +92,7 @@ def _judged(case: Case) -> Record:
         case.nuisances,
         exclude=exclude,
         model_error=0.0,  # the truth is made of beams
+        baseline=case.baseline,
     )
     cpu = time.process_time() - begun
     record = judge(case, diagnosis) | {"cpu_seconds": cpu}

@@ -48,7 +48,7 @@ RATES: dict[str, tuple[tuple[str, Test], ...]] = {
         ("not noticed", lambda r: r["outcome"] == "not noticed"),
     ),
 }
-RATES["weak"] = RATES["mounting"] = RATES["single"]
+RATES["weak"] = RATES["mounting"] = RATES["frf-states"] = RATES["single"]
 RATES["modes"] = RATES["frequencies"] = RATES["states"] = RATES["ambient"] = (
     ("right effect and place, nothing else", lambda r: r["outcome"] == "right"),
     ("right, or in a credible set of three", lambda r: r.get("evidence", {}).get("in_three", False)),
@@ -57,7 +57,7 @@ RATES["modes"] = RATES["frequencies"] = RATES["states"] = RATES["ambient"] = (
     ("unexplained", lambda r: r["outcome"] == "unexplained"),
     ("not noticed", lambda r: r["outcome"] == "not noticed"),
 )
-RATES["modes-null"] = RATES["ambient-null"] = RATES["null"]
+RATES["modes-null"] = RATES["ambient-null"] = RATES["frf-states-null"] = RATES["null"]
 RATES["connection"] = RATES["connections"] = RATES["mixed"] = (
     ("all right, nothing else", lambda r: r["outcome"] == "right"),
     ("all right", lambda r: r["outcome"] in ("right", "beside")),

@@ -14,8 +14,8 @@ from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
     "amplitudes without phase, which are not used as FRFs: in a study, from text or arrays, 'dovetail "
-    "compare', 'locate', 'diagnose' and 'run' take them; a model can be updated to the frequencies of their "
-    "peaks, given as frequency = [...] (in a study: under [modes])"
+    "compare', 'locate', 'diagnose', 'update' and 'run' take them; the frequencies of their peaks, given as "
+    "frequency = [...] (in a study: under [modes]), do as well"
 )
 """Reason why amplitudes are no FRFs, and their use; every reader gives it."""
 

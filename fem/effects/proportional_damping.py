@@ -23,8 +23,9 @@ class _Proportional(Effect):
         return "the whole structure"
 
     def _others(self, model: Model) -> list[Contribution]:
-        """Return the contributions of all other effects of the model."""
-        return [c for e in model.effects if not isinstance(e, _Proportional) for c in e.contribute(model)]
+        """Return the contributions of all other effects of the model but a base that carries it."""
+        others = (e for e in model.effects if not (isinstance(e, _Proportional) or len(e.ground_motions)))
+        return [c for e in others for c in e.contribute(model)]
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middle of the mesh's first line."""

@@ -15,8 +15,8 @@ from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
 
-FRF_TYPE = 4
-"""Function type of a frequency response function."""
+FRF_TYPES = 4, 5
+"""Function types of a frequency response function, and of a transmissibility."""
 
 _ENDS = ((0, 5), (5, 15), (15, 20), (20, 30)), ((31, 41), (41, 51), (51, 55)), ((56, 66), (66, 76), (76, 80))
 """Columns of record 6: type, number, version, load case; name, node, direction of response and of force."""
@@ -57,7 +57,7 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
     axes = [_axis(block, record) for record in (8, 9, 10)]
     x, values = _ordinates(block, notes)
     factor, said, _ = abscissa_factor(axes[0][0], axes[0][1])
-    notes += [said] if said and numbers[0] == FRF_TYPE else []
+    notes += [said] if said and numbers[0] in FRF_TYPES else []
     x_unit = axes[0][1]
     if factor != 1.0:
         x_unit = "s" if axes[0][0] == TIME else "Hz"

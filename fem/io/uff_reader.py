@@ -9,7 +9,7 @@ import numpy as np
 from fem.analysis.frf import FRFKind
 from fem.io.uff_elements import GROUP_COLUMNS, HEADS, Elements, Group, elements_of, groups_of, trace_line_of
 from fem.io.uff_format import Block, UffError
-from fem.io.uff_functions import FRF_TYPE, Record, frf_groups, frf_refusal, function_of, turned_records
+from fem.io.uff_functions import FRF_TYPES, Record, frf_groups, frf_refusal, function_of, turned_records
 from fem.io.uff_nodes import PATTERNS, Nodes, turn_shape
 from fem.io.uff_shapes import Shape, modes_of, read_shape, shape_in_si
 from fem.io.uff_systems import Systems
@@ -154,10 +154,10 @@ class FileReader:
         for note in notes:
             self.notes.add(note, f"{note} ({block.name})")
         kind = function.kind or self.kind
-        reason = frf_refusal(function, kind) if function.function_type == FRF_TYPE else ""
+        reason = frf_refusal(function, kind) if function.function_type in FRF_TYPES else ""
         if reason:
             self._skip_frf(function, reason)
-        if function.function_type != FRF_TYPE or reason or kind is None:
+        if function.function_type not in FRF_TYPES or reason or kind is None:
             self.functions.append(function)
         else:
             self.records.append((function, kind))

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRFKind
 from fem.io.uff_format import UffError
 
-_KINDS = {8: FRFKind.RECEPTANCE, 11: FRFKind.MOBILITY, 12: FRFKind.ACCELERANCE}
+MOTIONS = {8: FRFKind.RECEPTANCE, 11: FRFKind.MOBILITY, 12: FRFKind.ACCELERANCE}
+"""Kinds of response by their data types: displacement, velocity and acceleration."""
 _FORCES = (9, 13)
 
 FUNCTION_TYPES = (
@@ -129,8 +130,21 @@ class Function:
 
     @property
     def kind(self) -> FRFKind | None:
-        """Kind of the FRF by its data types; None where they do not say."""
-        return _KINDS.get(self.ordinate_type) if self.denominator_type in _FORCES else None
+        """Kind of the FRF by its data types; None where they do not say.
+
+        Of a motion for a motion, a transmissibility, it is that for the acceleration of the reference.
+        """
+        if self.denominator_type in _FORCES:
+            return MOTIONS.get(self.ordinate_type)
+        if not self.of_motion or self.ordinate_type not in MOTIONS:
+            return None
+        order = MOTIONS[self.ordinate_type].derivatives - MOTIONS[self.denominator_type].derivatives + 2
+        return tuple(FRFKind)[order] if 0 <= order <= 2 else None
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether its reference is a motion, not a force."""
+        return self.denominator_type in MOTIONS
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from fem.analysis.frf import FRFKind
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
-from fem.io.uff_types import Function, Units
+from fem.io.uff_types import MOTIONS, Function, Units
 
 G0 = 9.80665
 """Standard gravity [m/s²]."""
@@ -217,6 +217,8 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     words : str
         Labels that are not known; empty where all are.
     """
+    if f.of_motion:
+        return _between_motions(f, units, labels)
     turned, moment = (abs(parse_label(end)[1]) > 3 for end in (f.response, f.reference))
     motion = motion_factor(f.unit, kind, turned) if f.unit else None
     force = force_factor(f.denominator_unit, moment) if f.denominator_unit else _force_in(f.unit, moment)
@@ -233,3 +235,20 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     factor = (motion or 1 / response) / (force or 1 / reference)
     words = f"the unit label {' and '.join(unknown)} is not known for FRFs of kind {kind} and is ignored"
     return factor, reference / response, words if unknown and labels else ""
+
+
+def _between_motions(f: Function, units: Units, labels: bool) -> tuple[float, float, str]:
+    """Return the same for a motion for a motion: each has its own label or the file's unit of length."""
+    factors, by_file, unknown = [], [], []
+    response = f.response, f.ordinate_type, f.unit
+    reference = f.reference, f.denominator_type, f.denominator_unit
+    for end, kind, label in (response, reference):
+        turned = abs(parse_label(end)[1]) > 3
+        own = 1.0 if turned else 1 / units.length
+        known = motion_factor(label, MOTIONS[kind], turned) if label else None
+        if label and known is None:
+            unknown.append(f"'{label}'")
+        factors.append(known if known and labels else own)
+        by_file.append(own)
+    words = f"the unit label {' and '.join(unknown)} is not known for transmissibilities and is ignored"
+    return factors[0] / factors[1], by_file[0] / by_file[1], words if unknown and labels else ""

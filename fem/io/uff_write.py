@@ -7,7 +7,7 @@ again for each trace line) and 2412 (no orientation record for beams).
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,7 @@ def write_uff(
     geometry: "Points | None" = None,
     trace_lines: "Sequence[TraceLine]" = (),
     functions: "Sequence[Function]" = (),
+    base: Collection[str] = (),
 ) -> None:
     """Write FRFs, other functions, mode shapes and a geometry to a universal file, in SI units.
 
@@ -87,6 +88,8 @@ def write_uff(
         Lines through them, in place of a mesh's members.
     functions : sequence of Function, optional
         Time data, spectra, coherences, as they are: in the units that their labels say.
+    base : collection of str, optional
+        Inputs of the FRFs that are accelerations, of a base for example: such FRFs are transmissibilities.
 
     Raises
     ------
@@ -108,7 +111,7 @@ def write_uff(
     if modes is not None:
         parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}, modal_a))
     for one in frfs:
-        parts.extend(_records(one, binary, double, dofs or {}))
+        parts.extend(_records(one, binary, double, dofs or {}, base))
     parts.extend(_function_record(one, binary, double) for one in functions)
     with replacing(path) as scratch:
         scratch.write_bytes(b"".join(parts))
@@ -283,7 +286,9 @@ def _group_text(mesh: Mesh) -> str:
 # Functions: datasets 58 and 58b -----------------------------------------------------------------------------
 
 
-def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> list[bytes]:
+def _records(
+    frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str], base: Collection[str]
+) -> list[bytes]:
     start, step = _even_spacing(frf.frequency)
     if not step:
         _check_told_apart(frf.frequency, binary, double)
@@ -296,7 +301,7 @@ def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> l
             ends = (_dof(response, dofs), _dof(reference, dofs))
             values = _columns(frf, i, j, bool(step))
             payload = _payload(values, binary, double, bool(step))
-            head = _function_head(frf, ends, double, start, step)
+            head = _function_head(frf, ends, double, start, step, reference in base)
             kind = f"{58:6d}"
             if binary:
                 kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
@@ -395,22 +400,31 @@ def _payload(values: NDArray[np.float64], binary: bool, double: bool, even: bool
 
 
 def _function_head(
-    frf: FRF, ends: tuple[tuple[int, int], tuple[int, int]], double: bool, start: float, step: float
+    frf: FRF,
+    ends: tuple[tuple[int, int], tuple[int, int]],
+    double: bool,
+    start: float,
+    step: float,
+    driven: bool,
 ) -> str:
     (node, direction), (reference, sense) = ends
     kind, word, unit, turned = _NUMERATOR[frf.kind]
     moment = abs(sense) > 3
+    below = (13, "Moment" if moment else "Force", "N*m" if moment else "N")
+    if driven:
+        number, name, *labels = _NUMERATOR[FRFKind.ACCELERANCE]
+        below = (number, name, labels[moment])
     return "".join(
         [
             f"{_line(f'{frf.kind} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
             *(f"{'NONE':<80}\n" for _ in range(4)),
-            f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
+            f"{5 if driven else 4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
             f"{'NONE':<10}{reference:10d}{sense:4d}\n"
             f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}",
             f"{start:13.6e}{step:13.6e}{0:13.5e}\n",
             _axis(18, "Frequency", "Hz"),
             _axis(kind, word, turned if abs(direction) > 3 else unit),
-            _axis(13, "Moment" if moment else "Force", "N*m" if moment else "N"),
+            _axis(*below),
             _axis(0, "NONE", "NONE"),
         ]
     )

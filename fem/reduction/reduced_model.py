@@ -160,7 +160,7 @@ class ReducedModel:
         if (name, parameter) not in known:
             effect = self.model.effect(name)
             step = {p.name: p.value + 1j * STEP for p in effect.parameters() if p.name == parameter}
-            static = [static_part(c, bool(step)) for c in effect.with_values(**step).contribute(self.model)]
+            static = [static_part(c, bool(step)) for c in self.model.parts_of(effect.with_values(**step))]
             known[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
         T, old, new = self.basis.T, before.n_main, self.basis.n_main
         fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
@@ -285,7 +285,7 @@ class ReducedModel:
     def value_of(self, effect: Effect, model: Model | None = None) -> Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
         unit = None if model else self._unit(effect)
-        return unit[0].times(unit[1]) if unit else self._of(effect, effect.contribute(model or self.model))
+        return unit[0].times(unit[1]) if unit else self._of(effect, (model or self.model).parts_of(effect))
 
     def _unit(self, effect: Effect) -> tuple[Term, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
@@ -311,11 +311,11 @@ class ReducedModel:
 
     def _slope_of(self, effect: Effect, parameter: str, value: float, model: Model) -> Term:
         step = {parameter: value + 1j * STEP}
-        return self._of(effect, effect.with_values(**step).contribute(model), True)
+        return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
     def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> Term:
         """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
-        return self._of(effect, effect.contribute(model.with_values({ref: value + 1j * STEP})), True)
+        return self._of(effect, model.with_values({ref: value + 1j * STEP}).parts_of(effect), True)
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
         """Return which of an effect's matrices are proportional to a foreign parameter (computed once).

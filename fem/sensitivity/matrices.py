@@ -80,11 +80,11 @@ def differentiate_matrices(model: Model, ref: ParameterRef) -> tuple[MatrixDeriv
     """
     effect, value = model.effect(ref[0]), finite_value(model, ref)
     changed = effect.with_values(**{ref[1]: value + 1j * _STEP})
-    parts = list(changed.contribute(model))
+    parts = list(model.parts_of(changed))
     others = [e for e in model.effects if ref in e.refers_to(model)]
     if others:
         stepped = model.with_values({ref: value + 1j * _STEP})
-        parts += [part for e in others for part in e.contribute(stepped)]
+        parts += [part for e in others for part in stepped.parts_of(e)]
     out = []
     for part in parts:
         slopes = [None if X is None else np.imag(X) / _STEP for X in (part.static, part.M, part.C, part.D)]

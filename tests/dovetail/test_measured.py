@@ -240,10 +240,12 @@ def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load,
     # the noise of 2 % in each part is one of 2 % in amplitude, 0.17 dB, and more in antiresonances
     assert 0.15 < found["error_db"] < 0.5
     assert found["sensors"][0]["frac"] == [None]
-    for command in (["identify-modes"], ["update", "--out", str(tmp_path / "u")]):
-        capsys.readouterr()
-        assert main([command[0], str(path), *command[1:]]) == 2
-        assert "in n.npz amplitudes without phase, which are not used as FRFs" in capsys.readouterr().err
+    capsys.readouterr()
+    assert main(["identify-modes", str(path)]) == 2
+    assert "in n.npz amplitudes without phase, which are not used as FRFs" in capsys.readouterr().err
+    path.write_text(path.read_text(encoding="utf-8") + '\n[update]\nto = "modes"\n', encoding="utf-8")
+    with pytest.raises(StudyError, match="the study has no data for 'modes'"):
+        load_study(path)
 
 
 def test_amplitudes_that_could_be_parts_are_refused(computed, tmp_path):

@@ -514,7 +514,7 @@ def test_sets_have_their_place_in_the_seed():
     assert tuple(SETS) == (
         "single", "null", "withheld", "weak", "two", "faults",
         "connection", "connections", "mixed", "mounting", "modes", "frequencies", "states", "modes-null",
-        "ambient", "ambient-null",
+        "ambient", "ambient-null", "frf-states", "frf-states-null",
     )  # fmt: skip
     assert all(KINDS[k].found_as for k in KINDS)
 

@@ -143,3 +143,20 @@ def test_mountings_come_in_turn_and_feet_stand_on_elastic_frames():
     named = {n.effect for n in case.nuisances}
     assert {j.name for j in feet} <= named
     assert not set(EFFECTS) & {k for k, kind in KINDS.items() if kind.elastic_feet}
+
+
+def test_two_states_by_frfs_differ_by_the_hidden_effect_alone():
+    settings = replace(CaseSettings(31, small=True), noise=(1e-9, 2e-9), noise_floor=1e-12)
+    case, same = (draw_case(settings, name, 1) for name in ("frf-states", "frf-states-null"))
+    assert case.baseline is not None
+    assert same.baseline is not None
+    f, draft = case.draft.frequency, case.draft
+    change = np.abs(case.measurement.frf.H / case.baseline.frf.H - 1)
+    assert np.median(change) > 1e-6
+    weak = replace(settings, weaker=10 * settings.weaker)
+    weaker = draw_case(weak, "frf-states", 1)
+    less = np.abs(weaker.measurement.frf.H / weaker.baseline.frf.H - 1)
+    assert np.median(less) == pytest.approx(np.median(change) / 10, rel=0.3)
+    assert np.abs(same.measurement.frf.H / same.baseline.frf.H - 1).max() < 1e-6
+    assert case.measurement.frf.inputs == case.baseline.frf.inputs == tuple(d.name for d in draft.drives)
+    assert np.array_equal(case.baseline.frf.frequency, f)

@@ -12,6 +12,7 @@ from fem.system import assemble, connection_stiffness
 from updating.correlation import mac
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.inference.parameters import DampingCurve
+from updating.measurement.measurement import with_resting_base
 
 SAME_SHAPE = 0.5
 """Least MAC of two modes that count as the same one."""
@@ -75,7 +76,7 @@ def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
     zeta = d.steps[-1].result.zeta
     fitted = damped_modes(with_all, curve, zeta, top)
     return (
-        damped_modes(d.problem.reduced.model, curve, curve.start, 1.1 * top),
+        damped_modes(with_resting_base(d.problem.reduced.model), curve, curve.start, 1.1 * top),
         fitted if without is with_all else damped_modes(without, curve, zeta, 1.1 * top),
         fitted,
     )

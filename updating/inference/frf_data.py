@@ -37,6 +37,8 @@ class FRFData:
         Relative standard deviation with which even the right parameters meet a natural frequency [-].
     amplitude_error : float
         The same of an amplitude, calibration included [-].
+    phase : bool
+        Whether the receptances have phases; without, they are amplitudes, and residuals those of ln|H|.
     """
 
     frequency: NDArray[np.float64]
@@ -47,6 +49,16 @@ class FRFData:
     inputs: NDArray[np.float64]
     model_error: float
     amplitude_error: float
+    phase: bool = True
+
+    @property
+    def n_parts(self) -> int:
+        """Parts of ln H that were measured: its real part, ln|H|, and with a phase its imaginary part."""
+        return 2 if self.phase else 1
+
+    def seen(self, logarithm: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the part of ln H, or of its changes, that was measured: of amplitudes the real part."""
+        return logarithm if self.phase else logarithm.real + 0j
 
     def lines(self, highest: float, n: int) -> "FRFData":
         """Return at most n evenly spread lines up to a frequency."""
@@ -118,10 +130,11 @@ def frf_data(
         rows, columns = (sensor_vectors(model, s) for s in (frf.sensors, frf.excitations))
         # blocks that the program holds out are for the search; an update fits them
         kept = ~data.held_out if frf.held_out else slice(None)
-        return _counted(
+        counted = _counted(
             data.frequency[kept], data.H[kept], data.mask[kept], data.uncertain[kept], rows, columns,
             model_error, amplitude_error,
         )  # fmt: skip
+        return replace(counted, phase=frf.phase)
     if isinstance(frf, Measurement):
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs

@@ -24,7 +24,7 @@ class FRFTerms:
     Attributes
     ----------
     r : ndarray of complex (m,)
-        ln(H_computed / H_measured) of the values that count [nepers and rad].
+        ln(H_computed / H_measured) of the values that count, of amplitudes the real part [nepers and rad].
     weight : ndarray (m,)
         1/σ.
     by_values, by_ratios, by_shifts, by_gains : ndarray of complex (k, m) or None
@@ -133,7 +133,7 @@ class FRFResidual:
     @property
     def n_data(self) -> int:
         """Number of real residuals."""
-        return 2 * int(self.data.mask.sum())
+        return self.data.n_parts * int(self.data.mask.sum())
 
     def seen(self, least: float = 1e-3) -> NDArray[np.float64]:
         """Return the natural frequencies in the band that forces excite and outputs show [Hz].
@@ -193,7 +193,7 @@ class FRFResidual:
         n_out = d.outputs.shape[1]
         if gains is not None:
             r = r + gains[:n_out, None] + gains[n_out:]
-        r = np.nan_to_num(r, nan=0.0)[keep]
+        r = d.seen(np.nan_to_num(r, nan=0.0)[keep])
         weight = (1 / d.noise)[keep]
         if not gradient or dH is None or dH_dzeta is None:
             return FRFTerms(r, weight)
@@ -216,7 +216,8 @@ class FRFResidual:
             one = np.eye(len(gains), dtype=complex)
             sums = one[:, :n_out, None] + one[:, None, n_out:]
             by_gains = np.array([np.broadcast_to(part, H.shape)[keep] for part in sums])
-        return FRFTerms(r, weight, by_values, by_ratios, by_shifts, by_gains)
+        slopes = (None if x is None else d.seen(x) for x in (by_values, by_ratios, by_shifts, by_gains))
+        return FRFTerms(r, weight, *slopes)
 
 
 def _hats(knots: NDArray[np.float64], frequency: NDArray[np.float64]) -> NDArray[np.float64]:

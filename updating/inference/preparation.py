@@ -22,7 +22,7 @@ from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_ve
 from updating.inference.fit_function import LEVEL_FLOOR
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_sensor_masses
+from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_instruments
 
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
@@ -117,7 +117,7 @@ def build_problem(
     MeasurementError
         If there are fewer than ``LEAST_LINES`` lines, or no value of the FRFs is left to compare.
     """
-    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    model = with_instruments(model, measurement.sensors, measurement.excitations)
     other = next(iter(model.of_kind(ConnectionDamping)), None) if connections else None
     model = model.without_effect(other.name) if other else model  # the curve has it
     frf = measurement.frf.select(band=band) if band else measurement.frf
@@ -218,7 +218,7 @@ def counted_data(
     MeasurementError
         If all FRFs are zero.
     """
-    model = with_sensor_masses(model, (*measurement.sensors, *measurement.excitations))
+    model = with_instruments(model, measurement.sensors, measurement.excitations)
     frf = measurement.frf.select(band=band) if band else measurement.frf
     reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False, None)
     return _prepared(reduced, curve, measurement, band, model_error)

@@ -78,7 +78,7 @@ class Scatter:
         state, H, out = changes.state, changes.H, []
         model, fields = self.problem.reduced.model, changes.fields()
         of_members = (member_contribution(frame_of(model), model, m) for m in self.members)
-        for parts in (*of_members, *(e.contribute(model) for e in self.connections)):
+        for parts in (*of_members, *(model.parts_of(e) for e in self.connections)):
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
         for r in _shifted(self.problem, changes)[: self.n_modes]:
             for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):

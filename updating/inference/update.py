@@ -28,7 +28,7 @@ from updating.inference.update_problem import UpdateProblem
 from updating.inference.update_settings import UpdateSettings
 from updating.inference.update_stages import run_and_release
 from updating.inference.updated import Updated
-from updating.measurement.measurement import Measurement, with_sensor_masses
+from updating.measurement.measurement import Measurement, with_instruments, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
 
@@ -113,7 +113,7 @@ def update(
     """
     settings = settings or UpdateSettings()
     if isinstance(frf, Measurement):
-        model = with_sensor_masses(model, (*frf.sensors, *frf.excitations))
+        model = with_instruments(model, frf.sensors, frf.excitations)
     of_modes = _mode_data(
         model, frequency, shapes, modes, outputs, numbers, frequency_std, shape_std, model_error
     )
@@ -140,6 +140,7 @@ def update(
         msg = "there is no parameter to update"
         raise ModelError(msg)
     result = run_and_release(UpdateProblem(model, unknowns, of_modes, of_frf, knots, settings))
+    result = replace(result, model=with_resting_base(result.model))
     if of_frf is None and wanted and of_modes is not None and of_modes.zeta is not None:
         d = model.damping
         omega = 2 * np.pi * of_modes.frequency

@@ -279,6 +279,7 @@ class UpdateProblem:
             r, w = terms.r, terms.weight
             cost = float((w**2 * pseudo_huber(r, _ROBUST)).sum())
             w = w * np.sqrt(pseudo_huber_weight(r, _ROBUST))
+            phase = self.residual.data.phase
             J = None
             if gradient and terms.by_values is not None:
                 rows = [self.chain(x, terms.by_values)]
@@ -289,8 +290,8 @@ class UpdateProblem:
                 if terms.by_gains is not None:
                     rows.append(terms.by_gains)
                 full = np.vstack(rows) * w
-                J = np.hstack([full.real, full.imag])
-            flat = np.concatenate([w * r.real, w * r.imag])
+                J = np.hstack([full.real, full.imag]) if phase else full.real
+            flat = np.concatenate([w * r.real, w * r.imag]) if phase else w * r.real
             groups.append(ResidualGroup("frf", flat, cost, self.residual.n_data, J))
             errors[2] = float(np.sqrt((r.real**2).mean()) * DB_PER_NEPER)
         return UpdatePoint(

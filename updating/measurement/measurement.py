@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.effects.added_mass import AddedMass
+from fem.effects.moving_base import MovingBase, base_moved
+from fem.ground import MovingGround
 from fem.mesh import Mesh
-from fem.model import Instruments, Model
+from fem.model import Instruments, Model, ModelError
 from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
 
@@ -37,6 +39,8 @@ class Sensor:
     mass : float
         Mass that it adds to the structure, which :func:`with_sensor_masses` puts into a model [kg]. Of a
         triaxial sensor one channel has it.
+    relative : bool
+        Whether its reading is relative to a base that moves, as that of a sensor which the base carries.
     """
 
     name: str
@@ -45,6 +49,17 @@ class Sensor:
     member: str | None = None
     gain: float = 1.0
     mass: float = 0.0
+    relative: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseMotion(Sensor):
+    """The acceleration of the base as an excitation: of all supports and grounds as one rigid body.
+
+    FRFs to it are transmissibilities. As accelerance a response is an acceleration for the base's
+    acceleration [-], as mobility a velocity [s] and as receptance a displacement [s²]. Its point is where
+    pictures mark it.
+    """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,6 +264,33 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
     return replace(model, effects=(*model.effects, *masses.values())) if masses else model
 
 
+def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
+    """Return a model on a base that moves as some of the excitations say; the same where none does.
+
+    Raises
+    ------
+    MeasurementError
+        If nothing holds the structure to the base, or a direction is a combination of others.
+    """
+    directions = [np.asarray(e.direction, dtype=float) for e in excitations if isinstance(e, BaseMotion)]
+    if not directions or MovingGround.of(model) is not None:
+        return model
+    try:
+        return base_moved(model, np.array(directions))
+    except ModelError as reason:
+        raise MeasurementError(str(reason)) from reason
+
+
+def with_resting_base(model: Model) -> Model:
+    """Return a model whose supports and grounds rest."""
+    return model.without_effect(*(e.name for e in model.of_kind(MovingBase)))
+
+
+def with_instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
+    """Return a model with the masses of its instruments, on a base that moves where an excitation is such."""
+    return with_moving_base(with_sensor_masses(model, (*sensors, *excitations)), excitations)
+
+
 def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
     """Return the point of a mesh where a sensor sits: the nearest one, of its member if it has one.
 
@@ -276,19 +318,41 @@ def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
-    return Instruments(*places(measurement.sensors), *places(measurement.excitations))
+    forces = tuple(e for e in measurement.excitations if not isinstance(e, BaseMotion))
+    return Instruments(*places(measurement.sensors), *places(forces))
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
-    """Return each sensor's reading as a row of combinations of DOFs, shape (n, n_dof).
+    """Return each sensor's reading, or each excitation's force, as a row of combinations of DOFs, (n, n_dof).
 
     Raises
     ------
     MeasurementError
-        If the mesh has no point where a sensor sits (:func:`place_sensors`).
+        If the mesh has no point where a sensor sits (:func:`place_sensors`), or the base of a
+        :class:`BaseMotion` rests in the model.
     """
-    rows = np.zeros((len(sensors), model.n_dof))
+    rows, ground = np.zeros((len(sensors), model.n_dof)), MovingGround.of(model)
     for i, s in enumerate(sensors):
+        if isinstance(s, BaseMotion):
+            rows[i] = _base_force(model, ground, s)
+            continue
         point = sensor_point(model.mesh, s)
         rows[i, 6 * point : 6 * point + 3] = s.gain * np.asarray(s.direction)
+        if s.relative and ground is not None:
+            rows[i, ground.dofs] = -s.gain * (ground.directions @ np.asarray(s.direction))
     return rows
+
+
+def _base_force(model: Model, ground: MovingGround | None, motion: BaseMotion) -> NDArray[np.float64]:
+    """Return the force on the base that gives it the acceleration 1 along a direction, (n_dof,)."""
+    row, along = np.zeros(model.n_dof), np.asarray(motion.direction, dtype=float)
+    if ground is None:
+        msg = f"'{motion.name}' is a motion of the base, which rests in this model; see with_moving_base"
+        raise MeasurementError(msg)
+    amount = ground.translated(along)
+    if np.abs(amount @ ground.directions - along).max() > 1e-6:
+        msg = f"'{motion.name}' moves the base along {along.tolist()}, where the model's base does not move"
+        raise MeasurementError(msg)
+    (base,) = model.of_kind(MovingBase)
+    row[ground.dofs] = motion.gain * base.mass * amount
+    return row

@@ -95,7 +95,7 @@ class Field:
         ]
         own = {e.name for e in model.effects}
         fitted = model.with_values({ref: v for ref, v in result.values.items() if ref[0] in own})
-        parts = tuple(c for e in (*fitted.effects, *result.effects) for c in e.contribute(model))
+        parts = tuple(c for e in (*fitted.effects, *result.effects) for c in model.parts_of(e))
         full = sum_contributions(parts, model.n_dof)
         T = basis.T[:, columns]
         K, M, C, D = (np.asarray(T.T @ (X @ T)) for X in full)
@@ -108,7 +108,7 @@ class Field:
         shapes = T @ V
         force = shapes.T @ problem.vectors[1]
         springs = [e for e in (*fitted.effects, *result.effects) if e.connection]
-        G: Any = sum_contributions(tuple(c for e in springs for c in e.contribute(model)), model.n_dof)[0]
+        G: Any = sum_contributions(tuple(c for e in springs for c in model.parts_of(e)), model.n_dof)[0]
         mean: Any
         if C.any() or D.any() or (connections and G.nnz):
             C, D, G = V.T @ C @ V, V.T @ D @ V, shapes.T @ (G @ shapes)

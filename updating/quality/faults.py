@@ -15,6 +15,7 @@ import numpy as np
 
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.measurement.measurement import BaseMotion
 from updating.quality.corrections import Fault, combined, corrected, uncorrected
 from updating.quality.cross_prediction import (
     CrossPrediction,
@@ -280,8 +281,9 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
     motion, variance = less_certain(problem, X, 0.3).everywhere(problem.vectors[1].T @ field.shapes)
     found: list[tuple[Hypothesis, tuple[tuple[Fault, ...], ...]]] = []
     error = X.prior[1]
-    for k in range(len(excitations)):
-        for j in range(k):
+    forces = [k for k, e in enumerate(excitations) if not isinstance(e, BaseMotion)]
+    for n, k in enumerate(forces):
+        for j in forces[:n]:
             y, p = motion[:, k, j], motion[:, j, k]
             floor = np.sqrt(variance[:, k, j]) / np.maximum(np.abs(y), 1e-300)
             sigma = np.hypot(floor, np.sqrt(variance[:, j, k]) / np.maximum(np.abs(p), 1e-300))

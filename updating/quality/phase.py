@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import BaseMotion, Measurement
 
 ANTICAUSAL_RATIO = 2.0
 """Energy of one direction of time over that of the other beyond which the direction is certain [-]."""
@@ -251,6 +251,7 @@ def driven_points(measurement: Measurement, tolerance: float) -> list[tuple[int,
     return [
         (i, j, float(np.sign(cosine)))
         for j, e in enumerate(measurement.excitations)
+        if not isinstance(e, BaseMotion)
         for i, s in enumerate(measurement.sensors)
         if np.linalg.norm(s.point - e.point) <= tolerance
         and abs(cosine := float(np.dot(s.direction, e.direction))) > 0.999

@@ -125,7 +125,7 @@ class Reach:
             for effect in place.effects:
                 if effect.released():
                     continue
-                contributions = acting(effect).contribute(self.model)
+                contributions = self.model.parts_of(acting(effect))
                 dofs, S = motions_of(contributions)
                 if len(dofs) > MOST_DOFS or any(c.law is not None for c in contributions):
                     each.append(fields.slope(contributions, effect.connection).transpose(0, 2, 1)[..., None])

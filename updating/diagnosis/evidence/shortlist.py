@@ -101,7 +101,7 @@ def _proportional_levels(looks: Sequence[Look], grids: Sequence[Grid]) -> Floats
             points = () if effect.released() else grids[i].slight_points()
             step = max(1, -(-len(points) // MOST_PLACES))
             for point, factor in points[(step - 1) // 2 :: step]:
-                contributions = effect.with_values(**point).contribute(model)
+                contributions = model.parts_of(effect.with_values(**point))
                 owner.append(i)
                 most.append(factor)
                 for mine, every in zip(slopes, responses, strict=True):
