@@ -110,6 +110,7 @@ def _no_second_worker(client: Any) -> Iterator[None]:
     By default it does so four times, and a unit that ends its process takes as many workers with it: all of
     a small cluster, where nothing restarts them. Whoever else uses the cluster meets the same meanwhile.
     """
+
     def allow(dask_scheduler: Any, number: int | None) -> None:
         import dask
 

@@ -353,9 +353,7 @@ def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float6
     return found.pairs
 
 
-def _shifted_elsewhere(
-    system: System, rigid: NDArray[np.float64]
-) -> tuple[float, Factor, float | None, int]:
+def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[float, Factor, float | None, int]:
     """Choose the shift as :func:`_shifted` does, and leave factorising to other processes."""
     shift = _small_shift(system, held=rigid.shape[1] == 0)
     reference = None

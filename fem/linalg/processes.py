@@ -1,7 +1,8 @@
 """Eigenpairs by SLEPc and MUMPS in processes of their own, on one machine or several.
 
-The processes are started by a command, such as ``mpirun -n 2 /usr/bin/python3``, that the environment variable
-``DOVETAIL_MPI`` holds. Its Python needs petsc4py and slepc4py, and need not be the one that runs Dovetail.
+The environment variable ``DOVETAIL_MPI`` holds the command that starts them, such as
+``mpirun -n 2 /usr/bin/python3``. Its Python needs petsc4py and slepc4py, and need not be the one that runs
+Dovetail.
 """
 
 import itertools
@@ -210,6 +211,4 @@ def late_factor(A: Any) -> Factor:
             made.append(factorise(A))
         return made[0]
 
-    return Factor(
-        lambda b: factor().solve(b), lambda: factor().count_negative(), SLEPC, matrix=A
-    )
+    return Factor(lambda b: factor().solve(b), lambda: factor().count_negative(), SLEPC, matrix=A)

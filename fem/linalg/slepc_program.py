@@ -2,9 +2,9 @@
 
     mpirun -n N python slepc_program.py FOLDER
 
-It needs petsc4py, slepc4py and NumPy, and nothing of Dovetail, so that it runs under another Python: that of a
-cluster or of Debian. :mod:`fem.linalg.processes` writes ``problem.json``, ``K.petsc`` and ``M.petsc`` into the
-folder and reads ``found.json`` and ``vectors.npy``. All processes must see the folder.
+It needs petsc4py, slepc4py and NumPy, and nothing of Dovetail, so that it runs under another Python: that of
+a cluster or of Debian. :mod:`fem.linalg.processes` writes ``problem.json``, ``K.petsc`` and ``M.petsc`` into
+the folder and reads ``found.json`` and ``vectors.npy``. All processes must see the folder.
 """
 
 import json

@@ -54,6 +54,16 @@ MODELS = {
     "mounts": mounted(),
     # two members: one tapers, is on springs and hinged, its mass in lumps; the other is a bar in one piece
     "options": braced(),
+    # twists beside its centroid, also where it is damped and tapers
+    "open": beam(
+        4,
+        0.9,
+        effects=(fix(0, name="wall"),),
+        along=(1, -2, 0.5),
+        material=Material("damped", 70e9, 2700.0, loss_factor=0.02),
+        section=Section.channel(0.05, 0.1, 0.006, 0.004),
+        section2=Section.channel(0.03, 0.06, 0.006, 0.004),
+    ),
     # ends of solid bars on others, one with a rigid zone
     "welded": welded(0.15, rigid1=0.004),
     "part": with_part(),

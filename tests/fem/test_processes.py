@@ -1,4 +1,4 @@
-"""Modes by SLEPc and MUMPS in two processes, where they are installed: the same frequencies, all repeated ones."""
+"""Modes by SLEPc and MUMPS in two processes, where they are installed: the same, all repeated ones too."""
 
 import os
 import shutil
@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from benchmarks.modes import block_of_cells
 from fem import assemble
-from fem.analysis.modes import UnstableError, solve_modes
+from fem.analysis.modes import solve_modes
 from fem.linalg.processes import ProcessesError, _reason, lowest_by_processes, write_petsc
 
 DEBIAN = {
