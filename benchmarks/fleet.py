@@ -1,11 +1,15 @@
 """A fleet of a small frame drawn from a seed: how well triage tells outliers, and their causes.
 
 python -m benchmarks.fleet --units 300 --outliers 24
+
+--diagnose N also diagnoses up to N units that are more likely outliers than not, and counts how often the
+cause is right.
 """
 
 import argparse
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,10 +17,13 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import rankdata
 
-from dovetail.fleet.run import run_fleet
+from dovetail.fleet.diagnosing import cause_text, diagnose_outliers
+from dovetail.fleet.run import Triaged, run_fleet
 from dovetail.fleet.triage import Fleet
 from dovetail.study import load_study
+from dovetail.units.folder import Record
 from dovetail.units.pool import pool_of
+from dovetail.validation.calibration import Share
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.io import write_npz
@@ -192,6 +199,51 @@ def auc(odds: np.ndarray, wrong: np.ndarray) -> float:
     return float((ranks[wrong].sum() - n * (n + 1) / 2) / (n * (len(odds) - n)))
 
 
+def judged(effect: Effect | None, record: Record | None) -> str:
+    """Return how a diagnosis names the cause of an outlier.
+
+    - right: the kind and the member, or the support and its direction, and nothing else
+    - beside: the same, and something else
+    - twin: another effect, with the right one among those that the data cannot tell from it
+    - wrong: anything else, faults of the measurement and "unexplained" too
+    - missed: not diagnosed
+    - regular: a unit with nothing wrong
+    """
+    if effect is None:
+        return "regular"
+    if record is None:
+        return "missed"
+    names = [f["name"] for f in record["findings"]]
+    if effect.name in names:
+        return "right" if len(names) == 1 and not record["faults"] else "beside"
+    twins = {t["name"] for f in record["findings"] for t in f["twins"]}
+    return "twin" if effect.name in twins else "wrong"
+
+
+def causes(found: Triaged, effects: Sequence[Effect | None], n: int, folder: Path) -> list[str]:
+    """Diagnose up to n units; print each diagnosis, and return the table of the causes."""
+    with pool_of() as pool:
+        records, failures = diagnose_outliers(found, n, folder, pool)
+    seconds = [r["cpu_seconds"] for r in records.values()]
+    at = {file: k for k, file in enumerate(found.files)}
+    outcomes = [judged(effects[k], None) for k in range(len(effects)) if found.files[k] not in records]
+    for file, record in records.items():
+        effect = effects[at[file]]
+        outcomes.append(judged(effect, record))
+        true = "nothing" if effect is None else effect.name
+        print(f"  {file.name} {true}: {outcomes[-1]}: {cause_text(record)}", flush=True)
+    counts = Counter(outcomes)
+    wrong = sum(e is not None for e in effects)
+    lines = [f"  {word}: {counts[word]}" for word in ("right", "beside", "twin", "wrong", "missed")]
+    share = Share(counts["right"] + counts["beside"] + counts["twin"], wrong)
+    return [
+        f"causes of {wrong} outliers; {np.median(seconds):.0f} s of CPU each; {len(failures)} failed",
+        *lines,
+        f"right cause named, alone, beside others or among twins: {share}",
+        f"right cause alone: {Share(counts['right'], wrong)}",
+    ]
+
+
 def main() -> None:
     """Draw a fleet, triage it, and print how well outliers are told."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -200,6 +252,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--wrong", type=float, default=0.0, help="stiffness of the foot that the model lacks")
     parser.add_argument("--spread", type=float, default=0.0, help="scatter of its logarithm")
+    parser.add_argument("--diagnose", type=int, default=0, help="outliers that are diagnosed")
     parser.add_argument("--keep", type=Path, help="folder that keeps the fleet")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
@@ -224,6 +277,8 @@ def main() -> None:
             effect = drawn.effects[k]
             print(f"  {found.files[k].name} {p.probability[k]:.4f} rest {p.rest[k]:9.3g}", end=" ")
             print(f"distance {p.distance[k]:9.3g} {'' if effect is None else effect.name}")
+        if options.diagnose:
+            print("\n".join(causes(found, drawn.effects, options.diagnose, Path(name, "out"))))
 
 
 if __name__ == "__main__":

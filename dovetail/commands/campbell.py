@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.commands.argument_types import positive, speed_range, whole_up_to
+from dovetail.commands.argument_types import positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import check_png, check_suffix
+from dovetail.commands.speed import add_speeds
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.rotation import RPM
 from fem.analysis.campbell import Campbell, CriticalSpeed, solve_campbell
@@ -24,14 +25,7 @@ _PRINTED = 11
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--speeds",
-        type=speed_range,
-        required=True,
-        metavar="FIRST:LAST:NUMBER",
-        help="speeds of members with spin 1, in turns a minute: the first, the last, and how many, such as "
-        "0:30000:51",
-    )
+    add_speeds(p)
     p.add_argument(
         "--number",
         type=whole_up_to(200),

@@ -13,9 +13,11 @@ from dovetail.commands.common import (
     loaded,
     notes_of_mesh,
     say,
+    warn,
 )
 from dovetail.disk.output import Output, Progress, result_folder, write_json
 from fem.analysis.modes import first_modes, solve_modes
+from fem.analysis.warping import warped_modes
 from fem.system import assemble
 from viz.offscreen import require_drawing
 
@@ -50,6 +52,8 @@ def run(options: Options, progress: Progress) -> None:
         found = solve_modes(system, max_frequency=options.max)
     else:
         found = first_modes(system, options.number or 10)
+    warped = warped_modes(study.model, found)
+    warn(warped)
     zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
     if options.pictures is not None:
         from viz.render import render_mode
@@ -71,7 +75,7 @@ def run(options: Options, progress: Progress) -> None:
             "mesh_notes": study.model.mesh.notes,
             "measured_notes": study.measured_notes,
             "assumptions": study.assumptions,
-            "warnings": study.warnings,
+            "warnings": (*study.warnings, *warped),
         },
     )
     rows = [

@@ -1,9 +1,9 @@
-"""The option ``--rpm`` of commands that compute a rotor at one speed."""
+"""Options of commands that compute a rotor: ``--rpm``, one speed, and ``--speeds``, several."""
 
 import argparse
 from dataclasses import replace
 
-from dovetail.commands.argument_types import finite
+from dovetail.commands.argument_types import finite, speed_range
 from dovetail.commands.common import Options
 from dovetail.file.rotation import at_speed
 from dovetail.study import Study
@@ -16,6 +16,18 @@ def add_rpm(p: argparse.ArgumentParser) -> None:
         type=finite,
         metavar="N",
         help="speed of the members with a spin, turns a minute (default: [rotation] rpm of the study)",
+    )
+
+
+def add_speeds(p: argparse.ArgumentParser) -> None:
+    """Add the speeds over which a rotor is computed."""
+    p.add_argument(
+        "--speeds",
+        type=speed_range,
+        required=True,
+        metavar="FIRST:LAST:NUMBER",
+        help="speeds of members with spin 1, in turns a minute: the first, the last, and how many, such as "
+        "0:6000:61",
     )
 
 

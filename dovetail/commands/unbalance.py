@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import speed_range
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.speed import add_speeds
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.rotation import RPM
 from dovetail.file.table import StudyError
@@ -21,13 +21,7 @@ EXAMPLE = "dovetail unbalance study.toml --speeds 0:6000:601 --picture unbalance
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--speeds",
-        type=speed_range,
-        required=True,
-        metavar="FIRST:LAST:NUMBER",
-        help="speeds of members with spin 1, in turns a minute, such as 0:6000:601",
-    )
+    add_speeds(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="also write amplitudes and phases as .csv")
     p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the amplitudes as .png")
 

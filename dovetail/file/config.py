@@ -21,7 +21,7 @@ from dovetail.file.connections import (
 )
 from dovetail.file.contents import Study
 from dovetail.file.conventions import check_phase
-from dovetail.file.effects import candidates_of, read_changes, read_effects, read_values
+from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import read_faults, tilted
 from dovetail.file.geometry import (
     MOST_ELEMENTS,
@@ -452,7 +452,7 @@ class _Reader:
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
         properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
-        notes.extend((*note_shear_centres(properties), *note_one_sided(properties)))
+        notes.extend((*note_shear_centres(properties, known_candidates(top)), *note_one_sided(properties)))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
         connections = (
             *read_viscoelastic(top, geometry),

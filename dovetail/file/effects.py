@@ -77,6 +77,13 @@ def read_changes(top: Table) -> tuple[str, ...]:
     return tuple(_own_name(t) for t in top.tables("effects") if t.flag("since_baseline", False))
 
 
+def known_candidates(top: Table) -> tuple[Any, ...]:
+    """Return what ``[[effects]]`` names as candidates, before the model that they are for is made."""
+    listed = top.values.get("effects", [])
+    tables = listed if isinstance(listed, list) else []
+    return tuple(t.get("candidate") for t in tables if isinstance(t, dict))
+
+
 def read_values(top: Table, model: Model) -> Model:
     """Return a model with ``[values.EFFECT]``: values of parameters that no other table has a place for."""
     for name, t in top.table("values").named():

@@ -1,6 +1,6 @@
 """Materials, sections, members, supports and masses of a study."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from dovetail.file.table import Table, as_vector, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
+from fem.effects.shear_centre import ShearCentre, is_eccentric
 from fem.effects.support import Support
 from fem.elements.axes import local_axes
 from fem.elements.properties import MASSES, THEORIES, MemberProperties
@@ -138,17 +139,21 @@ def _constant(t: Table, key: str) -> float:
     return t.number(key, above=0, unit="m²" if key == "A" else "m⁴")
 
 
-def note_shear_centres(members: Mapping[str, MemberProperties]) -> list[str]:
-    """Return a note on each section whose shear centre is not its centroid: the elements take it to be."""
+def note_shear_centres(members: Mapping[str, MemberProperties], coupled: Container[str] = ()) -> list[str]:
+    """Return a note on each section whose shear centre is not its centroid: the elements take it to be.
+
+    ``coupled`` has the names of candidates that are known to be there.
+    """
     out: dict[str, str] = {}
     for name, member in members.items():
         y, z = member.section.shear_centre
-        if np.hypot(y, z) > 0.01 * np.sqrt(member.section.A):
+        if is_eccentric(member) and f"{ShearCentre.kind}:{name}" not in coupled:
             out.setdefault(
                 member.section.label,
                 f"section {member.section.label} (member '{name}' …) has its shear centre "
                 f"{np.hypot(y, z):.3g} m from its centroid; it is assumed to twist about the centroid, "
-                "so that bending and torsion are not coupled",
+                f"so that bending and torsion are not coupled; [[effects]] candidate = "
+                f'"{ShearCentre.kind}:{name}" couples them',
             )
     return list(out.values())
 

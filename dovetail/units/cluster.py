@@ -24,7 +24,7 @@ AHEAD = 4
 LEAST_AHEAD = 256
 """Units that it holds at least: workers may join later [-]."""
 
-KILLED = f"{PROCESS_ENDED}, on several workers"
+KILLED = f"{PROCESS_ENDED}, on two workers"
 
 _ONE = threading.Lock()
 """Threads and warnings of numerics belong to a process: units of one process run one after another."""
@@ -36,9 +36,10 @@ _SHARED: dict[str, Any] = {}
 class ClusterPool:
     """The workers of a Dask cluster, more or fewer as time goes by.
 
-    The scheduler gives the units of a worker that ends to others. A unit that was on several workers which
-    ended is computed once more, alone, and has failed if that ends them too. What all units need is a task
-    as well, which any worker can do again, and not data that end with the workers that hold them.
+    Units that were on a worker that ends are computed once more, each alone, and have failed if that ends a
+    worker too. So a unit that always ends its process takes two workers, however many are restarted or not.
+    What all units need is a task as well, which any worker can do again, and not data that end with the
+    workers that hold them.
 
     Attributes
     ----------
@@ -56,20 +57,26 @@ class ClusterPool:
             If a worker runs another program, or the scheduler has gone.
         """
         payload = pickle.dumps(shared, pickle.HIGHEST_PROTOCOL)
-        key = hashlib.sha256(payload).hexdigest()
+        suspects: list[Unit] = []
+        threads = sum(self.client.nthreads().values())
+        with _no_second_worker(self.client):
+            for outcome in self._together(
+                self._call(function, payload), units, max(AHEAD * threads, LEAST_AHEAD)
+            ):
+                if outcome.failure == KILLED:
+                    suspects.append(outcome.unit)
+                else:
+                    yield outcome
+            for unit in suspects:  # one of those together has ended the worker: each alone, to see which
+                yield from self._together(self._call(function, payload), [unit], 1)
+
+    def _call(self, function: Function, payload: bytes) -> Any:
+        """Return what submits a unit, with the data that all need sent once."""
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
             sent = self.client.submit(_same, payload, pure=False)
-        call = partial(self.client.submit, _call, function, sent, key, fingerprint(), pure=False)
-        suspects: list[Unit] = []
-        threads = sum(self.client.nthreads().values())
-        for outcome in self._together(call, units, max(AHEAD * threads, LEAST_AHEAD)):
-            if outcome.failure == KILLED:
-                suspects.append(outcome.unit)
-            else:
-                yield outcome
-        for unit in suspects:  # one of those together has ended the workers: each alone, to see which
-            yield from self._together(call, [unit], 1)
+        key = hashlib.sha256(payload).hexdigest()
+        return partial(self.client.submit, _call, function, sent, key, fingerprint(), pure=False)
 
     def _together(self, call: Any, units: Sequence[Unit], ahead: int) -> Generator[Outcome]:
         """Yield the outcomes of units of which the scheduler holds so many at a time."""
@@ -94,6 +101,28 @@ class ClusterPool:
         finally:
             with suppress(Exception):  # the scheduler may have gone
                 self.client.cancel(list(running))
+
+
+@contextmanager
+def _no_second_worker(client: Any) -> Iterator[None]:
+    """Let the scheduler give no unit of a worker that ended to another one by itself.
+
+    By default it does so four times, and a unit that ends its process takes as many workers with it: all of
+    a small cluster, where nothing restarts them. Whoever else uses the cluster meets the same meanwhile.
+    """
+
+    def allow(dask_scheduler: Any, number: int | None) -> None:
+        import dask
+
+        default = dask.config.get("distributed.scheduler.allowed-failures")
+        dask_scheduler.allowed_failures = default if number is None else number
+
+    client.run_on_scheduler(allow, number=0)
+    try:
+        yield
+    finally:
+        with suppress(Exception):  # the scheduler may have gone
+            client.run_on_scheduler(allow, number=None)
 
 
 def _outcome(future: Any, unit: Unit) -> Outcome:

@@ -1,50 +1,19 @@
 """Influences on a load factor that linear buckling with these elements neglects."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.warping import ACCURACY, line_work, warping_gains
 from fem.effects.prestress import Prestress
+from fem.effects.shear_centre import ShearCentre
 from fem.elements.frame import Frame
-from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Model
-from fem.sections.section import Section
 
 if TYPE_CHECKING:
     from fem.analysis.statics import StaticSolution
-
-ACCURACY = 0.01
-"""Relative error of a load factor that is worth a warning [-]."""
-
-
-def _i_warping(d: Mapping[str, float]) -> float:
-    return _flanges(d["tf"], d["b"], d["tf"], d["b"], d["h"])
-
-
-def _unequal_i_warping(d: Mapping[str, float]) -> float:
-    return _flanges(d["tf1"], d["b1"], d["tf2"], d["b2"], d["h"])
-
-
-def _flanges(t1: float, b1: float, t2: float, b2: float, h: float) -> float:
-    one, two = t1 * b1**3 / 12, t2 * b2**3 / 12
-    return (h - (t1 + t2) / 2) ** 2 * one * two / (one + two)
-
-
-def _channel_warping(d: Mapping[str, float]) -> float:
-    b, h, tf, tw = d["b"] - d["tw"] / 2, d["h"] - d["tf"], d["tf"], d["tw"]
-    return tf * b**3 * h**2 / 12 * (3 * b * tf + 2 * h * tw) / (6 * b * tf + h * tw)
-
-
-WARPING: Mapping[str, Callable[[Mapping[str, float]], float]] = {
-    "i_section": _i_warping,
-    "unequal_i_section": _unequal_i_warping,
-    "channel": _channel_warping,
-}
-"""Warping constants Iw of open shapes [m⁶]: Timoshenko and Gere, *Theory of Elastic Stability*, 2nd ed. 1961,
-table A-3. Walls that all meet in one point (angles, T, cruciforms) have next to none."""
 
 
 def limits(
@@ -72,7 +41,7 @@ def limits(
     share = {m: abs(work[rows]).sum() / total for m, rows in loaded.mesh.members.items()}
     bent = abs(work - alone).sum() / max((abs(work - alone) + abs(alone)).sum(), 1e-300)
     return (
-        *_of_shear_centres(frame, share),
+        *_of_shear_centres(loaded, frame, share),
         *_of_warping(loaded, frame, shape),
         *_of_displacements(solution, column, factor, bent),
         *_of_parts(solution, column),
@@ -83,49 +52,34 @@ def _line_work(
     model: Model, parts: tuple[Contribution, ...], shape: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return xᵀ K x of each line on a shape x, (n_lines,)."""
-    out = np.zeros(model.mesh.n_lines)
-    for c in parts:
-        if c.lines is not None and c.K is not None:
-            at = shape[c.dofs]
-            np.add.at(out, c.lines, np.einsum("bi,bij,bj->b", at, np.real(c.K), at))
-    return out
+    return line_work(model, parts, shape[:, None])[:, 0]
 
 
-def _of_shear_centres(frame: Frame, share: Mapping[str, float]) -> Iterator[str]:
+def _of_shear_centres(model: Model, frame: Frame, share: Mapping[str, float]) -> Iterator[str]:
+    coupled = {e.member for e in model.of_kind(ShearCentre)}
     for member, part in share.items():
         section = frame.members[member].section
         away = float(np.hypot(*section.shear_centre))
         if part > ACCURACY and away > ACCURACY * np.sqrt(section.A):
+            left_out = (
+                "Wagner's terms are"
+                if member in coupled
+                else ("Wagner's terms and the coupling of torsion with bending are")
+            )
             yield (
-                f"member '{member}' ({section.label}) has its shear centre {away:.3g} m from its centroid, "
-                "which the elements take to be one: Wagner's terms and the coupling of torsion with bending "
-                "are left out, and the load factor may be too high or too low"
+                f"member '{member}' ({section.label}) has its shear centre {away:.3g} m from its centroid: "
+                f"{left_out} left out, and the load factor may be too high or too low"
             )
 
 
 def _of_warping(model: Model, frame: Frame, shape: NDArray[np.float64]) -> Iterator[str]:
-    """Warping adds k² = π²E Iw/(G J L²) to the torsion of a half-wave of the member's length."""
-    elastic = frame.contribution_of(model, np.arange(model.mesh.n_lines))
-    strain = max(_line_work(model, elastic, shape).sum(), 1e-300)
-    for member in model.mesh.members:
-        p, length = frame.members[member], model.mesh.member_length(member)
-        if p.theory == "bar" or p.section.shape not in WARPING:
-            continue
-        k2 = np.pi**2 * 2 * (1 + p.material.nu) * _warping(p.section) / (p.section.J * length**2)
-        whole = np.asarray(0.0), np.asarray(length)
-        twist = stiffness_of_stretch(frame, model, member, *whole, (0, 0, 0, 1, 0, 0))
-        rows = model.mesh.members[member]
-        gain = k2 * _line_work(model, (replace(twist, lines=rows),), shape).sum() / strain
-        if gain > ACCURACY:
+    for member, k, gains in warping_gains(model, shape[:, None]):
+        if gains[0] > ACCURACY:
             yield (
-                f"member '{member}' ({p.section.label}) resists warping (k = {np.sqrt(k2):.2g} for its "
-                f"length), which St Venant's torsion leaves out: this mode's load factor is too low by up to "
-                f"{100 * gain:.0f} %, and one with less twist may come first"
+                f"member '{member}' ({frame.members[member].section.label}) resists warping (k = {k:.2g} for "
+                "its length), which St Venant's torsion leaves out: this mode's load factor is too low by up "
+                f"to {100 * gains[0]:.0f} %, and one with less twist may come first"
             )
-
-
-def _warping(section: Section) -> float:
-    return WARPING[section.shape](section.dimensions)
 
 
 def _of_displacements(solution: "StaticSolution", column: int, factor: float, bent: float) -> Iterator[str]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
-from fem.linalg.solvers import Factor, factorise, one_thread
+from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
+from fem.linalg.solvers import SLEPC, Factor, factorise, one_thread
 from fem.model import DIRECTIONS, ModelError
 from fem.summary import counted, summary
 from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
@@ -206,8 +207,9 @@ def _eigenpairs(
     system: System, n: int | None, max_frequency: float | None, check: bool, unstable: bool
 ) -> Eigenpairs:
     n_free = system.n_free
-    shift, factor, reference, n_below = _shifted(system)
+    elsewhere = is_chosen() and n_free > DENSE_LIMIT
     rigid = rigid_body_motions(system)
+    shift, factor, reference, n_below = _shifted_elsewhere(system, rigid) if elsewhere else _shifted(system)
     want = min(n_free, max(n if n is not None else 20, rigid.shape[1] + n_below + 1))
     limit = -np.inf if n is not None or max_frequency is None else (2 * np.pi * max_frequency) ** 2
     if limit > 0 and n_free**2 > MOST_VALUES:
@@ -300,6 +302,9 @@ def _lowest(
     zeros = np.zeros(rigid.shape[1])
     if n == len(zeros):
         return zeros, rigid
+    if factor.backend == SLEPC:
+        pairs = _by_processes(system, shift, n - len(zeros), rigid)
+        return np.concatenate([zeros, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
     pairs = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, n - len(zeros), limit, rigid)
     if check:
         pairs = _counted(system, factor, shift, pairs, rigid)
@@ -336,6 +341,35 @@ def _counted(
     return pairs.head(want)
 
 
+def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float64]) -> RitzPairs:
+    """Return the n lowest eigenpairs beside rigid-body motions by SLEPc, which counts them as well."""
+    found = lowest_by_processes(system.K, system.M, shift, n, rigid)
+    if found.n_below:
+        msg = (
+            f"the structure is unstable, or nearly so: {found.n_below} eigenvalues of ω² lie below "
+            f"{shift:.3g} rad²/s². Modes of such structures are computed without DOVETAIL_SOLVER={SLEPC}"
+        )
+        raise UnstableError(msg)
+    return found.pairs
+
+
+def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[float, Factor, float | None, int]:
+    """Choose the shift as :func:`_shifted` does, and leave factorising to other processes."""
+    shift = _small_shift(system, held=rigid.shape[1] == 0)
+    reference = None
+    if rigid.shape[1]:
+        first = _by_processes(system, shift, 1, rigid)
+        reference = float(first.eigenvalues[0])
+        shift = -0.1 * reference
+    return shift, late_factor(system.K - shift * system.M), reference, 0
+
+
+def _small_shift(system: System, held: bool) -> float:
+    """Return a shift σ so small that rounding just allows it."""
+    n_lines = max(system.model.mesh.n_lines, 1)
+    return -_highest(system) * max((1e-4 / n_lines) ** 2, 1e-14 if held else 1e-12)
+
+
 def _highest(system: System) -> float:
     """Return the order of the highest eigenvalues [rad²/s²]."""
     return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
@@ -364,10 +398,10 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
         How many eigenvalues are negative, and not by rounding.
     """
     K, M, Q, model = system.K, system.M, system.Q, system.model
-    mesh, upper = model.mesh, _highest(system)
+    upper = _highest(system)
     q = Q.T @ rigid_motions(model) @ reproduced(model, Q, model.constraints())
     held = q.shape[1] == 0
-    shift = -upper * max((1e-4 / max(mesh.n_lines, 1)) ** 2, 1e-14 if held else 1e-12)
+    shift = _small_shift(system, held)
     shifted = K - shift * M
     factor, reference = factorise(shifted), None
     n_below = n_negative(shifted, factor)

@@ -20,6 +20,9 @@ SMALL = 1000
 
 BACKENDS = ("superlu", "multifrontal", "pardiso")
 
+SLEPC = "slepc"
+"""Value of ``DOVETAIL_SOLVER`` by which :mod:`fem.linalg.processes` computes modes; factors are our own."""
+
 
 class SingularMatrixError(ValueError):
     """A matrix without an inverse."""
@@ -100,7 +103,7 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
         msg = "there are no equations: every point of the mesh is held; divide the members"
         raise SingularMatrixError(msg)
     chosen = backend or os.environ.get("DOVETAIL_SOLVER") or None
-    if chosen is None:
+    if chosen in (None, SLEPC):
         chosen = "superlu" if A.shape[0] < SMALL else "multifrontal"
     if chosen == "superlu":
         return _superlu(A)
@@ -108,7 +111,7 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
         return _multifrontal(A, like)
     if chosen == "pardiso":
         return _pardiso(A)
-    msg = f"there is no solver {chosen!r}; there are {', '.join(BACKENDS)}"
+    msg = f"there is no solver {chosen!r}; there are {', '.join(BACKENDS)}, and for modes {SLEPC}"
     raise ValueError(msg)
 
 

@@ -91,13 +91,11 @@ def run_program(folder, *arguments):
         ("local", ()),
         pytest.param("local", ("deadly",), marks=pytest.mark.slow),
         pytest.param("dask", (), marks=[needs_dask, pytest.mark.slow]),
+        pytest.param("dask", ("deadly",), marks=[needs_dask, pytest.mark.slow]),
     ],
 )
 def test_killing_a_worker_loses_nothing_and_changes_no_number(kind, deadly, tmp_path):
-    """One of two workers is killed in a unit; that unit is computed again, and one that kills is listed.
-
-    Not on Dask: two nannies sometimes give up restarting workers that a unit kills again and again.
-    """
+    """One of two workers is killed in a unit; that unit is computed again, and one that kills is listed."""
     got = run_program(tmp_path, kind, *deadly)
     assert got["units"] == sorted([*"01234567", "broken", *deadly])
     assert set(got["failures"]) == {"broken", *deadly}

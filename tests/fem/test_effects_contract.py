@@ -101,8 +101,8 @@ BRAKED = {"mass_damping"}
 OF_ALL = {"mass_damping", "stiffness_damping"}
 """Kinds that are formed of all other effects or all joints, in a fit of those at nominal values."""
 
-DIFFERENCES = {"member_section", "member_shear", "member_torsion"}
-"""Kinds that are what other sections add."""
+DIFFERENCES = {"member_section", "member_shear", "member_torsion", "shear_centre"}
+"""Kinds that are what other sections, or another axis of twist, add."""
 
 
 QUANTITY = re.compile(r"`(\w+)` \[([^\]]+)\]")
@@ -143,6 +143,18 @@ SHAFT = beam(
 """A tapered shaft, which may spin."""
 
 
+OPEN = beam(
+    4,
+    0.9,
+    effects=(fix(0, name="wall"),),
+    along=(1, -2, 0.5),
+    material=Material("damped", 70e9, 2700.0, loss_factor=0.02),
+    section=Section.channel(0.05, 0.1, 0.006, 0.004),
+    section2=Section.channel(0.03, 0.06, 0.006, 0.004),
+)
+"""A tapered channel, which twists beside its centroid."""
+
+
 def some(effects):
     """Return the first, the middle and the last of the candidates of a kind."""
     n = len(effects)
@@ -162,6 +174,7 @@ CASES = [
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
 SPIN = Spin(name="spin", speed=40.0)
 CASES.append(pytest.param(SHAFT, SPIN, id="shaft-spin"))
+CASES += [pytest.param(OPEN, e, id=f"open-{e.name}") for e in candidates(OPEN, "shear_centre")]
 PLANE = Plane(name="plane", plane="xz")
 """It has constraints alone: see test_plane.py."""
 OWN = [
@@ -402,7 +415,10 @@ def test_names_are_unique_and_differ_from_the_models(name):
 
 def test_every_kind_is_proposed_somewhere():
     met = {
-        effect.kind for model in MODELS.values() for k in candidate_kinds() for effect in candidates(model, k)
+        effect.kind
+        for model in (*MODELS.values(), OPEN)
+        for k in candidate_kinds()
+        for effect in candidates(model, k)
     }
     assert met == set(candidate_kinds())
     own = {effect.kind for model in MODELS.values() for effect in model.effects}

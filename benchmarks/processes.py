@@ -1,0 +1,121 @@
+"""Time and memory of 20 modes by SLEPc and MUMPS in one and two processes, beside Dovetail's own solver.
+
+    DOVETAIL_MPI="mpirun -n 2 /usr/bin/python3" python -m benchmarks.processes [--cube n …] [--tower n_free …]
+
+The last word of `DOVETAIL_MPI` is a Python with slepc4py. A cube has n³ points; a tower has 4 x 4 columns and
+as many storeys as give the number of coordinates. Each solver runs in processes of its own, from the same
+files of K and M, so that peak memory is the solver's. Seconds are those of the processors, of all processes
+together; compare the ratios within a row. `--processes 1 2` chooses the numbers of processes.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from benchmarks.modes import block_of_cells
+from fem import assemble
+from fem.linalg.lanczos import lowest_eigenpairs
+from fem.linalg.processes import command, lowest_by_processes
+from fem.linalg.solvers import factorise, one_thread
+
+N_MODES = 20
+
+
+def shift_of(K, M) -> float:
+    """Return a shift below all modes of a clamped structure, as small as rounding allows."""
+    return -1e-14 * float(K.diagonal().sum() / M.diagonal().sum())
+
+
+def own(folder: Path) -> None:
+    """Solve the problem of a folder by Dovetail's own solver, and write what it took."""
+    K, M = (sp.load_npz(folder / f"{name}.npz") for name in "KM")
+    shift, begun = shift_of(K, M), time.process_time()
+    with one_thread():
+        factor = factorise(sp.csc_array(K - shift * M))
+        factored = time.process_time()
+        pairs = lowest_eigenpairs(factor.solve, M.tocsr(), shift, N_MODES)
+    found = {
+        "seconds": time.process_time() - begun,
+        "factor": factored - begun,
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "eigenvalues": pairs.eigenvalues[:N_MODES].tolist(),
+    }
+    np.save(folder / "own.npy", pairs.vectors[:, :N_MODES])
+    (folder / "own.json").write_text(json.dumps(found))
+
+
+def quotients(K, M, X) -> np.ndarray:
+    """Return Rayleigh's quotients of vectors in extended precision."""
+    squares = np.zeros((2, X.shape[1]), np.longdouble)
+    for k, A in enumerate((sp.csr_array(K), sp.csr_array(M))):
+        for first in range(0, A.shape[0], 4096):
+            part = A[first : first + 4096].tocoo()
+            values = part.data.astype(np.longdouble)
+            for j in range(X.shape[1]):
+                squares[k, j] += (values * X[first + part.row, j] * X[part.col, j]).sum()
+    return (squares[0] / squares[1]).astype(float)
+
+
+def rows(name: str, model, processes: list[int], extended: bool) -> None:
+    """Print the lines of one model."""
+    system = assemble(model)
+    K, M, shift = system.K, system.M, shift_of(system.K, system.M)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        for word, A in (("K", K), ("M", M)):
+            sp.save_npz(folder / f"{word}.npz", A, compressed=False)
+        subprocess.run([sys.executable, "-m", "benchmarks.processes", "--own", scratch], check=True)
+        ours = json.loads((folder / "own.json").read_text())
+        vectors = np.load(folder / "own.npy")
+    lam, head = np.array(ours["eigenvalues"]), f"{name:>6}{system.n_free:9d}"
+    exact = quotients(K, M, vectors) if extended else lam
+    print(
+        f"{head}  {'own':8}{ours['factor']:10.1f}{ours['seconds']:10.1f}{1.0:8.2f}"
+        f"{ours['peak'] / 2**30:9.2f}{'':9}{np.abs(lam / exact - 1).max() / 2:12.1e}",
+        flush=True,
+    )
+    python = command()[-1]
+    for n in processes:
+        start = (*command()[:-3], "-n", str(n), python)
+        found = lowest_by_processes(K, M, shift, N_MODES, np.zeros((system.n_free, 0)), start)
+        values = found.pairs.eigenvalues
+        theirs = quotients(K, M, found.pairs.vectors) if extended else values
+        seconds = sum(found.cpu_seconds)
+        peak = [p / 2**30 for p in found.peak_bytes]
+        print(
+            f"{head}  {f'SLEPc {n}':8}{found.factor_seconds:10.1f}{seconds:10.1f}"
+            f"{seconds / ours['seconds']:8.2f}{max(peak):9.2f}{sum(peak):9.2f}"
+            f"{np.abs(values / exact - 1).max() / 2:12.1e}{np.abs(theirs / exact - 1).max() / 2:12.1e}",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="time modes by SLEPc and MUMPS")
+    parser.add_argument("--cube", type=int, nargs="*", default=[])
+    parser.add_argument("--tower", type=int, nargs="*", default=[])
+    parser.add_argument("--processes", type=int, nargs="*", default=[1, 2])
+    parser.add_argument("--extended", action="store_true", help="compare in extended precision")
+    parser.add_argument("--own", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.own:
+        own(given.own)
+        return
+    print(" model   n_free  solver     factor [s] CPU [s]   ratio  largest  together [GiB]  difference")
+    for n in given.cube or ([] if given.tower else [12, 17]):
+        rows("cube", block_of_cells(n, n, n), given.processes, given.extended)
+    for n in given.tower or ([] if given.cube else [30_000]):
+        rows("tower", block_of_cells(4, 4, n // 96 + 1), given.processes, given.extended)
+
+
+if __name__ == "__main__":
+    main()

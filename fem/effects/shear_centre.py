@@ -1,0 +1,112 @@
+"""Shear centres of open sections: members that twist about another axis than that of their centroids."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Entry, Marker, Role
+from fem.effects.places import elements_of, sheared_frame
+from fem.elements.frame import Frame
+from fem.elements.layout import axes_and_arms, layout_of
+from fem.elements.properties import MemberProperties
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+
+NEAR = 0.01
+"""Distance from the centroid, relative to √A, up to which a shear centre counts as being there [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ShearCentre(Effect):
+    """Bending and torsion of a member coupled by the distance of its shear centre from its centroid.
+
+    A member bends and twists about the line of its shear centres, and is stretched along that of its
+    centroids. With v + θx ex × r, the displacement of the shear centre, in place of v at both ends of each
+    element, ΔK = TᵀKT - K: V. Z. Vlasov, *Thin-Walled Elastic Beams*, 2nd ed. 1961, chapter I, without the
+    warping. Mass stays at the centroid. Ends of members are joined at their centroids.
+
+    Attributes
+    ----------
+    member : str
+    share : float
+        Part of the distance that the section has [-].
+    """
+
+    kind: ClassVar[str] = "shear_centre"
+    role: ClassVar[Role] = Role.STIFFNESS
+    within_members: ClassVar[bool] = True
+    marker: ClassVar[Marker | None] = Marker("cross", "vermilion")
+    statement: ClassVar[str] = "{member} twists about its shear centre"
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`share` [-]",
+        meaning="part of the distance of the section's shear centre from its centroid, about which it twists",
+        places="each member whose section has its shear centre elsewhere",
+    )
+    member: str
+    share: Any = 1.0
+
+    @property
+    def where(self) -> str:
+        """The member."""
+        return f"member {self.member}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the share."""
+        return (Parameter("share", "-", self.share, 0.0, 0.0, 1.5),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return ΔK of all elements, and its structural damping."""
+        frame, rows = sheared_frame(model), model.mesh.members[self.member]
+        layout = layout_of(frame.members, model.mesh)
+        part = frame.contribution_of(model, rows)[0]
+        R = axes_and_arms(layout, model.mesh, rows)[0]
+        first, last = (np.asarray(s.shear_centre) for s in _ends(frame.members[self.member]))
+        along = layout.along[rows]
+        T = np.zeros((len(rows), 12, 12), dtype=np.result_type(type(self.share), float))
+        for end in range(2):
+            y, z = (first + along[:, end, None] * (last - first)).T
+            moved = y[:, None] * R[:, 2] - z[:, None] * R[:, 1]
+            at = 6 * end
+            T[:, at : at + 3, at + 3 : at + 6] = self.share * moved[:, :, None] * R[:, None, 0]
+        T += np.eye(12)
+        changed = [None if X is None else np.swapaxes(T, 1, 2) @ X @ T - X for X in (part.K, part.D)]
+        return (Contribution(part.dofs, changed[0], D=changed[1], lines=rows),)
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the parameters on which the member's stiffness depends."""
+        return elements_of(model, self.member, "E")
+
+    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+        """Return the section's own distance."""
+        return ({"share": 1.0},)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member whose shear centre is not at its centroid."""
+        return tuple(
+            cls(name=f"shear_centre:{name}", member=name)
+            for frame in model.of_kind(Frame)
+            for name, p in frame.members.items()
+            if name in model.mesh.members and is_eccentric(p)
+        )
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middle of the member."""
+        middle = model.mesh.member_length(self.member) / 2
+        return model.mesh.point_at(model.mesh.locate(self.member, middle))[None]
+
+
+def is_eccentric(p: MemberProperties) -> bool:
+    """Whether a member has its shear centre elsewhere than its centroid; bars neither bend nor twist."""
+    away = max(np.hypot(*s.shear_centre) / np.sqrt(s.A) for s in _ends(p))
+    return bool(p.theory != "bar" and away > NEAR)
+
+
+def _ends(p: MemberProperties) -> tuple[Any, Any]:
+    return p.section, p.section if p.section2 is None else p.section2
