@@ -82,5 +82,5 @@ def _strained(X: NDArray[Any], r: NDArray[np.float64]) -> bool:
     """Return whether elements resist motions r (b, m, k); a complex step counts by itself."""
     return any(
         bool((np.abs(part @ r) > _ROUNDING * (np.abs(part) @ np.abs(r))).any())
-        for part in ((X.real, X.imag) if np.iscomplexobj(X) else (X,))
+        for part in ((np.real(X), np.imag(X)) if np.iscomplexobj(X) else (X,))
     )

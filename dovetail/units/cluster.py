@@ -112,9 +112,9 @@ def _no_second_worker(client: Any) -> Iterator[None]:
     """
 
     def allow(dask_scheduler: Any, number: int | None) -> None:
-        import dask
+        from dask import config
 
-        default = dask.config.get("distributed.scheduler.allowed-failures")
+        default = config.get("distributed.scheduler.allowed-failures")
         dask_scheduler.allowed_failures = default if number is None else number
 
     client.run_on_scheduler(allow, number=0)

@@ -438,7 +438,8 @@ def _with_noise(
     H = exact * (1 + relative * (g[0] + 1j * g[1])) + settings.noise_floor * peak * (g[2] + 1j * g[3])
     names = [[s.name for s in part] for part in (draft.sensors, draft.drives)]
     frf = FRF.from_arrays(draft.frequency, H, "accelerance", *names)
-    return Measurement(frf, *(sensors_of(draft.frame, part) for part in (draft.sensors, draft.drives)))
+    sensors, drives = (sensors_of(draft.frame, part) for part in (draft.sensors, draft.drives))
+    return Measurement(frf, sensors, drives)
 
 
 def nuisances_of(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:

@@ -58,7 +58,7 @@ class FRFData:
 
     def seen(self, logarithm: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the part of ln H, or of its changes, that was measured: of amplitudes the real part."""
-        return logarithm if self.phase else logarithm.real + 0j
+        return logarithm if self.phase else logarithm.real.astype(complex)
 
     def lines(self, highest: float, n: int) -> "FRFData":
         """Return at most n evenly spread lines up to a frequency."""

@@ -101,6 +101,8 @@ class Fits:
         few: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": FULL_LINES}
         few |= {"max_iterations": SHORT_STEPS, "stages": quick.stages[-1:]}
         if len(starts) > N_STARTS:
+            # Several springs far from their values move resonances past each other: band by band.
+            few["stages"] = quick.stages
             tried = possible(partial(self._in_lowest_band, quick, effects, start) for start in starts)
             starts = [start for _, start in sorted(tried, key=lambda each: -each[0])[:N_STARTS]]
         fits = possible(
