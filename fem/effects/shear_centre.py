@@ -25,7 +25,9 @@ class ShearCentre(Effect):
     A member bends and twists about the line of its shear centres, and is stretched along that of its
     centroids. With v + θx ex × r, the displacement of the shear centre, in place of v at both ends of each
     element, ΔK = TᵀKT - K: V. Z. Vlasov, *Thin-Walled Elastic Beams*, 2nd ed. 1961, chapter I, without the
-    warping. Mass stays at the centroid. Ends of members are joined at their centroids.
+    warping. Where a member tapers, the line of its shear centres is inclined by r′: a rotation θx ex is
+    θx (ex + r′) about that line, and -θx r′ across it, which bends. Mass stays at the centroid. Ends of
+    members are joined at their centroids.
 
     Attributes
     ----------
@@ -61,15 +63,18 @@ class ShearCentre(Effect):
         frame, rows = sheared_frame(model), model.mesh.members[self.member]
         layout = layout_of(frame.members, model.mesh)
         part = frame.contribution_of(model, rows)[0]
-        R = axes_and_arms(layout, model.mesh, rows)[0]
+        R, arms, _, L = axes_and_arms(layout, model.mesh, rows)
         first, last = (np.asarray(s.shear_centre) for s in _ends(frame.members[self.member]))
         along = layout.along[rows]
+        tilt = -np.einsum("b,k,bkx->bx", np.diff(along)[:, 0] / L, last - first, R[:, 1:])
         T = np.zeros((len(rows), 12, 12), dtype=np.result_type(type(self.share), float))
         for end in range(2):
-            y, z = (first + along[:, end, None] * (last - first)).T
-            moved = y[:, None] * R[:, 2] - z[:, None] * R[:, 1]
+            r = np.einsum("bk,bkx->bx", first + along[:, end, None] * (last - first), R[:, 1:])
+            # the tilt must not move the end of the flexible part by its arm from the point
+            moved = np.cross(R[:, 0], r) - np.cross(tilt, arms[:, end])
+            both = np.hstack([moved, tilt])
             at = 6 * end
-            T[:, at : at + 3, at + 3 : at + 6] = self.share * moved[:, :, None] * R[:, None, 0]
+            T[:, at : at + 6, at + 3 : at + 6] = self.share * both[:, :, None] * R[:, None, 0]
         T += np.eye(12)
         changed = [None if X is None else np.swapaxes(T, 1, 2) @ X @ T - X for X in (part.K, part.D)]
         return (Contribution(part.dofs, changed[0], D=changed[1], lines=rows),)

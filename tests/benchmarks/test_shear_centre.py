@@ -60,6 +60,23 @@ def test_a_force_at_the_centroid_of_a_channel_twists_it():
     np.testing.assert_allclose(solution.internal_forces("beam", [0.5])[0, 2, 0], force, rtol=1e-9)
 
 
+def test_loads_square_to_the_shear_centres_of_a_taper_do_not_twist_it():
+    """Their line is inclined: a force through it, and a moment with no part along it, bend alone."""
+    force, moment, length = 100.0, 30.0, 1.0
+    small = Section.channel(0.03, 0.06, 0.008, 0.006)
+    plain = beam(
+        4, length, effects=(fix(0, name="wall"),), section=CHANNEL, section2=small, theory="euler-bernoulli"
+    )
+    bending = {(1, "z"): force, (1, "ry"): moment}
+    y, slope = small.shear_centre[0], (small.shear_centre[0] - CHANNEL.shear_centre[0]) / length
+    load = {**bending, (1, "rx"): force * y - moment * slope}
+    tip, alone = (
+        solve_static(assemble(m), f).displacements[6:12, 0]
+        for m, f in ((coupled(plain), load), (plain, bending))
+    )
+    np.testing.assert_allclose(tip, alone, rtol=0, atol=1e-9 * abs(alone).max())
+
+
 def test_a_section_with_its_shear_centre_at_its_centroid_has_no_such_effect():
     assert ShearCentre.propose(beam(3, section=Section.i_section(0.1, 0.2, 0.0085, 0.0056))) == ()
 

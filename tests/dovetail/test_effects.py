@@ -36,7 +36,7 @@ rigid = "x ry"
 from = "lug"
 to = "end"
 material = "steel"
-section = { shape = "rectangle", b = 0.03, h = 0.012 }
+section = { shape = "channel", b = 0.03, h = 0.03, tf = 0.003, tw = 0.003 }
 elements = 3
 
 [materials.steel]""",

@@ -14,6 +14,7 @@ from fem.analysis.statics import solve_static
 from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Joint
+from fem.effects.moving_base import base_moved
 from fem.effects.plane import Plane
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
@@ -151,6 +152,9 @@ OPEN = beam(
     material=Material("damped", 70e9, 2700.0, loss_factor=0.02),
     section=Section.channel(0.05, 0.1, 0.006, 0.004),
     section2=Section.channel(0.03, 0.06, 0.006, 0.004),
+    rigid1=0.05,
+    offset1=np.array([0, 0, 0.02]),
+    offset2=np.array([0.01, 0, -0.03]),
 )
 """A tapered channel, which twists beside its centroid."""
 
@@ -175,11 +179,14 @@ CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for e
 SPIN = Spin(name="spin", speed=40.0)
 CASES.append(pytest.param(SHAFT, SPIN, id="shaft-spin"))
 CASES += [pytest.param(OPEN, e, id=f"open-{e.name}") for e in candidates(OPEN, "shear_centre")]
+SHAKEN = base_moved(braced(), np.array([[1.0, 0, 0], [0, 0.6, 0.8]]))
+"""A frame on a base that moves."""
+
 PLANE = Plane(name="plane", plane="xz")
 """It has constraints alone: see test_plane.py."""
 OWN = [
     pytest.param(model, effect, id=f"{name}-{effect.name}")
-    for name, model in MODELS.items()
+    for name, model in (*MODELS.items(), ("shaken", SHAKEN))
     for effect in model.effects
 ]
 
@@ -421,7 +428,7 @@ def test_every_kind_is_proposed_somewhere():
         for effect in candidates(model, k)
     }
     assert met == set(candidate_kinds())
-    own = {effect.kind for model in MODELS.values() for effect in model.effects}
+    own = {effect.kind for model in (*MODELS.values(), SHAKEN) for effect in model.effects}
     own |= {effect.kind for effect in (*NOT_PROPOSED, SPIN, PLANE)}
     assert met | own - {Frame.kind} == set(effect_classes()), "a kind is on no model of this file"
     assert not {effect.kind for effect in NOT_PROPOSED} & met
@@ -565,7 +572,7 @@ def test_the_documentation_names_the_parameters_of_a_kind(kind):
     """All of them, each with the units that it has on some model."""
     entry = effect_classes()[kind].entry
     there = {}
-    for effect in (e for name in MODELS for e in candidates(MODELS[name], kind)):
+    for effect in (e for model in (*MODELS.values(), OPEN) for e in candidates(model, kind)):
         for p in effect.parameters():
             there.setdefault(p.name, set()).add(p.unit)
     listed = {name: set(units.split(" or ")) for name, units in QUANTITY.findall(entry.quantities)}

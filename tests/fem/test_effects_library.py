@@ -427,7 +427,10 @@ def test_proportional_damping_is_rayleighs():
 
 
 def tower(storeys):
-    """Return a welded tower on four clamped feet, four columns, four beams and a brace for each storey."""
+    """Return a welded tower on four clamped feet, four columns, four beams and a brace for each storey.
+
+    Braces are channels.
+    """
     corners = np.array([[0, 0], [0.4, 0], [0.4, 0.4], [0, 0.4]])
     points = [[x, y, 0.5 * z] for z in range(storeys + 1) for x, y in corners]
     lines, names = [], []
@@ -441,7 +444,9 @@ def tower(storeys):
     mesh = Mesh.from_lines(points, lines, {n: [i] for i, n in enumerate(names)}).split(2)
     part = MemberProperties(STEEL, FLAT, theory="timoshenko")
     feet = tuple(fix(k, name=f"foot{k}") for k in range(4))
-    return Model(mesh, (Frame(members=dict.fromkeys(names, part)), *feet))
+    brace = replace(part, section=Section.channel(0.03, 0.03, 0.003, 0.003))
+    members = {n: brace if n.startswith("brace") else part for n in names}
+    return Model(mesh, (Frame(members=members), *feet))
 
 
 def test_a_tower_of_a_hundred_members_gets_its_candidates():

@@ -31,8 +31,14 @@ ALLOWED = {
     "fem/analysis/initial_stress.py": ("makes the prestress of a static state", {"Prestress"}),
     "fem/analysis/unbalance.py": ("varies the speed", {"Spin"}),
     "fem/analysis/campbell.py": ("varies the speed of rotors", {"Spin"}),
-    "fem/analysis/buckling_limits.py": ("takes that prestress apart", {"Prestress"}),
-    "updating/measurement/measurement.py": ("makes the masses that sensors state", {"AddedMass"}),
+    "fem/analysis/buckling_limits.py": (
+        "takes that prestress apart, and asks what couples bending and torsion",
+        {"Prestress", "ShearCentre"},
+    ),
+    "updating/measurement/measurement.py": (
+        "makes the masses that sensors state, and the base that moves",
+        {"AddedMass", "MovingBase"},
+    ),
     "updating/diagnosis/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
     "updating/diagnosis/evidence/form.py": (
         "lets the form of every model vary",
@@ -59,7 +65,7 @@ ALLOWED = {
         },
     ),
     "dovetail/file/loads.py": ("reads motions of supports and joints", {"Joint", "Support"}),
-    "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Joint", "Support"}),
+    "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Joint", "ShearCentre", "Support"}),
     "dovetail/file/plane.py": (BUILDS, {"Plane"}),
     "dovetail/file/rotation.py": (BUILDS, {"Spin"}),
     "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),
