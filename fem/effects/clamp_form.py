@@ -1,7 +1,7 @@
 """Clamped ends: what holds them gives way, and they turn as if they were a little longer."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.rebasing import as_before
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
@@ -69,6 +70,11 @@ class ClampForm(Effect):
         kept = 1 + np.array(self.shares) * (np.exp(-self.u) - 1)
         return (stiffening(self.frame, model, self.zones, kept),)
 
+    def rebased(self, model: Model) -> "ClampForm":
+        """Return the effect that adds the same stiffness, on a frame with the model's present moduli."""
+        new = replace(self, frame=sheared_frame(model))
+        return as_before(self, new, model)
+
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return nothing: the moduli are those of the frame that it holds."""
         return ()
@@ -98,8 +104,13 @@ def _clamps(model: Model) -> Iterator[ClampForm]:
         largest = max(along_y, along_z)
         y, z = along_y / largest, along_z / largest
         s, length = float(mesh.member_positions(m)[at]), mesh.member_length(m)
-        reach = min(REACH * largest, 0.45 * length)
-        zones = [(m, s, reach, way) for way, room in ((-1, s), (1, length - s)) if room > reach]
+        reach, p = min(REACH * largest, 0.45 * length), frame.members[m]
+        first, last = s + p.rigid1 * (at == 0), s - p.rigid2 * (at == len(mesh.member_points(m)) - 1)
+        zones = [
+            (m, start, reach, way)
+            for way, start, room in ((-1, last, s), (1, first, length - s))
+            if room > reach
+        ]
         yield ClampForm(
             name=f"clamp_form:{support.name}",
             zones=tuple(zones),

@@ -1,7 +1,8 @@
 """Members that are a little heavier, and bend and twist otherwise, than their sections say."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +13,20 @@ from fem.effects.places import frame_of, is_bar, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter
+from fem.recent import Recent
 
 _STEP = 1e-30
 """Step of the derivatives by the section, imaginary."""
+_STEPPED = 1 + 1j * _STEP
+_CHANGES = {
+    "A": SectionChange(A=_STEPPED),
+    "Iy": SectionChange(Iy=_STEPPED),
+    "Iz": SectionChange(Iz=_STEPPED),
+    "J": SectionChange(J=_STEPPED),
+}
+"""Changes by that step, in the order of the parameters."""
+_MESHES = 2
+"""Number of frames and meshes whose parts an effect keeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -24,10 +36,12 @@ class SectionForm(Effect):
     Attributes
     ----------
     members : tuple of str
-    parts : dict
-        Derivatives of the members' matrices by each of the changes.
+    frame : Frame
+        Of the model that it was proposed for.
     A, Iy, Iz, J : float
         Relative changes of the area, with the mass, and of the stiffnesses of bending and torsion [-].
+    parts : Recent
+        Derivatives of the members' matrices, by frame and mesh; effects with other values share them.
     """
 
     kind: ClassVar[str] = "section_form"
@@ -39,11 +53,12 @@ class SectionForm(Effect):
         places="all members of one section and length",
     )
     members: tuple[str, ...]
-    parts: dict[str, tuple[Contribution, ...]]
+    frame: Frame
     A: Any = 0.0
     Iy: Any = 0.0
     Iz: Any = 0.0
     J: Any = 0.0
+    parts: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
     def where(self) -> str:
@@ -52,13 +67,29 @@ class SectionForm(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the changes."""
-        return tuple(
-            Parameter(key, "-", getattr(self, key), 0.0, -0.5, 1.0, linear=True) for key in self.parts
-        )
+        return tuple(Parameter(key, "-", getattr(self, key), 0.0, -0.5, 1.0, linear=True) for key in _CHANGES)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the contributions of the changes to K and M."""
-        return tuple(_scaled(c, getattr(self, key)) for key, parts in self.parts.items() for c in parts)
+        parts = self.parts_on(model)
+        return tuple(_scaled(c, getattr(self, key)) for key in _CHANGES for c in parts[key])
+
+    def parts_on(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
+        """Return the derivatives of the members' matrices by each of the changes."""
+        parts: dict[str, tuple[Contribution, ...]] = self.parts.get(
+            (self.frame, model.mesh), partial(self._parts, model)
+        )
+        return parts
+
+    def _parts(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
+        rows = np.concatenate([model.mesh.members[m] for m in self.members])
+        out = {}
+        for key, change in _CHANGES.items():
+            changed = self.frame.contribution_of(model, rows, change)
+            slopes = [(c.dofs, _slope(c.M if key == "A" else c.K)) for c in changed]
+            some = [(dofs, X) for dofs, X in slopes if X is not None]
+            out[key] = tuple(Contribution(d, M=X) if key == "A" else Contribution(d, X) for d, X in some)
+        return out
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middles of the members, (n, 3) [m]."""
@@ -71,9 +102,8 @@ class SectionForm(Effect):
         new = next((e for e in _sections(bare) if e.members == self.members), None)
         if new is None:
             return self
-        values = {
-            key: getattr(self, key) * _size(self.parts[key]) / _size(new.parts[key]) for key in self.parts
-        }
+        before, now = self.parts_on(model), new.parts_on(model)
+        values = {key: getattr(self, key) * _size(before[key]) / _size(now[key]) for key in _CHANGES}
         return replace(new, name=self.name, **values)
 
     @classmethod
@@ -100,24 +130,8 @@ def _sections(model: Model) -> Iterator[SectionForm]:
                 tuple(np.round(np.log([s.A, s.Iy, s.Iz, s.J, model.mesh.member_length(m)]), 3)), []
             ).append(m)
     for members in groups.values():
-        rows = np.concatenate([model.mesh.members[m] for m in members])
-        parts = {}
-        step = 1 + 1j * _STEP
-        changes = {
-            "A": SectionChange(A=step),
-            "Iy": SectionChange(Iy=step),
-            "Iz": SectionChange(Iz=step),
-            "J": SectionChange(J=step),
-        }
-        for key, change in changes.items():
-            changed = sheared_frame(model).contribution_of(model, rows, change)
-            slopes = [(c.dofs, _slope(c.M if key == "A" else c.K)) for c in changed]
-            some = [(dofs, X) for dofs, X in slopes if X is not None]
-            own = [Contribution(d, M=X) if key == "A" else Contribution(d, X) for d, X in some]
-            if own:
-                parts[key] = tuple(own)
-        if parts:
-            yield SectionForm(name=f"section_form:{members[0]}", members=tuple(members), parts=parts)
+        name = f"section_form:{members[0]}"
+        yield SectionForm(name=name, members=tuple(members), frame=sheared_frame(model))
 
 
 def _slope(matrices: Any) -> Any:

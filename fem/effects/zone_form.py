@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.rebasing import as_before
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -23,7 +24,7 @@ SOFTEST = -0.2
 IN_PLANE = 2.0
 """Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
 _MESHES = 2
-"""Number of meshes whose masses an effect keeps."""
+"""Number of frames and meshes whose masses an effect keeps."""
 _ALONG = 0.94
 """Cosine of the angle up to which two members lie along each other."""
 _FLAT, _SPANS = 0.2, 0.3
@@ -52,7 +53,7 @@ class ZoneForm(Effect):
     mass : float
         Share of the stretches' mass that they have more [-].
     heavy : Recent
-        Their mass by the mesh; effects with other values share it.
+        Their mass by frame and mesh; effects with other values share it.
     """
 
     kind: ClassVar[str] = "zone_form"
@@ -91,7 +92,7 @@ class ZoneForm(Effect):
         for k, bending in enumerate(self.inside):
             u[k, bending] += self.plane
         stiff = stiffening(self.frame, model, self.zones, np.exp(-u))
-        heavy = self.heavy.get(model.mesh, partial(self._heavy, model))
+        heavy = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
         return stiff, replace(heavy, M=self.mass * heavy.M)
 
     def _heavy(self, model: Model) -> Contribution:
@@ -102,6 +103,11 @@ class ZoneForm(Effect):
             for m, s, length, towards in self.zones
         ]
         return mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
+
+    def rebased(self, model: Model) -> "ZoneForm":
+        """Return the effect that adds the same matrices, on a frame with the model's present moduli."""
+        new = replace(self, frame=sheared_frame(model))
+        return as_before(self, new, model)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return nothing: the moduli are those of the frame that it holds."""

@@ -87,8 +87,9 @@ def one_of_each(study):
     return first
 
 
-STAND_INS = {"zone_form", "clamp_form"}
-"""Kinds whose stiffness is made of the moduli of when they are proposed, before a fit: E is 14 % off here."""
+STAND_INS = {"zone_form"}
+"""Kinds whose stiffness is made of the moduli of when they are proposed, before a fit: E is 14 % off here.
+The values that do the same are found by iteration."""
 
 
 @pytest.mark.parametrize("kind", sorted(set(candidate_kinds()) - {"joint_patch", "foot_shift"}))
@@ -108,12 +109,12 @@ def test_the_reported_model_comes_back(tmp_path, kind):
         for m in (fitted, back)
     )
     for X, Y in zip(*(sum_contributions(p, n) for p in parts), strict=True):
-        assert kind in STAND_INS or abs(X - Y).max() <= 1e-10 * abs(X).max()
+        assert abs(X - Y).max() <= (1e-9 if kind in STAND_INS else 1e-10) * abs(X).max()
     assert {c.key for c in fitted.constraints()} == {c.key for c in back.constraints()}
     same = response(fitted, study, lambda f: curve.ratio(f, zeta))
     again = response(back, found, lambda f: np.stack(2 * [back.damping.ratio_at(f)]))
     # of a system whose condition is 1e8 and more
-    assert np.abs(again / same - 1).max() < (5e-3 if kind in STAND_INS else 1e-8)
+    assert np.abs(again / same - 1).max() < (1e-6 if kind in STAND_INS else 1e-8)
 
 
 def test_the_nominal_damping_of_a_fit_is_that_of_the_model(tmp_path):

@@ -16,7 +16,7 @@ from fem.effects.added_mass import PointMass
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
 
-COMMON = PointMass(name="common", member="post", position=0.31, mass=0.08)
+COMMON = PointMass(name="common", member="post", position=0.31, mass=0.04)
 """In both states: the model does not have it."""
 MEASURED = '\n[[measurements]]\nfile = "frf.npz"\n'
 BASELINE = '\n[[baseline.measurements]]\nfile = "before.npz"\n'
@@ -37,7 +37,7 @@ def two_states(folder, mass, more=""):
 
 
 def test_a_change_hidden_by_a_common_error_is_found_and_written(tmp_path):
-    """4 g on the arm, beside 80 g on the post that are in both states and in no model."""
+    """4 g on the arm, beside 40 g on the post that are in both states and in no model."""
     path, out = two_states(tmp_path, 0.004), tmp_path / "out"
     out.mkdir()
     study = load_study(path)

@@ -157,6 +157,7 @@ def test_two_states_by_frfs_differ_by_the_hidden_effect_alone():
     weaker = draw_case(weak, "frf-states", 1)
     less = np.abs(weaker.measurement.frf.H / weaker.baseline.frf.H - 1)
     assert np.median(less) == pytest.approx(np.median(change) / 10, rel=0.3)
-    assert np.abs(same.measurement.frf.H / same.baseline.frf.H - 1).max() < 1e-6
+    one, two = same.measurement.frf.H, same.baseline.frf.H
+    assert (np.abs(one - two) < 2e-8 * np.abs(one) + 2e-11 * np.abs(one).max()).all()  # ten times the noise
     assert case.measurement.frf.inputs == case.baseline.frf.inputs == tuple(d.name for d in draft.drives)
     assert np.array_equal(case.baseline.frf.frequency, f)
