@@ -12,6 +12,7 @@ from fem.declarations import Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import SectionForces, sample, stress_stiffness
+from fem.elements.levers import lever_stiffness
 from fem.mesh import Mesh
 from fem.model import (
     Contribution,
@@ -21,7 +22,6 @@ from fem.model import (
     Parameter,
     ParameterRef,
     dofs_of,
-    lever_stiffness,
 )
 from fem.recent import Recent
 

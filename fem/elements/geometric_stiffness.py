@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, prismatic_bending
+from fem.elements.levers import lever_stiffness
 from fem.elements.lines import Lines, flexible_fraction, some_lines
 from fem.elements.matrices import to_global
 from fem.elements.quadrature import gauss_points
-from fem.model import Array, lever_stiffness
+from fem.model import Array
 
 FORCE_NODES, _WEIGHTS = gauss_points(4)
 """Fractions of a stretch at which section forces are given: a cubic through them has the moments of a load

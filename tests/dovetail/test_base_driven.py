@@ -11,9 +11,10 @@ from dovetail.file.table import StudyError
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import result_dict
-from dovetail.update import update_study
+from dovetail.update import identify_study, update_study
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import PointMass
 from fem.io import write_npz
 from fem.io.uff import read_quietly, read_uff
@@ -21,6 +22,7 @@ from fem.io.uff_types import Function
 from fem.io.uff_write import write_uff
 from fem.system import assemble
 from tests.frames import MAST
+from updating.correlation.shape_correlation import mac
 from updating.measurement.measurement import sensor_rows
 
 SENSORS = """
@@ -62,9 +64,12 @@ kind = "transmissibility"
 HIDDEN = PointMass(name="hidden", member="mast", position=0.8, mass=0.15)
 
 
-def mast(folder, mass=0.15, low="", file="frf.npz", phase=True):
+def mast(folder, mass=0.15, low="", file="frf.npz", phase=True, relative=False, step="6.0"):
     """Return the study of a mast on a table, measured with a mass that it does not know."""
     path, text = folder / "study.toml", MAST + SENSORS.format(low=low)
+    text = text.replace("step = 6.0", f"step = {step}")
+    if relative:
+        text = text.replace('direction = "x"\n', 'direction = "x"\nrelative = true\n')
     path.write_text(text)
     study = load_study(path)
     true = study.model.with_effect(*([replace(HIDDEN, mass=mass)] if mass else []))
@@ -109,6 +114,19 @@ def test_a_hidden_mass_is_found_on_a_table(tmp_path):
     assert [p.mac > 0.9 for p in result.modes if p.nominal_index >= 0]
     assert "point_mass:mast" in found_text(result, tmp_path)
     assert result_dict(result)["verdict"]
+
+
+@pytest.mark.parametrize("relative", [True, False])
+def test_modes_are_identified_from_transmissibilities(tmp_path, relative):
+    """The motion of the base is a constant in absolute ones, which residual terms hold."""
+    study = load_study(mast(tmp_path, mass=0.0, relative=relative, step="1.0"))
+    found, data, _ = identify_study(study)
+    assert {s.relative for s in data.sensors} == {relative}
+    modes = solve_modes(assemble(study.model), n=10)
+    k = [0, 2, 3, 5, 8]  # the others bend across the table's motion
+    assert found.modes.frequency == pytest.approx(modes.frequency[k], rel=1e-3)
+    shapes = sensor_rows(study.model, data.sensors) @ modes.shapes[:, k]
+    assert np.diag(mac(found.modes.shapes, shapes)) == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -18,11 +18,12 @@ from fem.analysis.statics import solve_static
 from fem.effects.prestress import Prestress
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
+from fem.elements.levers import lever_stiffness
 from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model, ModelError, lever_stiffness
+from fem.model import DIRECTIONS, Model, ModelError
 from fem.sections.section import Section
 from fem.system import assemble, sum_contributions
 from tests.frames import STEEL, beam, braced, fix, planar, portal
