@@ -329,10 +329,10 @@ class _Reader:
         phased = [r.phase for r in raw] if every else []
         measurements = tuple(m for m, phase in zip(every, phased, strict=True) if phase)
         amplitudes = tuple(m for m, phase in zip(every, phased, strict=True) if not phase)
-        self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         nuisances, damping_std = read_uncertain(top, model, parts.joints, notes)
         kinds, exclude = read_candidates(top)
         plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
+        self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         odd = implausible(top, model, highest)
         if "measurements" in self.needs and every:
             with beside_implausible(odd), top.at():
