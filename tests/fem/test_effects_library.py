@@ -275,7 +275,10 @@ def test_what_takes_a_part_of_an_element_takes_it_of_that_with_the_shear_that_it
 def test_only_coefficients_that_are_estimated_are_unsure():
     assert not Section.rectangle(0.02, 0.01).estimated_k
     assert Section.tube(0.02, 0.002).estimated_k
-    assert SectionShear.of(tower(2)) is None
+    assert SectionShear.of(beam(3, theory="timoshenko")) is None
+    open_braces = SectionShear.of(tower(2))
+    assert open_braces is not None
+    assert list(open_braces.groups) == ["brace0"]
 
 
 def test_full_shear_of_an_euler_beam_makes_it_a_timoshenko_beam():
