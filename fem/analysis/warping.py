@@ -100,7 +100,7 @@ def warped_modes(model: Model, modes: Modes) -> tuple[str, ...]:
     if not elastic.size:
         return ()
     out = []
-    for member, k, gain in warping_gains(model, np.real(modes.shapes[:, elastic])):
+    for member, k, gain in warping_gains(model, np.real(modes.shapes[:, elastic]).astype(float)):
         rise = np.sqrt(1 + gain) - 1
         seen = elastic[rise > ACCURACY]
         if not seen.size:
