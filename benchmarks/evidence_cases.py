@@ -20,21 +20,26 @@ from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 
 
-def one(case, truth, say):
+def searched(case, folder, say=lambda text: None):
+    """Return the search of a case, whose study is written into a folder."""
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
-    folder = Path("out/ev") / case.name
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "study.toml"
+    path = Path("out") / folder / case.name / "study.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(convert(nominal, case, path), encoding="utf-8")
     study = load_study(path)
-    begun = time.process_time()
-    done = search_by_evidence(
+    return search_by_evidence(
         study.model, without_held_out(study, measured(study)[0]), study.nuisances,
         damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
         model_error=study.model_error, progress=lambda text, _: say(text),
     )  # fmt: skip
+
+
+def one(case, truth, say):
+    begun = time.process_time()
+    done = searched(case, "ev", say)
     seconds = time.process_time() - begun
     search, best = done.search, done.best
+    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     hidden, faults = hidden_effects(truth, nominal)
     words = hidden_in_words(hidden, faults)
     started = at_truth(search, stated(hidden))

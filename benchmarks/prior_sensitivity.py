@@ -9,7 +9,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,19 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.config import load_study
-from dovetail.pipeline import measured, without_held_out
-from fem.model import Effect
-from tests.independent.convert import convert
+from benchmarks.evidence_cases import searched
 from tests.independent.table import CASES, hidden_effects
 from updating.diagnosis.evidence import priors
-from updating.diagnosis.evidence.diagnosis import Searched, search_by_evidence
+from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fits import Fits
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
+from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 
 FACTORS = 0.5, 2.0
-OF_THE_FORM = {"FORM_SECTION": "section_form", "FORM_ZONE": "zone_form"}
-"""Constants that are standard deviations of the form's parameters, by kind of effect."""
+OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
+"""Constants that are standard deviations of the form's parameters, by kinds of effect."""
 PLAIN = (
     "DATA_PER_MODE", "FORM_DAMPING", "FORM_MODES", "EFFECT_ODDS", "UNKNOWN_ODDS", "FORM_LEFT", "FORM_LEAST",
     "DECADE",
@@ -60,46 +57,24 @@ def constant(name: str, value: Any) -> Iterator[None]:
             setattr(m, name, before)
 
 
-def searched(case: Path) -> Searched:
-    """Return the search of a case."""
-    nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
-    path = Path("out/sensitivity") / case.name / "study.toml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(convert(nominal, case, path), encoding="utf-8")
-    study = load_study(path)
-    return search_by_evidence(
-        study.model, without_held_out(study, measured(study)[0]), study.nuisances,
-        damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
-        model_error=study.model_error,
-    )  # fmt: skip
-
-
 def with_form(fits: Fits, name: str, factor: float) -> Fits:
     """Return fits whose form is less or more certain."""
-    kinds = {e.name for e in fits.problem.reduced.model.effects if e.kind == OF_THE_FORM[name]}
+    kinds = {e.name for e in fits.problem.reduced.model.effects if e.kind in OF_THE_FORM[name]}
     own = tuple(replace(n, std=factor * n.std) if n.effect in kinds else n for n in fits.problem.nuisances)
     return replace(fits, problem=replace(fits.problem, nuisances=own))
 
 
-def again(done: Searched, candidates: Sequence[Effect], fits: Fits) -> Answer:
+def again(done: Searched, fits: Fits) -> Answer:
     """Return the answer among the best hypotheses and none, fitted again."""
     known = sorted(done.search.known.values(), key=lambda h: -h.score)
     kept = [h for h in known if h.score > known[0].score - WITHIN][:N_AGAIN]
     nothing = done.search.known[frozenset()]
     kept += [] if nothing in kept else [nothing]
-    fits = replace(fits, odds=Odds.of(candidates))
     fitted: list[Hypothesis] = [fits.fully(h.effects, values_of(h.effects), h) for h in kept]
     best = max(fitted, key=lambda h: h.score)
-    search = replace_fits(done, fits)
-    scores = np.array([*(h.score for h in fitted), search.unknown(best)])
+    scores = np.array([*(h.score for h in fitted), done.search.unknown(best)])
     before = next(h for h in fitted if h.key == known[0].key)
     return Answer(best.key, float(np.exp(before.score - np.logaddexp.reduce(scores))))
-
-
-def replace_fits(done: Searched, fits: Fits) -> Any:
-    """Return the search with other fits, for what it says of the unknown."""
-    done.search.fits = fits
-    return done.search
 
 
 def variants() -> Iterator[tuple[str, float]]:
@@ -111,16 +86,15 @@ def variants() -> Iterator[tuple[str, float]]:
 
 def of_case(case: Path) -> dict[tuple[str, float], Answer]:
     """Return the answers of a case by constant and factor; ("", 1) stands for the constants as they are."""
-    done = searched(case)
-    search, fits = done.search, done.search.fits
-    out = {("", 1.0): again(done, search.candidates, fits)}
+    done = searched(case, "sensitivity")
+    fits = done.search.fits
+    out = {("", 1.0): again(done, fits)}
     for name, factor in variants():
         if name in OF_THE_FORM:
-            out[name, factor] = again(done, search.candidates, with_form(fits, name, factor))
+            out[name, factor] = again(done, with_form(fits, name, factor))
         else:
             with constant(name, factor * getattr(priors, name)):
-                out[name, factor] = again(done, search.candidates, fits)
-        search.fits = fits
+                out[name, factor] = again(done, fits)
     return out
 
 

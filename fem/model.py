@@ -28,6 +28,10 @@ Law = Callable[[NDArray[np.float64]], tuple[Array, Array]]
 """A dependence on frequency: from ω (n,) [rad/s] to the real and imaginary factors of a stiffness, (n,)."""
 
 
+_STILL = np.zeros((0, 3))
+_STILL.flags.writeable = False
+
+
 class ModelError(ValueError):
     """A model that cannot be built; the message names the place."""
 
@@ -231,7 +235,7 @@ class Effect(ABC):
     @property
     def ground_motions(self) -> Array:
         """Directions (k, 3) in which its first internal coordinates move all supports and grounds."""
-        return np.zeros((0, 3))
+        return _STILL
 
     def with_values(self, **values: Any) -> Self:
         """Return a copy with other parameter values; complex values are carried for derivatives."""
@@ -442,11 +446,14 @@ class Model:
         Frame, supports, joints, masses, …
     damping : Damping
         Damping of the whole structure.
+    ground : MovingGround or None
+        What supports and springs to the ground rest on, if it moves.
     """
 
     mesh: Mesh
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
+    ground: MovingGround | None = field(default=None, init=False, repr=False)
 
     __repr__ = model_summary
 
@@ -457,6 +464,7 @@ class Model:
                 msg = f"two effects have the name '{effect.name}'; names must differ"
                 raise ModelError(msg)
             seen.add(effect.name)
+        object.__setattr__(self, "ground", MovingGround.of(self))
 
     @property
     def n_dof(self) -> int:
@@ -543,21 +551,20 @@ class Model:
 
     def parts_of(self, effect: Effect) -> tuple[Contribution, ...]:
         """Return the contributions of an effect; those that the ground holds are relative to its motion."""
-        ground, parts = MovingGround.of(self), effect.contribute(self)
+        parts, ground = effect.contribute(self), self.ground
         return parts if ground is None else tuple(ground.resisted(c) for c in parts)
 
     def batches(self) -> Iterator[Contribution]:
         """Return the contributions of all effects in parts that need little memory at a time."""
-        ground = MovingGround.of(self)
         for effect in self.effects:
             for part in effect.batches(self):
-                yield part if ground is None else ground.resisted(part)
+                yield part if self.ground is None else self.ground.resisted(part)
 
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the constraints of all effects, without those that an effect has released."""
         released = {key for effect in self.effects for key in effect.released()}
         own = (c for e in self.effects for c in e.constraints(self) if c.key not in released)
-        ground = MovingGround.of(self)
+        ground = self.ground
         return tuple(own) if ground is None else tuple(ground.constrained(c) for c in own)
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.elements.frame import Frame
-from fem.ground import MovingGround
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
 from fem.summary import summary
@@ -307,7 +306,7 @@ def rigid_motions(model: Model) -> NDArray[np.float64]:
     at[:, 0, 4], at[:, 0, 5], at[:, 1, 5] = arm[:, 2], -arm[:, 1], arm[:, 0]
     at[:, 1, 3], at[:, 2, 3], at[:, 2, 4] = -arm[:, 2], arm[:, 1], -arm[:, 0]
     motions[:, 3:] /= max(model.mesh.size, 1e-300)
-    ground = MovingGround.of(model)
+    ground = model.ground
     if ground is not None:
         motions[ground.dofs, :3] = ground.translated(np.eye(3))
     return motions

@@ -1,19 +1,18 @@
 """Clamped ends: what holds them gives way, and they turn as if they were a little longer."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
+from fem.effects.held_frame import OnStretches
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
-from fem.effects.rebasing import as_before
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
-from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import Contribution, Effect, Model, Parameter
 
 LEAST_U, MOST_U = -1.5, 3.5
 """Least and largest logarithm of a stretch's stiffness [-]."""
@@ -26,19 +25,14 @@ its depth (a rigid square, Dobry and Gazetas), a logarithm of -0.9.
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ClampForm(Effect):
+class ClampForm(OnStretches):
     """The first stretch of a member from where a support holds it, stiffer by a factor e^u.
 
     Attributes
     ----------
-    zones : tuple of (str, float, float, int)
-        Member, arc length of the support, length of the stretch [m], and 1 or -1 for up or down the member.
     shares : tuple of (float, ...)
-        For each of them the parts of the change that flexibilities to the six local forces and moments take:
+        For each stretch the parts of the change that flexibilities to the six local forces and moments take:
         less in the plane in which the section reaches less far [-].
-    place : str
-    frame : Frame
-        Of the model that it was proposed for: moduli that are a little otherwise hardly matter here.
     u : float
     """
 
@@ -50,16 +44,8 @@ class ClampForm(Effect):
         meaning="stiffness e^u of the first stretch of a clamped member",
         places="each support that holds a member in all directions and against turning",
     )
-    zones: tuple[tuple[str, float, float, int], ...]
     shares: tuple[tuple[float, ...], ...]
-    place: str
-    frame: Frame
     u: Any = 0.0
-
-    @property
-    def where(self) -> str:
-        """The support."""
-        return self.place
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the logarithm of the stiffness."""
@@ -69,20 +55,6 @@ class ClampForm(Effect):
         """Return the stiffness that the stretches gain."""
         kept = 1 + np.array(self.shares) * (np.exp(-self.u) - 1)
         return (stiffening(self.frame, model, self.zones, kept),)
-
-    def rebased(self, model: Model) -> "ClampForm":
-        """Return the effect that adds the same stiffness, on a frame with the model's present moduli."""
-        new = replace(self, frame=sheared_frame(model))
-        return as_before(self, new, model)
-
-    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return nothing: the moduli are those of the frame that it holds."""
-        return ()
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return where the stretches begin, (n, 3) [m]."""
-        mesh = model.mesh
-        return np.array([mesh.point_at(mesh.locate(m, s)) for m, s, _, _ in self.zones])
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

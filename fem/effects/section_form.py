@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
+from fem.effects.held_frame import HoldsFrame
 from fem.effects.places import frame_of, is_bar, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.lines import SectionChange
@@ -30,14 +31,12 @@ _MESHES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SectionForm(Effect):
+class SectionForm(HoldsFrame):
     """Members of one section that are heavier, and bend and twist otherwise, than it says, alike.
 
     Attributes
     ----------
     members : tuple of str
-    frame : Frame
-        Of the model that it was proposed for.
     A, Iy, Iz, J : float
         Relative changes of the area, with the mass, and of the stiffnesses of bending and torsion [-].
     parts : Recent
@@ -53,7 +52,6 @@ class SectionForm(Effect):
         places="all members of one section and length",
     )
     members: tuple[str, ...]
-    frame: Frame
     A: Any = 0.0
     Iy: Any = 0.0
     Iz: Any = 0.0

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
+from fem.effects.held_frame import OnStretches
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
-from fem.effects.rebasing import as_before
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
-from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
 
 STIFFEST = 3.5
@@ -33,7 +33,7 @@ span it if the second one is more than the other [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ZoneForm(Effect):
+class ZoneForm(OnStretches):
     """Stretches of members inside of a connection, stiffer by a factor e^u and heavier by a share.
 
     Where the members lie in a plane, bending in it is stiffer by e^(u + plane): a member that is welded to
@@ -41,11 +41,6 @@ class ZoneForm(Effect):
 
     Attributes
     ----------
-    zones : tuple of (str, float, float, int)
-        Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
-    place : str
-    frame : Frame
-        Of the model that it was proposed for: moduli that are a little otherwise hardly matter here.
     inside : tuple of (int, int)
         For each stretch the local force and moment of bending in the plane of the members, of 0 to 5; empty
         where they span space.
@@ -64,19 +59,11 @@ class ZoneForm(Effect):
         meaning="stiffness e^u, in the members' plane e^(u + plane), and mass of the inside of a connection",
         places="each corner and each joint of members",
     )
-    zones: tuple[tuple[str, float, float, int], ...]
-    place: str
-    frame: Frame
     inside: tuple[tuple[int, int], ...] = ()
     u: Any = 0.0
     mass: Any = 0.0
     plane: Any = 0.0
     heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
-
-    @property
-    def where(self) -> str:
-        """The connection."""
-        return self.place
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the logarithm of the stiffness, the mass and, in a plane, that of bending in it."""
@@ -103,20 +90,6 @@ class ZoneForm(Effect):
             for m, s, length, towards in self.zones
         ]
         return mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
-
-    def rebased(self, model: Model) -> "ZoneForm":
-        """Return the effect that adds the same matrices, on a frame with the model's present moduli."""
-        new = replace(self, frame=sheared_frame(model))
-        return as_before(self, new, model)
-
-    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return nothing: the moduli are those of the frame that it holds."""
-        return ()
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return where the stretches begin, (n, 3) [m]."""
-        mesh = model.mesh
-        return np.array([mesh.point_at(mesh.locate(m, s)) for m, s, _, _ in self.zones])
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

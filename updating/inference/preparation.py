@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.connection_damping import ConnectionDamping
+from fem.effects.held_frame import HoldsFrame
 from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
 from fem.linalg.solvers import factorise
-from fem.model import Effect, Model
+from fem.model import Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
@@ -75,17 +76,10 @@ def with_higher_mass(model: Model) -> Model:
 
     Weak effects are otherwise found that only take up the mesh's error.
     """
-    effects = (_with_higher_mass(e) for e in model.effects)
+    effects = (
+        e.with_mass_of_higher_order() if isinstance(e, Frame | HoldsFrame) else e for e in model.effects
+    )
     return replace(model, effects=tuple(effects))
-
-
-def _with_higher_mass(effect: Effect) -> Effect:
-    """Return a frame, or an effect that holds one, with mass of higher order."""
-    if isinstance(effect, Frame):
-        return effect.with_mass_of_higher_order()
-    held = getattr(effect, "frame", None)
-    changed: Any = effect
-    return replace(changed, frame=held.with_mass_of_higher_order()) if isinstance(held, Frame) else effect
 
 
 def build_problem(

@@ -273,7 +273,7 @@ def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
         If nothing holds the structure to the base, or a direction is a combination of others.
     """
     directions = [np.asarray(e.direction, dtype=float) for e in excitations if isinstance(e, BaseMotion)]
-    if not directions or MovingGround.of(model) is not None:
+    if not directions or model.ground is not None:
         return model
     try:
         return base_moved(model, np.array(directions))
@@ -331,7 +331,7 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
         If the mesh has no point where a sensor sits (:func:`place_sensors`), or the base of a
         :class:`BaseMotion` rests in the model.
     """
-    rows, ground = np.zeros((len(sensors), model.n_dof)), MovingGround.of(model)
+    rows, ground = np.zeros((len(sensors), model.n_dof)), model.ground
     for i, s in enumerate(sensors):
         if isinstance(s, BaseMotion):
             rows[i] = _base_force(model, ground, s)

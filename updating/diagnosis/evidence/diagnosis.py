@@ -69,7 +69,7 @@ class Searched:
     @property
     def explains(self) -> bool:
         """Whether the best hypothesis is more probable than what the library does not have."""
-        return self.unknown < self.best.score
+        return self.search.explains(self.best)
 
     @property
     def unknown(self) -> float:

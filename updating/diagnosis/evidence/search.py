@@ -191,11 +191,11 @@ class Search:
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if beam and beam[0].score > best.score:
                 beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
-            elif self.unknown(best) < best.score:
+            elif self.explains(best):
                 break
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < MOST_EFFECTS]
-            if not beam and self.unknown(best) >= best.score and n_back < MOST_BACK:
+            if not beam and not self.explains(best) and n_back < MOST_BACK:
                 n_back += 1
                 left = [h for h in self.known.values() if h.key not in gone and len(h.effects) < MOST_EFFECTS]
                 beam = sorted(left, key=lambda h: -h.score)[:1]
@@ -368,14 +368,15 @@ class Search:
         ]
         out: dict[frozenset[str], Proposal] = {}
         for each in chosen:
-            block = each[0].effects
-            is_first, wins = block in near[:1], True
-            starts = self.block_starts(block, each[-1].start.near)
-            if not self.fits.is_far(base):  # small changes say enough
+            is_first = each[0].effects in near[:1]
+            if self.fits.is_far(base):
+                more, wins = self.block_starts(each[0].effects, each[-1].start.near), True
+            else:  # small changes say enough
                 each, wins = self.paying(base, each, ranked_blocks)
-                block, starts = each[0].effects, []
+                more = []
+            block = each[0].effects
             if len(block) > 1 and wins:
-                out[key_of(block)] = block, [*(b.start for b in each), *starts], is_first
+                out[key_of(block)] = block, [*(b.start for b in each), *more], is_first
         return list(out.values())
 
     def paying(
@@ -510,6 +511,10 @@ class Search:
         result = function.result(replace(best.result.solution, x=x, covariance=covariance))
         self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
         return self.known[h.key]
+
+    def explains(self, best: Hypothesis) -> bool:
+        """Whether a hypothesis is more probable than what the library does not have."""
+        return self.unknown(best) < best.score
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
