@@ -34,7 +34,10 @@ CONNECTIONS_POWER = "its power of frequency"
 """How it calls the power of the frequency that their damping goes with."""
 
 
-_FORM = {"u": "ln stiffness", "mass": "relative mass"}
+_FORM = {
+    "u": "ln stiffness", "plane": "ln stiffness in its plane", "mass": "relative mass",
+    "A": "relative mass per length",
+}  # fmt: skip
 _QUANTITIES = {
     "rho": "density", "k": "shear coefficients",
     "ky": "shear coefficient along y", "kz": "shear coefficient along z",

@@ -253,6 +253,8 @@ def read_excitations(
         with attempt():
             if "sensor" in t:
                 name = t.text("sensor")
+                if "base" in t:
+                    t.refuse("base", "an excitation is at a sensor or moves the base; give one of the two")
                 if name not in by_name:
                     t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
                 at, label = by_name[name], t.text("label", by_name[name].label)

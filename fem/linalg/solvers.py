@@ -24,6 +24,10 @@ SLEPC = "slepc"
 """Value of ``DOVETAIL_SOLVER`` by which :mod:`fem.linalg.processes` computes modes; factors are our own."""
 
 
+class SolverError(ValueError):
+    """A solver that is not there."""
+
+
 class SingularMatrixError(ValueError):
     """A matrix without an inverse."""
 
@@ -94,7 +98,7 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     ------
     SingularMatrixError
         If the matrix is singular.
-    ValueError
+    SolverError
         If there is no such backend.
     ImportError
         If PARDISO is asked for and not installed.
@@ -112,7 +116,7 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     if chosen == "pardiso":
         return _pardiso(A)
     msg = f"there is no solver {chosen!r}; there are {', '.join(BACKENDS)}, and for modes {SLEPC}"
-    raise ValueError(msg)
+    raise SolverError(msg)
 
 
 def _singular(A: Any) -> SingularMatrixError:

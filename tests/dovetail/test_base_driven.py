@@ -195,6 +195,7 @@ def test_updating_takes_transmissibilities_with_and_without_phase(tmp_path, phas
     [
         ('[[supports]]\npoint = "foot"\n', "", "nothing holds the structure along the motion of its base"),
         ('base = "x"', 'base = "up"', "excitations.1..base"),
+        ('base = "x"', 'base = "x"\nsensor = "tip"', "at a sensor or moves the base; give one of the two"),
         (
             '[[excitations]]\nbase = "x"',
             '[[excitations]]\npoint = "tip"\ndirection = "x"\n\n[[sensors]]\nname = "r"\npoint = "tip"\n'

@@ -323,6 +323,7 @@ def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
 def test_the_form_of_a_connection_is_named_by_its_place(found):
     form = [u.words for u in found.uncertain if u.form_of]
     assert "ln stiffness, form of corner at point" in " ".join(form)
+    assert "relative mass per length, form of section of member" in " ".join(form)
     assert not [u.words for u in found.uncertain if "_form" in u.words]
 
 

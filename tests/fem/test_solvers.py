@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_info
 
 from fem.linalg.lanczos import EQUAL, lowest_eigenpairs
 from fem.linalg.multifrontal import LEAF, plan_elimination
-from fem.linalg.solvers import BACKENDS, SingularMatrixError, factorise, one_thread
+from fem.linalg.solvers import BACKENDS, SingularMatrixError, SolverError, factorise, one_thread
 
 EPS = np.finfo(float).eps
 
@@ -271,3 +271,9 @@ def test_pardiso_says_where_it_comes_from(monkeypatch):
     monkeypatch.setitem(sys.modules, "pypardiso", None)
     with pytest.raises(ImportError, match=r"dovetail\[accelerate\]"):
         factorise(sp.eye_array(4, format="csc"), backend="pardiso")
+
+
+def test_a_solver_that_is_not_there_is_named_with_those_that_are(monkeypatch):
+    monkeypatch.setenv("DOVETAIL_SOLVER", "mumps")
+    with pytest.raises(SolverError, match="no solver 'mumps'; there are superlu, multifrontal, pardiso, and"):
+        factorise(grid(3))

@@ -1,11 +1,14 @@
-"""Where the search goes on and where it ends, with hypotheses whose scores are given."""
+"""Where the search goes on and where it ends, and by which bands it fits, with scores that are given."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
 
+from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
+from updating.diagnosis.evidence.fits import N_STARTS, Fits
+from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.search import MOST_EFFECTS, Search
 
 
@@ -90,3 +93,21 @@ def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
     assert module.MOST_BACK == 1
     hopeless = {"": 0.0, "a": -1.0, "b": -2.0, "c": -3.0, "d": -4.0}
     assert run(hopeless, unknown=60.0) == ("nothing", ["nothing", "a", "b", "c"])
+
+
+@pytest.mark.parametrize(("n", "bands"), [(N_STARTS, [30.0]), (N_STARTS + 1, [10.0, 20.0, 30.0])])
+def test_of_many_starts_the_best_are_fitted_band_by_band(monkeypatch, n, bands):
+    """Springs of a block are far from their values: in the whole band at once resonances pass each other."""
+    fitted = []
+
+    def fit(self, problem, effects, values, stages, **how):
+        fitted.append((values, list(stages)))
+        return SimpleNamespace(fitted=SimpleNamespace(log_evidence=values, log_likelihood=values))
+
+    monkeypatch.setattr(Fits, "_fit", fit)
+    monkeypatch.setattr(fits_module, "with_forces", lambda problem, effects, values: problem)
+    quick = SimpleNamespace(stages=(10.0, 20.0, 30.0))
+    starts = [Start(k, None) for k in range(n)]
+    best = object.__new__(Fits).shortly(quick, (), starts)
+    assert [h.fitted.log_evidence for h in best] == list(range(n))[::-1][:N_STARTS]
+    assert [stages for _, stages in fitted[-N_STARTS:]] == [bands] * N_STARTS
