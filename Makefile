@@ -167,7 +167,7 @@ $(PEERS_READY): requirements-peers.lock
 # -dev with what testing and checking need, -docs what the documentation needs, -extras the optional libraries,
 # -peers the programs to compare with.
 # Versions stay as they are unless pyproject.toml asks for others; make lock UPGRADE=--upgrade takes the newest.
-COMPILE = .venv-lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate $(UPGRADE)
+COMPILE = .venv-lock/bin/uv pip compile --quiet --universal --no-strip-extras --generate-hashes --python-version 3.11 --no-header --no-annotate $(UPGRADE)
 lock:
 	test -x .venv-lock/bin/uv || $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
