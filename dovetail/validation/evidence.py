@@ -108,9 +108,7 @@ def loss_of(right: bool, faults_right: bool, answer: float, truth: float | None)
 
 def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
     """Return the fewest hypotheses with ``CREDIBLE`` together; None is any effect outside the library."""
-    every: list[tuple[Hypothesis | None, float]] = [
-        (h, done.probability(h)) for h in done.search.known.values()
-    ]
+    every: list[tuple[Hypothesis | None, float]] = [(h, done.probability(h)) for h in done.hypotheses]
     every.append((None, done.unknown_probability))
     every.sort(key=lambda pair: -pair[1])
     before = np.cumsum([0.0, *(p for _, p in every[:-1])])

@@ -80,6 +80,7 @@ class OnSide(Effect):
         Typical shift, of which searches start at several multiples [m].
     """
 
+    connection: ClassVar[bool] = True
     joint: str
     side: int
     member: str

@@ -393,8 +393,29 @@ def check_position(model, effect):
             assert 0 <= p.lower < p.upper <= model.mesh.member_length(effect.member)
 
 
+def check_connection(model, effect):
+    """Stiffness that vanishes with a joint's is the joint's, and damped as joints are."""
+    name = getattr(effect, "joint", None)
+    if not isinstance(name, str):
+        return
+    slack = tuple(replace(e, K=1e-9 * e.K) if e.name == name else e for e in model.effects)
+    before, after = (
+        np.abs(matrices(generic(effect), m)[0]).max() for m in (model, replace(model, effects=slack))
+    )
+    if before > 0 and after < 1e-6 * before:
+        assert effect.connection
+
+
 CHECKS = (check_absent, check_symmetry, check_rigid_motion, check_derivatives, check_linear)
-CHECKS += (check_values, check_place, check_starts, check_references, check_role, check_position)
+CHECKS += (
+    check_values,
+    check_place,
+    check_starts,
+    check_references,
+    check_role,
+    check_position,
+    check_connection,
+)
 
 
 @pytest.mark.parametrize(("model", "effect"), CASES)

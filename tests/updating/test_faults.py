@@ -205,6 +205,11 @@ def test_corrections_can_be_taken_back(lap):
         np.testing.assert_allclose(a.direction, b.direction, atol=1e-12)
 
 
+def by_level(problem, faults):
+    """Return a simple score: how far a fit is from the data, and 10 against each fault."""
+    return -500 * np.log(problem.fit().level) - 10 * len(faults)
+
+
 def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap):
     """One sensor was set right that had nothing wrong, another by less than it was off."""
     names = lap.measurement.frf.outputs
@@ -213,7 +218,7 @@ def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap):
     faults = (Fault("sensor_gain", names[7], 1.12, 0.001), Fault("sensor_gain", names[4], 1.15, 0.001))
     wrong = replace(problem, data=corrected(problem.data, faults))
     before = wrong.fit()
-    settled, result, left = settle_faults(wrong, before, faults)
+    settled, result, left = settle_faults(wrong, before, faults, by_level)
     (fault,) = left
     assert (fault.kind, fault.sensor) == ("sensor_gain", names[4])
     assert fault.value == pytest.approx(1.2, abs=0.01)
@@ -229,7 +234,7 @@ def test_two_faults_that_cancel_are_none(lap):
     names = lap.measurement.frf.outputs
     problem, null = prepared(lap)
     there, back = (Fault("sensor_delay", names[3], value, 2e-7, "s") for value in (2e-5, -2e-5))
-    settled, result, left = settle_faults(problem, null, (there, back))
+    settled, result, left = settle_faults(problem, null, (there, back), by_level)
     assert left == ()
     np.testing.assert_allclose(settled.data.H, problem.data.H, rtol=1e-9)
     assert result.level == pytest.approx(null.level, rel=1e-3)

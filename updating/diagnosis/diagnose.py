@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -31,6 +32,7 @@ from updating.diagnosis.evidence.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.frf_states import begin_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
@@ -156,6 +158,8 @@ def _diagnosed(
     done = with_laws(begun, levels, laws) if laws else begun
     if not done.explains or not done.best.effects:
         done = searched(begun, say)
+        if levels and done.faults != begun.faults:
+            levels = force_levels(done.problem, measurements, done.faults)
         done = with_laws(done, levels, laws) if laws else done
     say("checking", 0.95)
     return _concluded(done, gates, model_error, stated=bool(levels))
@@ -183,8 +187,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     current = steps[-1].result
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
     posterior = [
-        (tuple(sorted(h.key)), done.probability(h))
-        for h in sorted(search.known.values(), key=lambda h: -h.score)
+        (done.names(h), done.probability(h)) for h in sorted(done.hypotheses, key=lambda h: -h.score)
     ]
     posterior.append(((UNKNOWN,), done.unknown_probability))
     basis_db = basis_error(problem, current, N_CHECKED)
@@ -239,10 +242,19 @@ def _with_last_faults(
         problem, current, late = find_faults(problem, current)
         faults = (*faults, *late)
     if faults:
-        problem, current, faults = settle_faults(problem, current, faults)
+        problem, current, faults = settle_faults(problem, current, faults, partial(_score, done))
         before = [step_of(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
         steps = [*before, step_of(steps[-1].label, current)]
     return problem, steps, faults
+
+
+def _score(done: Searched, problem: FitProblem, faults: Sequence[Fault]) -> float:
+    """Return how probable the effects that were found are with faults, by data corrected for these."""
+    h, fits = done.lead, done.search.fits
+    assert isinstance(fits.problem, FitProblem)
+    on = replace(fits, problem=replace(fits.problem, data=problem.data))
+    again = on.fully(h.effects, values_of(h.effects), h)
+    return again.fitted.log_evidence + log_prior(faults, problem.data)
 
 
 def _findings(

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from updating.inference.fit_data import FitData
 from updating.measurement.measurement import Measurement, MeasurementError
 
+UNLIKE_EFFECTS = ("sensor_sign", "sensor_delay", "sensor_swap", "excitation_sign", "excitation_delay")
+"""Kinds of faults that no effect on the structure resembles."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -31,6 +34,8 @@ class Fault:
         The sensor that it is swapped with, the member that it has moved on.
     direction : tuple of float
         Of a tilt: the unit vector, square to the stated direction, towards which it is tilted.
+    span : float
+        Range of the values that were looked at, of a gain that of its logarithm; 0 of what has no value.
     """
 
     kind: str
@@ -40,6 +45,7 @@ class Fault:
     unit: str = "-"
     other: str = ""
     direction: tuple[float, ...] = ()
+    span: float = 0.0
 
 
 def corrected(data: FitData, faults: Sequence[Fault]) -> FitData:

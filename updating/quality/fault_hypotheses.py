@@ -205,10 +205,11 @@ def factor_hypotheses(
     out = [judge(turned, 1.0, 0.0, before, series.losses(-series.predicted), count)]
     x, std, after = valued(gains, series.gain_losses)
     gain = float(np.exp(x))
-    fault = Fault(f"{of}_gain", name, gain, gain * std)
+    fault = Fault(f"{of}_gain", name, gain, gain * std, span=float(np.ptp(gains)))
     out.append(judge(fault, x, least, before, after, count, abs(x)))
-    x, std, after = valued(np.linspace(-0.8, 0.8, 129) / top, series.delay_losses)
-    fault = Fault(f"{of}_delay", name, x, std, "s")
+    delays = np.linspace(-0.8, 0.8, 129) / top
+    x, std, after = valued(delays, series.delay_losses)
+    fault = Fault(f"{of}_delay", name, x, std, "s", span=float(np.ptp(delays)))
     change = float(np.median(2 * np.pi * series.frequency * abs(x)))
     return [*out, judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count, change)]
 

@@ -7,7 +7,7 @@ have. A fault is believed if it explains most of the difference in every part of
 from the other parts.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.measurement.measurement import BaseMotion
-from updating.quality.corrections import Fault, combined, corrected, uncorrected
+from updating.quality.corrections import UNLIKE_EFFECTS, Fault, combined, corrected, uncorrected
 from updating.quality.cross_prediction import (
     CrossPrediction,
     Field,
@@ -34,17 +34,11 @@ than that of a sensor, as a factor that all excitations share may also be a wron
 LEAST_RATIO_BESIDE_FORCES = 1.5
 """A fault must lower the misfit by this factor also where an unknown force may act near the sensor."""
 
-LEAST_LEVEL_RATIO = 1.08
-"""A fault that the final model seems to explain is kept if the level without it is higher by this factor."""
-
 MISFIT_SHARE = 0.4
 """A fault must change the readings by this share of the residual level at the other sensors [-]."""
 
 CLEAR_MISFIT_RATIO = 6.0
 """A fault that lowers the misfit by more than this factor needs no comparison with unknown forces."""
-
-_UNLIKE_EFFECTS = ("sensor_sign", "sensor_delay", "sensor_swap")
-"""Kinds of faults that no effect on the structure resembles."""
 
 MODEL_SIGMA = 0.1
 """Assumed relative error of the model's FRFs, where only these can be compared [-]."""
@@ -54,6 +48,10 @@ _MOST = 12
 
 _SIMPLER = ("sensor_sign", "sensor_gain", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
 """Of faults that explain a sensor's readings equally well, the first in this list is reported."""
+
+
+Score = Callable[[FitProblem, Sequence[Fault]], float]
+"""How probable a model and faults are, as a logarithm, by data that are corrected for them."""
 
 
 def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
@@ -88,7 +86,7 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
             break
         mended = replace(problem, data=corrected(start, [*faults, *more]))
         fit = _again(mended, null)
-        if fit.level > null.level and not any(f.kind in _UNLIKE_EFFECTS for f in more):
+        if fit.level > null.level and not any(f.kind in UNLIKE_EFFECTS for f in more):
             break  # the correction helps nothing: an effect near the sensor resembles its fault
         faults += more
         problem, null = mended, fit
@@ -127,11 +125,11 @@ def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResu
 
 
 def settle_faults(
-    problem: FitProblem, result: FitResult, faults: Sequence[Fault]
+    problem: FitProblem, result: FitResult, faults: Sequence[Fault], score: Score
 ) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Estimate faults again with the final model, and undo the corrections of those that it explains.
 
-    A correction stays if the model fits the data without it worse by a factor of ``LEAST_LEVEL_RATIO``.
+    A correction stays if it makes the model with the data more probable.
 
     Parameters
     ----------
@@ -141,6 +139,8 @@ def settle_faults(
         The fit with the effects that were found.
     faults : sequence of Fault
         Faults that were corrected, in their order.
+    score : callable
+        How probable the model and faults are, as a logarithm, by the data that are corrected for them.
 
     Returns
     -------
@@ -153,22 +153,20 @@ def settle_faults(
     as_read = uncorrected(problem.data, faults)
     faults = combined(faults)
     problem = replace(problem, data=corrected(as_read, faults))
-    left = confirm_faults(problem, faults, result)
+    last = {(f.kind, f.sensor): f for f in confirm_faults(problem, faults, result)}
+    left = tuple(last.get((f.kind, f.sensor), f) for f in faults)
 
-    def fitted(kept: Sequence[Fault]) -> tuple[FitProblem, FitResult]:
-        now = replace(problem, data=corrected(as_read, kept))
-        return now, _again(now, result)
+    def with_faults(kept: Sequence[Fault]) -> FitProblem:
+        return replace(problem, data=corrected(as_read, kept))
 
-    best = fitted(left)
-    for fault in faults:
-        if any((f.kind, f.sensor) == (fault.kind, fault.sensor) for f in left):
-            continue
-        names = {(f.kind, f.sensor): f for f in left} | {(fault.kind, fault.sensor): fault}
-        more = tuple(names[f.kind, f.sensor] for f in faults if (f.kind, f.sensor) in names)
-        other = fitted(more)
-        if best[1].level > LEAST_LEVEL_RATIO * other[1].level:
-            left, best = more, other
-    return *best, tuple(left)
+    best = score(with_faults(left), left)
+    for fault in left:
+        fewer = tuple(f for f in left if f is not fault)
+        without = score(with_faults(fewer), fewer)
+        if without > best:
+            left, best = fewer, without
+    settled = with_faults(left)
+    return settled, _again(settled, result), left
 
 
 def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
@@ -204,9 +202,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> Hypothe
         return None
     others = _levels_of_others(problem, result, {h.fault.sensor for h in found})
     found = [
-        h
-        for h in found
-        if h.fault.kind in _UNLIKE_EFFECTS or h.change > MISFIT_SHARE * others[h.fault.sensor]
+        h for h in found if h.fault.kind in UNLIKE_EFFECTS or h.change > MISFIT_SHARE * others[h.fault.sensor]
     ]
     if not found:
         return None
@@ -215,7 +211,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> Hypothe
         swaps = [h for h in found if h.believed and h.fault.kind == "sensor_swap"]
         both = [h for h in swaps if best.fault.sensor in (h.fault.sensor, h.fault.other)]
         best = max(both, key=lambda h: h.gain, default=best)
-    sure = best.fault.kind in _UNLIKE_EFFECTS
+    sure = best.fault.kind in UNLIKE_EFFECTS
     if best.believed and not sure and not _needed(problem, X, best):
         return replace(best, better=0.0)
     alike = [

@@ -67,7 +67,10 @@ def _tilt_hypotheses(
     out, count = [], int(series.seen.sum())
     for direction, motion in zip(towards, other, strict=True):
         x, std, after = valued(angles, lambda a, m=motion: series.losses(tilted(a, m)))
-        fault = Fault("sensor_tilt", sensor.name, x, std, "rad", direction=tuple(map(float, direction)))
+        towards_it = tuple(map(float, direction))
+        fault = Fault(
+            "sensor_tilt", sensor.name, x, std, "rad", direction=towards_it, span=float(np.ptp(angles))
+        )
         change = series.change(tilted(np.array([x]), motion)[0])
         out.append(judge(fault, x, TILT_LEAST, before, after, count, change))
     return out
@@ -90,7 +93,7 @@ def _position_hypotheses(
         return X.elsewhere(i, np.einsum("nk,nkr->nr", motion, X.field.shapes[dofs]))
 
     x, std, after = valued(np.linspace(0, length, 41), lambda s: series.losses(moved(s)))
-    fault = Fault("sensor_position", sensor.name, x - position, std, "m", member)
+    fault = Fault("sensor_position", sensor.name, x - position, std, "m", member, span=length)
     size, change = (x - position) / length, series.change(moved(np.array([x]))[0])
     return [judge(fault, size, SHIFT_LEAST, before, after, int(series.seen.sum()), change)]
 

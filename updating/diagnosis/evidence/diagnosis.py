@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.magnitudes import MagnitudeRanking
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
+from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
@@ -44,6 +47,8 @@ class Searched:
         With the form's effects.
     notes : tuple of str
         What a reader should know of the mesh.
+    otherwise : Searched, optional
+        The search on the same data with other faults of the measurement set right.
     """
 
     search: Search
@@ -52,6 +57,7 @@ class Searched:
     mesh_db: float
     model: Model
     notes: tuple[str, ...] = ()
+    otherwise: "Searched | None" = None
 
     @property
     def problem(self) -> FitProblem:
@@ -87,8 +93,23 @@ class Searched:
     @property
     def evidence(self) -> float:
         """Logarithm of the sum over all hypotheses."""
-        scores = [k.score for k in self.search.known.values()]
+        scores = [k.score for k in self.hypotheses]
         return float(np.logaddexp.reduce(np.array([*scores, self.unknown])))
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """All that were fitted fully, by other readings of the data, too."""
+        others = self.otherwise.search.known.values() if self.otherwise else ()
+        return [*self.search.known.values(), *others]
+
+    def names(self, h: Hypothesis) -> tuple[str, ...]:
+        """Return the names of a hypothesis's effects, and of its faults where others are set right here."""
+        other = self.otherwise
+        if other is None or self.search.known.get(h.key) is h:
+            return tuple(sorted(h.key))
+        here = {(f.kind, f.sensor) for f in self.faults}
+        faults = [f"{f.kind} {f.sensor}" for f in other.faults if (f.kind, f.sensor) not in here]
+        return tuple(sorted([*h.key, *faults]))
 
     def probability(self, h: Hypothesis) -> float:
         """Return the posterior probability of a hypothesis."""
@@ -101,7 +122,7 @@ class Searched:
 
     def probability_there(self, h: Hypothesis) -> float:
         """Return the probability that what is missing is at the places of a hypothesis."""
-        return sum(self.probability(k) for k in self.search.known.values() if k.places == h.places)
+        return sum(self.probability(k) for k in self.hypotheses if k.places == h.places)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,35 +245,62 @@ def begun_with(
     progress: Progress,
     crew: Workers = ALONE,
 ) -> Searched:
-    """Return a search of a problem that knows the model without effects, with faults set right."""
+    """Return a search of a problem that knows the model without effects, with faults set right.
+
+    Where some of the faults are doubtful, it has another one beside it that reads the data with them.
+    """
     null = fit(whole, n_lines=FULL_LINES)
-    whole, result, faults = find_faults(whole, whole.assessed(null.result))
-    whole = replace(with_seen_noise(whole, null.result), modes=modes)
-    own = FrfRanking() if whole.data.phase else MagnitudeRanking()
-    search = Search(
-        whole, begun.form, candidates, partial(told, progress), workers=crew, ranking=ranking or own
-    )
-    if modes is not None:
-        null = fit(whole, n_lines=FULL_LINES, x_from=result)
-        result = null.result
-    nothing = search.fits.scattered(whole, Hypothesis(replace(null, result=result), 0.0))
-    search.known[frozenset()] = nothing
+    read = whole.data
+    right, result, faults = find_faults(whole, whole.assessed(null.result))
+    right = replace(with_seen_noise(right, null.result), modes=modes)
+    own = FrfRanking() if read.phase else MagnitudeRanking()
     notes = ()
     if begun.n_cut > 1:
         notes = (
             f"each element was cut into {begun.n_cut}: the mesh's error was {begun.uncut_db:.2g} dB, not "
-            f"small beside the noise of {whole.data.noise_db:.2g} dB",
+            f"small beside the noise of {read.noise_db:.2g} dB",
         )
     if modes is not None:
         notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted beside the FRFs",)
-    return Searched(search, nothing, faults, begun.mesh_db, begun.formed, notes)
+
+    def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
+        search = Search(
+            problem, begun.form, candidates, partial(told, progress), ranking=ranking or own, workers=crew,
+            beforehand=log_prior(doubtful(faults), read),
+        )  # fmt: skip
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
+        first = fit(problem, n_lines=FULL_LINES, **way)
+        nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
+        search.known[frozenset()] = nothing
+        return Searched(search, nothing, faults, begun.mesh_db, begun.formed, notes)
+
+    found = reading(right, result, faults)
+    if not doubtful(faults):
+        return found
+    sure = tuple(f for f in faults if f not in doubtful(faults))
+    other = replace(right, data=as_read(read, right.data, faults))
+    return replace(found, otherwise=reading(other, null.result, sure))
 
 
 def searched(begun: Searched, progress: Progress) -> Searched:
-    """Return a search that has ended."""
-    best = begun.search.run()
+    """Return a search that has ended: of two readings of the data, the one with the best hypothesis.
+
+    Each of the two adds effects once, then that one goes on which explains the data better. It ends where
+    nothing that it may still find is as probable as what the other has.
+    """
+    ways = [begun] if begun.otherwise is None else [begun, begun.otherwise]
+    going = [(way.search, way.search.rounds()) for way in ways]
+    for _, rounds in going:
+        next(rounds, None)
+    while going:
+        search, rounds = max(going, key=lambda each: each[0].best.score)
+        elsewhere = [way.search.best.score for way in ways if way.search is not search]
+        if any(s > search.unknown(search.best) for s in elsewhere) or next(rounds, None) is None:
+            going = [each for each in going if each[0] is not search]
     progress("refining", 0.9)
-    return replace(begun, best=begun.search.polished(best))
+    best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+    best = replace(best, best=best.search.polished(best.search.best))
+    return replace(best, otherwise=replace(others[0], otherwise=None) if others else None)
 
 
 def candidates_for_test(

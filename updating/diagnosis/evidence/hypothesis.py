@@ -73,20 +73,24 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Odds:
-    """Prior odds of effects, by how many candidates a place has, and how many places a kind of place."""
+    """Prior odds of effects, by how many candidates a place has, and how many places a kind of place.
+
+    ``beforehand`` is the logarithm of those of everything else that is believed of the data.
+    """
 
     n_candidates: Counter[str]
     n_places: Counter[str]
+    beforehand: float = 0.0
 
     @classmethod
-    def of(cls, candidates: Sequence[Effect]) -> "Odds":
+    def of(cls, candidates: Sequence[Effect], beforehand: float = 0.0) -> "Odds":
         """Count candidates and their places."""
         where = [place_of(c) for c in candidates]
-        return cls(Counter(name for _, name in where), Counter(kind for kind, _ in set(where)))
+        return cls(Counter(name for _, name in where), Counter(kind for kind, _ in set(where)), beforehand)
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
-        total = 0.0
+        total = self.beforehand
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)

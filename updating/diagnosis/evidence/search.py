@@ -1,7 +1,7 @@
 """The search: places by the scan, then blocks and single laws there, each by its evidence."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
 from itertools import combinations, product
@@ -157,6 +157,8 @@ class Search:
     candidates : tuple of Effect
     workers : Workers
         What computes independent fits.
+    beforehand : float
+        Logarithm of how probable the data were read rightly.
     """
 
     problem: InitVar[AnyProblem]
@@ -167,19 +169,33 @@ class Search:
     scanned: tuple[Scanned, ...] = ()
     ranking: InitVar[Ranking] = FrfRanking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
+    beforehand: InitVar[float] = 0.0
 
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
-    def __post_init__(self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking) -> None:
-        self.fits = Fits(problem, form, Odds.of(self.candidates), ranking)
+    def __post_init__(
+        self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
+    ) -> None:
+        self.fits = Fits(problem, form, Odds.of(self.candidates, beforehand), ranking)
         self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
 
     def run(self) -> Hypothesis:
         """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
+        for _ in self.rounds():
+            pass
+        return self.best
+
+    @property
+    def best(self) -> Hypothesis:
+        """The most probable hypothesis so far."""
+        return max(self.known.values(), key=lambda h: h.score)
+
+    def rounds(self) -> Iterator[Hypothesis]:
+        """Search with one effect more each time, and yield the most probable hypothesis so far."""
         best = self.full((), ())
         # The form of one that is far from the data is bent, and not searched on from.
         best = best if self.fits.is_far(best) else self.on_own_basis(best)
@@ -202,7 +218,7 @@ class Search:
             gone |= {h.key for h in beam}
             for h in beam[:1]:
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
-        return max(self.known.values(), key=lambda h: h.score)
+            yield best
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""

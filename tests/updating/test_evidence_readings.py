@@ -1,0 +1,91 @@
+"""Data that are read with and without doubtful faults of the measurement."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.pipeline import measured, without_held_out
+from tests.frames import write_study
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import EFFECT, FAULT
+from updating.diagnosis.evidence import diagnosis as by_evidence
+from updating.diagnosis.evidence.priors import EFFECT_ODDS
+from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
+from updating.inference.fit_data import FitData
+from updating.quality.corrections import Fault, corrected
+
+GAIN = Fault("sensor_gain", "K", 1.3, 0.013, span=6.0)
+SIGN = Fault("sensor_sign", "T", -1.0, 0.0)
+
+
+def asked(folder, mass, gain=1.0):
+    """Return a study, and its measurement with the gain of one sensor."""
+    study = load_study(write_study(folder, mass))
+    (measurement,) = (without_held_out(study, m) for m in measured(study))
+    H = np.array(measurement.frf.H)
+    H[:, measurement.frf.outputs.index("K")] *= gain
+    return study, measurement.with_frf(replace(measurement.frf, H=H))
+
+
+def diagnosed(study, measurement, monkeypatch):
+    """Return a diagnosis where a rule calls the gain of one sensor wrong, whatever the data say."""
+
+    def find(problem, null):
+        if null.effects:  # once more, at the end
+            return problem, null, ()
+        right = replace(problem, data=corrected(problem.data, [GAIN]))
+        return right, right.refit(null), (GAIN,)
+
+    monkeypatch.setattr(by_evidence, "find_faults", find)
+    return diagnose(
+        study.model, [measurement], study.nuisances, damping_std=study.damping_std,
+        kinds=["point_mass", "member_stiffness"], model_error=0.1,
+    )  # fmt: skip
+
+
+def test_an_effect_that_a_rule_has_taken_for_a_fault_is_found(tmp_path, monkeypatch):
+    found = diagnosed(*asked(tmp_path, 0.25), monkeypatch)
+    assert found.verdict == EFFECT
+    (finding,) = found.findings
+    assert finding.effect.kind == "point_mass"
+    assert found.faults == ()
+    other = found.searched.otherwise
+    assert other.faults == (GAIN,)
+    assert sum(p for _, p in found.posterior) == pytest.approx(1.0, abs=1e-9)
+    with_fault = [p for names, p in found.posterior if "sensor_gain K" in names]
+    assert len(with_fault) == len(other.search.known)
+    assert sum(with_fault) < 1e-3
+
+
+def test_a_fault_stays_one_where_no_effect_does_the_same(tmp_path, monkeypatch):
+    found = diagnosed(*asked(tmp_path, 0.0, gain=1.3), monkeypatch)
+    assert found.verdict == FAULT
+    (fault,) = found.faults
+    assert (fault.kind, fault.sensor) == ("sensor_gain", "K")
+    other = found.searched.otherwise
+    assert other.faults == ()
+    assert len(other.search.known) > 1  # effects have been tried in its place
+
+
+def test_only_doubtful_faults_are_left_in_the_data(tmp_path):
+    _, measurement = asked(tmp_path, 0.0)
+    shape = measurement.frf.H.shape
+    data = FitData(
+        measurement, measurement.frf.frequency, measurement.frf.H, np.ones(shape, dtype=bool), np.ones(shape),
+        np.full(shape, 0.02), np.zeros(shape[0], dtype=bool),
+    )  # fmt: skip
+    faults = (GAIN, SIGN)
+    assert doubtful(faults) == (GAIN,)
+    right = replace(corrected(data, faults), noise=np.full(shape, 0.01))
+    read = as_read(data, right, faults)
+    gain, sign = (measurement.frf.outputs.index(f.sensor) for f in faults)
+    np.testing.assert_array_equal(read.H[:, gain], data.H[:, gain])
+    np.testing.assert_array_equal(read.H[:, sign], -data.H[:, sign])
+    np.testing.assert_array_equal(read.noise, right.noise)
+    # Against one change of six at one of the sensors; its value is known to 1 % of a range of 6 nepers.
+    n_log = np.log(6 * len(measurement.sensors))
+    occam = np.log(np.sqrt(2 * np.pi) * 0.01 / 6)
+    assert log_prior([GAIN], data) == pytest.approx(occam - EFFECT_ODDS - n_log)
+    assert log_prior(faults, data) == pytest.approx(occam - 2 * EFFECT_ODDS - 2 * n_log)
