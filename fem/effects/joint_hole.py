@@ -71,7 +71,7 @@ class JointHole(OnSide):
                     cls(
                         name=f"joint_hole:{joint.name}.{member}.{d}", joint=joint.name, side=side,
                         member=member, at=at, amount=0.0, lower=-2 * size, upper=2 * size,
-                        scale=0.4 * size, direction=d, across=across,
+                        direction=d, across=across,
                     )
                 )  # fmt: skip
         return tuple(out)

@@ -24,6 +24,15 @@ from fem.model import (
 
 REACH = 0.15
 """Connections are shifted by at most this share of the member's length [-]."""
+SHARES = (0.02, 0.07, 0.25, 0.7)
+"""Shifts from which searches start, in parts of the furthest: a millimetre is as plausible as an inch [-]."""
+
+
+def shifts(lower: float, upper: float) -> tuple[dict[str, float], ...]:
+    """Return shifts to start from, either way as far as the bounds allow."""
+    far = max(upper, -lower)
+    amounts = (sign * share * far for share in SHARES for sign in (-1, 1))
+    return tuple({"amount": a} for a in amounts if lower < a < upper)
 
 
 def members_at(model: Model) -> dict[int, list[tuple[str, float]]]:
@@ -76,8 +85,6 @@ class OnSide(Effect):
         The shift [m].
     lower, upper : float
         Bounds [m].
-    scale : float
-        Typical shift, of which searches start at several multiples [m].
     """
 
     connection: ClassVar[bool] = True
@@ -88,7 +95,6 @@ class OnSide(Effect):
     amount: Any
     lower: float
     upper: float
-    scale: float
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the shift."""
@@ -125,9 +131,8 @@ class OnSide(Effect):
         return parameters_of(model.effect(self.joint))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Return some parts of the scale either way, as far as the bounds allow."""
-        amounts = [f * self.scale for f in (-2.0, -1.0, -0.4, 0.4, 1.0, 2.0)]
-        return tuple({"amount": a} for a in amounts if self.lower < a < self.upper)
+        """Return shifts either way, as far as the bounds allow."""
+        return shifts(self.lower, self.upper)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the joint's place."""
@@ -165,7 +170,6 @@ class AlongMember(OnSide):
                     cls(
                         name=f"{cls.kind}:{joint.name}.{member}", joint=joint.name, side=side, member=member,
                         at=at, amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
-                        scale=0.35 * reach,
                     )
                 )  # fmt: skip
         return tuple(out)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.effects.mounting import REACH, members_at
+from fem.effects.mounting import REACH, members_at, shifts
 from fem.effects.places import elements_of, frame_of, sheared_frame
 from fem.effects.support import Support
 from fem.elements.frame import Frame
@@ -80,11 +80,8 @@ class SupportShift(Effect):
         return tuple((self.support, d) for d in DIRECTIONS)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Return some parts of the furthest, either way."""
-        far = max(self.upper, -self.lower)
-        return tuple(
-            {"amount": f * far} for f in (-0.6, -0.25, 0.25, 0.6) if self.lower < f * far < self.upper
-        )
+        """Return shifts either way, as far as the bounds allow."""
+        return shifts(self.lower, self.upper)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the support."""

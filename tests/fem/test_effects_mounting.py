@@ -83,7 +83,7 @@ def test_a_hole_on_the_side_of_a_foot_is_a_lever_to_it():
     across = np.array([0.0, 1.0, 0.0])
     hole = JointHole(
         name="hole", joint="foot", side=1, member="beam", at=0.3, amount=0.006, lower=-1, upper=1,
-        scale=0.01, direction="y", across=across,
+        direction="y", across=across,
     )  # fmt: skip
     joint = here.effect("foot")
     there = model.with_effect(replace(joint, location=joint.location + 0.006 * across))

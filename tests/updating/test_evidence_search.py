@@ -5,10 +5,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from fem.effects.rigid_end_zone import RigidEndZone
+from fem.effects.support_shift import SupportShift
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
-from updating.diagnosis.evidence.fits import N_STARTS, Fits
-from updating.diagnosis.evidence.hypothesis import Start
+from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
+from updating.diagnosis.evidence.hypothesis import Start, near_to
 from updating.diagnosis.evidence.search import MOST_EFFECTS, Search
 
 
@@ -111,3 +113,18 @@ def test_of_many_starts_the_best_are_fitted_band_by_band(monkeypatch, n, bands):
     best = object.__new__(Fits).shortly(quick, (), starts)
     assert [h.fitted.log_evidence for h in best] == list(range(n))[::-1][:N_STARTS]
     assert [stages for _, stages in fitted[-N_STARTS:]] == [bands] * N_STARTS
+
+
+def test_an_end_of_a_member_is_near_to_what_holds_that_member():
+    zone = RigidEndZone(name="zone", ends=(("arm", 1),), length=0.0, longest=0.1)
+    shift = SupportShift(name="s", support="S", member="arm", at=0.0, amount=0.0, lower=0.0, upper=0.1)
+    assert near_to(zone) & near_to(shift) == {"arm"}
+
+
+@pytest.mark.parametrize(("far", "steps"), [(True, SHORT_STEPS), (False, QUICK_STEPS)])
+def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
+    """There everything else must follow an effect before its score says anything."""
+    asked = []
+    fits = SimpleNamespace(is_far=lambda base: far, shortly=lambda *how: asked.append(how[-1]))
+    module._shortly((fits, None, None), ((), ()))
+    assert asked == [steps]

@@ -92,14 +92,14 @@ class Fits:
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
     def shortly(
-        self, quick: AnyProblem, effects: Sequence[Effect], starts: Sequence[Start]
+        self, quick: AnyProblem, effects: Sequence[Effect], starts: Sequence[Start], steps: int = SHORT_STEPS
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
         None where no start has a structure. Of many starts those go on that do best in the lowest band.
         """
         few: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": FULL_LINES}
-        few |= {"max_iterations": SHORT_STEPS, "stages": quick.stages[-1:]}
+        few |= {"max_iterations": steps, "stages": quick.stages[-1:]}
         if len(starts) > N_STARTS:
             # Several springs far from their values move resonances past each other: band by band.
             few["stages"] = quick.stages

@@ -130,4 +130,5 @@ def near_to(effect: Effect) -> set[str]:
     for key in ("joints", "supports"):
         many = getattr(effect, key, None)
         names |= {x for x in many if isinstance(x, str)} if isinstance(many, tuple) else set()
+    names |= {member for member, _ in getattr(effect, "ends", ())}
     return names or {place_of(effect)[1]}

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.blocks import Block
-from updating.diagnosis.evidence.fits import AnyProblem, Fits, around, with_forces
+from updating.diagnosis.evidence.fits import (
+    QUICK_STEPS,
+    SHORT_STEPS,
+    AnyProblem,
+    Fits,
+    around,
+    with_forces,
+)
 from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
@@ -108,8 +115,9 @@ class Maximum:
 def _shortly(
     shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[tuple[Effect, ...], Sequence[Start]]
 ) -> list[Hypothesis]:
-    (fits, quick, _), (effects, starts) = shared, item
-    return fits.shortly(quick, effects, starts)
+    (fits, quick, base), (effects, starts) = shared, item
+    # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of them.
+    return fits.shortly(quick, effects, starts, SHORT_STEPS if fits.is_far(base) else QUICK_STEPS)
 
 
 def _continued(shared: tuple[Fits, AnyProblem, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
