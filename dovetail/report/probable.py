@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterable, Sequence
 
-from dovetail.report.words import effect_label
+from dovetail.report.words import FAULT_NAMES, effect_label
 from fem.model import Effect
 from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
@@ -77,6 +77,8 @@ def label_of(d: Diagnosis, names: Iterable[str]) -> str:
     effects = [*d.candidates, *(f.effect for f in d.findings)]
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
     known[UNKNOWN] = "something that the library does not have"
+    if d.searched is not None and d.searched.otherwise is not None:
+        known |= {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.otherwise.faults}
     return " and ".join(known.get(n, n) for n in names) or "nothing missing"
 
 

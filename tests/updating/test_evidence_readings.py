@@ -7,6 +7,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
+from dovetail.report.probable import label_of
 from tests.frames import write_study
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, FAULT
@@ -54,9 +55,10 @@ def test_an_effect_that_a_rule_has_taken_for_a_fault_is_found(tmp_path, monkeypa
     other = found.searched.otherwise
     assert other.faults == (GAIN,)
     assert sum(p for _, p in found.posterior) == pytest.approx(1.0, abs=1e-9)
-    with_fault = [p for names, p in found.posterior if "sensor_gain K" in names]
+    with_fault = [p for names, p in found.posterior if "sensor_gain:K" in names]
     assert len(with_fault) == len(other.search.known)
     assert sum(with_fault) < 1e-3
+    assert label_of(found, ["sensor_gain:K"]) == "K: wrong gain"
 
 
 def test_a_fault_stays_one_where_no_effect_does_the_same(tmp_path, monkeypatch):

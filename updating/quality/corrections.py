@@ -47,6 +47,11 @@ class Fault:
     direction: tuple[float, ...] = ()
     span: float = 0.0
 
+    @property
+    def name(self) -> str:
+        """Kind and channel, as effects are named."""
+        return f"{self.kind}:{self.sensor}"
+
 
 def corrected(data: FitData, faults: Sequence[Fault]) -> FitData:
     """Return data that are corrected for faults, in their order.

@@ -107,9 +107,8 @@ class Searched:
         other = self.otherwise
         if other is None or self.search.known.get(h.key) is h:
             return tuple(sorted(h.key))
-        here = {(f.kind, f.sensor) for f in self.faults}
-        faults = [f"{f.kind} {f.sensor}" for f in other.faults if (f.kind, f.sensor) not in here]
-        return tuple(sorted([*h.key, *faults]))
+        here = {f.name for f in self.faults}
+        return tuple(sorted([*h.key, *(f.name for f in other.faults if f.name not in here)]))
 
     def probability(self, h: Hypothesis) -> float:
         """Return the posterior probability of a hypothesis."""
