@@ -92,7 +92,7 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
 def test_slopes_of_the_scatter_are_those_of_members_loss_factors(problem, fitted):
     lines = problem.lines_up_to(np.inf, 20)
     scatter = scatter_of(problem, fitted, 0.1, 0.0)
-    members, slopes = list(problem.reduced.model.mesh.members), scatter.slopes(lines)
+    members, slopes = list(problem.reduced.model.mesh.members), scatter.slopes(lines).relative
     refs, frequency = list(fitted.values), problem.data.frequency[lines]
     values, zeta = np.array([fitted.values[r] for r in refs]), problem.damping.ratio(frequency, fitted.zeta)
     for member, slope in zip(members, slopes[: len(members)], strict=True):
@@ -120,7 +120,9 @@ def test_slopes_of_the_scatter_are_those_of_joints_loss_factors():
         for more in (0.0, 1e-6)
     ]
     expected, k = np.log(H[1] / H[0]) / 1e-6, len(scatter.members)
-    np.testing.assert_allclose(scatter.slopes(lines)[k], expected, atol=1e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        scatter.slopes(lines).relative[k], expected, atol=1e-3 * np.abs(expected).max()
+    )
     ratio = np.median(np.atleast_2d(problem.damping.ratio(problem.data.frequency, nominal.zeta))[0])
     assert scatter.std[k] == pytest.approx(problem.damping.std * (joint.eta + 2 * ratio))
 
@@ -149,18 +151,23 @@ def test_slopes_of_the_scatter_are_those_of_single_modes(problem, fitted, stds, 
     lines, limit = problem.lines_up_to(np.inf, 12), (2 * np.pi * problem.data.frequency[-1]) ** 2
     scatter = scatter_of(problem, fitted, *stds)
 
-    def shifted(mode, K, M):
+    def shifted(mode, K, M, share=1e-6):
         lam, V = eigh(K, M)
         at = np.flatnonzero(lam > 1e-6 * limit)[mode]
-        return 1e-6 * lam[at] * np.outer(M @ V[:, at], M @ V[:, at])
+        return share * lam[at] * np.outer(M @ V[:, at], M @ V[:, at])
 
     plain = receptances(problem, fitted, lines, lambda K, M: 0 * K, loss)
-    slopes = scatter.slopes(lines)[len(scatter.members) :]
+    slopes = scatter.slopes(lines).relative[len(scatter.members) :]
     np.testing.assert_array_equal(scatter.std[len(scatter.members) :], max(stds))
     assert len(slopes) > 3
+    far = 5 * float(np.median(np.atleast_2d(problem.damping.ratio(problem.data.frequency, fitted.zeta))[0]))
     for mode, slope in enumerate(slopes):
         expected = np.log(receptances(problem, fitted, lines, partial(shifted, mode), loss) / plain) / 1e-6
         np.testing.assert_allclose(slope, expected, atol=max(1e-3 * np.abs(expected).max(), 1e-6))
+        # As far as a peak is wide, a slope is not enough.
+        exact = receptances(problem, fitted, lines, partial(shifted, mode, share=far), loss) / plain
+        shifts = far * (np.arange(len(scatter.std)) == len(scatter.members) + mode)
+        np.testing.assert_allclose(scatter.slopes(lines).changed(shifts)[0], exact, rtol=1e-3, atol=1e-3)
 
 
 def test_eigenvalues_are_uncertain_where_the_form_is_not_right(problem, fitted):
@@ -178,13 +185,17 @@ def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fi
     function = plain.with_scatter(scatter)
     assert len(function.start) == len(plain.start) + len(scatter.std)
     x = function.moved_to(fitted)
-    step = np.zeros_like(x)
-    step[-1] = 0.7
+    own, step = slice(len(plain.start), None), np.zeros_like(x)
+    step[own] = np.random.default_rng(4).standard_normal(len(scatter.std))
     moved, there = function(x + step, False)[0], function(x, False)[0]
     weight, keep = problem.data.weight[lines], function.keep
-    np.testing.assert_allclose(
-        moved - there, 0.7 * (weight * scatter.std[-1] * scatter.slopes(lines)[-1])[keep], atol=1e-12
-    )
+    changed, _ = scatter.slopes(lines).changed(step[own] * scatter.std)
+    assert np.abs(changed[keep] - 1).max() > 0.05
+    np.testing.assert_allclose(moved - there, weight[keep] * np.log(changed[keep]), atol=1e-9)
+    J, h = function(x + step, True)[1], 1e-6
+    for k in range(own.start, len(x), 5):
+        more, less = (function(x + step + s * h * (np.arange(len(x)) == k), False)[0] for s in (1, -1))
+        np.testing.assert_allclose(J[k], (more - less) / (2 * h), atol=1e-6)
     np.testing.assert_array_equal(function.moved_to(fitted)[: len(plain.start)], plain.moved_to(fitted))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,14 +74,6 @@ class FitFunction:
         n, m = len(self.variables), len(self.variables) + len(self.problem.damping.start)
         return slice(n), slice(n, m), slice(m, None)
 
-    @cached_property
-    def _scatter_slopes(self) -> NDArray[np.complex128]:
-        """Weighted slopes of the scatter at the values that count, (n_scatter, m)."""
-        if self.scatter is None:
-            return np.zeros((0, int(self.keep.sum())), dtype=complex)
-        slopes = self.scatter.slopes(self.lines) * self.problem.data.weight[self.lines]
-        return slopes[:, self.keep] * self.scatter.std[:, None]
-
     @property
     def keep(self) -> NDArray[np.bool_]:
         """Which values count, (n_lines, n_out, n_in)."""
@@ -126,8 +118,9 @@ class FitFunction:
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])
         zeta = np.exp(hats @ x[damping] + offset)
         H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
-        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
-        r = self.problem.data.seen(r + x[scatter] @ self._scatter_slopes)
+        changed, by_scatter = self._scattered(x[scatter], gradient)
+        r = np.nan_to_num(weight * log_ratio(H * changed, self._measured), nan=0.0)[keep]
+        r = self.problem.data.seen(r)
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
@@ -136,8 +129,17 @@ class FitFunction:
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
         J[damping] = by_unknowns(zeta, hats, base)[:, keep]
-        J[scatter] = self._scatter_slopes
+        J[scatter] = (by_scatter * (weight / changed))[:, keep]
         return r, self.problem.data.seen(J)
+
+    def _scattered(self, x: NDArray[np.float64], gradient: bool) -> tuple[Any, Any]:
+        """Return the receptances with scatter in parts of those without, and derivatives if asked."""
+        if self.scatter is None:
+            return 1.0, np.zeros((0, *self.keep.shape))
+        slopes, std = self.scatter.slopes(self.lines), self.scatter.std
+        changed, weakened = slopes.changed(x * std)
+        by_x = slopes.relative * (std[:, None] / weakened**2)[:, :, None, None] if gradient else None
+        return changed, by_x
 
     @property
     def units(self) -> NDArray[np.float64]:

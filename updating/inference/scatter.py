@@ -22,13 +22,43 @@ Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Slopes:
+    """How receptances change with small deviations, at some lines.
+
+    Attributes
+    ----------
+    relative : ndarray (n, n_lines, n_out, n_in)
+        Slopes of the receptances, in parts of these.
+    own : ndarray (n, n_lines)
+        How much each weakens itself: 0 where a deviation changes the receptances in proportion.
+    together : ndarray of int (n,)
+        Those with the same number weaken one another.
+    """
+
+    relative: Complexes
+    own: Complexes
+    together: NDArray[np.int64]
+
+    def changed(self, shifts: Floats) -> tuple[Complexes, Complexes]:
+        """Return the receptances with deviations (n,), in parts of those without, and the denominators.
+
+        Shapes (n_lines, n_out, n_in) and (n, n_lines). Derivatives are ``relative`` over their squares.
+        """
+        weakened = np.zeros((int(self.together.max(initial=-1)) + 1, self.own.shape[1]), dtype=complex)
+        np.add.at(weakened, self.together, shifts[:, None] * self.own)
+        whole = 1 + weakened[self.together]
+        return 1 + np.einsum("kl,kloi->loi", shifts[:, None] / whole, self.relative), whole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
     """Shifts of the loss factors of members and joints, and of modes' eigenvalues and damping ratios.
 
-    They change ln H in proportion.
-
-    With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², a change of ln λ_r adds
-    -(φ_r s λ_r φ_rᵀ) (λ_r s + m)⁻² to the receptances, and one of ln ζ_r the same with 2iζ for s.
+    With Z⁻¹ = Σ φ_r φ_rᵀ / (λ_r s + m), s = 1 + i(η + 2ζ) and m = -ω², changes x of ln λ_r and y of ln ζ_r
+    add a = λ_r (s x + 2iζ y) to the term's denominator. With G_rr, the response of mode r to a force on
+    itself, the receptances change by -(Z⁻¹φ_r) a (Z⁻¹φ_r)ᵀ / (1 + a G_rr) (Sherman and Morrison): with little
+    damping a peak moves as far as it is wide, where nothing is linear. Loss factors change the receptances,
+    though not their logarithms, in proportion.
 
     Attributes
     ----------
@@ -53,7 +83,7 @@ class Scatter:
     members: tuple[str, ...]
     connections: tuple[Effect, ...]
     n_modes: int
-    _known: dict[bytes, Complexes] = field(default_factory=dict, repr=False)
+    _known: dict[bytes, Slopes] = field(default_factory=dict, repr=False)
 
     @property
     def std(self) -> Floats:
@@ -66,25 +96,32 @@ class Scatter:
         of_modes = [s for s in (self.eigenvalue, self.damping) if s > 0]
         return np.concatenate([loss, of_joints, np.tile(of_modes, self.n_modes)])
 
-    def slopes(self, lines: NDArray[np.int64]) -> Complexes:
-        """Return the slopes (n, n_lines, n_out, n_in) of ln H at some lines (computed once)."""
+    def slopes(self, lines: NDArray[np.int64]) -> Slopes:
+        """Return the slopes of the receptances at some lines (computed once)."""
         key = lines.tobytes()
         if key not in self._known:
             self._known[key] = self._slopes_at(lines)
         return self._known[key]
 
-    def _slopes_at(self, lines: NDArray[np.int64]) -> Complexes:
+    def _slopes_at(self, lines: NDArray[np.int64]) -> Slopes:
         changes, zeta = _solved(self.problem, self.result, lines)
         state, H, out = changes.state, changes.H, []
+        n_first, stds = len(self.members) + len(self.connections), (self.eigenvalue, self.damping)
         model, fields = self.problem.reduced.model, changes.fields()
         of_members = (member_contribution(frame_of(model), model, m) for m in self.members)
         for parts in (*of_members, *(model.parts_of(e) for e in self.connections)):
             out.append(fields.slope([Contribution(c.dofs, D=c.K) for c in parts if c.K is not None]))
-        for r in _shifted(self.problem, changes)[: self.n_modes]:
-            for factor, std in ((state.stiffness, self.eigenvalue), (2j * zeta, self.damping)):
-                force = factor * state.lam[r] * changes.Xi[r]
-                out += [-np.einsum("of,if->foi", changes.Xo[r], force)] if std > 0 else []
-        return np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
+        modes = _shifted(self.problem, changes)[: self.n_modes]
+        own = [np.zeros((n_first, len(lines)), dtype=complex)]
+        for r, response in zip(modes, state.own_responses(modes), strict=True):
+            for factor, std in zip((state.stiffness, 2j * zeta), stds, strict=True):
+                if std > 0:
+                    out.append(-np.einsum("of,if->foi", changes.Xo[r], factor * state.lam[r] * changes.Xi[r]))
+                    own.append((factor * state.lam[r] * response)[None])
+        per_mode = sum(std > 0 for std in stds)
+        together = np.concatenate([np.arange(n_first), n_first + np.repeat(np.arange(len(modes)), per_mode)])
+        relative = np.asarray(np.stack(out) / np.where(H != 0, H, np.inf), dtype=complex)
+        return Slopes(relative, np.concatenate(own), together)
 
 
 def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
