@@ -23,14 +23,14 @@ Floats = NDArray[np.float64]
 
 
 PILOT = 20
-"""Units from which the model's common error is known [-]: their median has 0.28 of a unit's own error, so
-that variances are 8 % larger."""
+"""Units from which the model's common error is known [-]: their median has 0.28 of a unit's own error, and
+variances are 8 % larger for it."""
 
 WIDER = 5.0
 """Priors of a unit's fit are so many times as wide as the study's: the population takes their place [-].
 
-A prior of w σ moves a parameter that lies k σ off, and that the data know by s, by k σ s²/(s² + w²σ²). That is
-at most k/2w of s: a tenth of its error for one standard deviation of the study's."""
+A prior of w σ moves a parameter that lies k σ off, and that the data know by s, by k σ s²/(s² + w²σ²).
+That is at most k/2w of s: a tenth of its error for one standard deviation of the study's."""
 
 
 class UnitError(ValueError):
