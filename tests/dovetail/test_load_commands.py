@@ -430,6 +430,26 @@ def test_spectrum(column, tmp_path, capsys):
     assert "'up' is no direction of the base" in refused(capsys, "spectrum", column, "--spectrum", by_period)
 
 
+def test_the_spectrum_of_a_record_is_its_shock_response_spectrum(column, tmp_path, capsys):
+    """A half sine of 11 ms: the largest amplification is 1.77 without damping, and 1 at high frequencies."""
+    t = np.arange(0, 0.2, 1e-4)
+    pulse = 50 * np.sin(np.pi * t / 0.011) * (t <= 0.011)
+    record, spectrum = tmp_path / "record.csv", tmp_path / "spectrum.csv"
+    np.savetxt(record, np.column_stack([t, pulse]), delimiter=",", header="time [s],base x", comments="")
+    more = ("--number", "3", "--json", "-")
+    found = printed(capsys, "spectrum", column, "--spectrum", record, "--zeta", "0", *more)
+    own = found["spectra"]["x"]
+    f, a = np.array(own["frequency_Hz"]), np.array(own["pseudo_acceleration"])
+    assert a.max() / 50 == pytest.approx(1.77, abs=0.01)
+    assert a[-1] / 50 == pytest.approx(1.0, abs=0.01)
+    assert a[0] == pytest.approx(2 * np.pi * f[0] * 2 * 50 * 0.011 / np.pi, rel=0.01)  # ω times ∫ a dt
+    np.savetxt(spectrum, np.column_stack([f, a]), delimiter=",", header="frequency,x", comments="")
+    again = printed(capsys, "spectrum", column, "--spectrum", spectrum, *more)
+    assert again["modes"] == found["modes"]
+    damped = printed(capsys, "spectrum", column, "--spectrum", record, *more)["spectra"]["x"]
+    assert max(damped["pseudo_acceleration"]) < 0.95 * a.max()
+
+
 def test_psd(column, tmp_path, capsys):
     table, out, picture = tmp_path / "s.csv", tmp_path / "out.csv", tmp_path / "s.png"
     table.write_text("frequency [Hz];base x;top\n10;0.1;2\n100;1;2\n500;1;0\n", encoding="utf-8")
