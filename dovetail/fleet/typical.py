@@ -55,14 +55,14 @@ class TypicalUnit:
         model = study.model.with_values({r: v for r, v in mean.values.items() if r in study.model.values()})
         calibrated = calibrate_frfs(
             model,
-            typical_measurement(triaged, mean),
+            typical_measurement(triaged),
             study.nuisances,
             damping_std=study.damping_std,
             band=study.band,
             n_lines=study.n_lines or N_FIT_LINES,
             model_error=study.model_error,
         )
-        return cls(fleet, calibrated, _between(fleet, p, study))
+        return cls(fleet, calibrated, between_units(triaged, study))
 
     def diagnosis_of(self, file: Path) -> Diagnosis:
         """Find what a unit differs from the typical one by, beside the scatter of regular ones."""
@@ -81,7 +81,7 @@ class TypicalUnit:
         )
 
 
-def typical_measurement(triaged: Triaged, mean: FitResult) -> Measurement:
+def typical_measurement(triaged: Triaged) -> Measurement:
     """Return the FRFs of the typical unit: those of the mean parameters, less the median error of the model.
 
     The median is of ln(computed / measured) of the least probable outliers, each at its own parameters, so
@@ -98,7 +98,7 @@ def typical_measurement(triaged: Triaged, mean: FitResult) -> Measurement:
     known = np.isfinite(median).all(axis=0)
     common = np.where(known, median[0] + 1j * median[1], 0.0)
     data = fleet.problem.data
-    H, frf = fleet.problem.receptance(mean) * np.exp(-common), data.measurement.frf
+    H, frf = fleet.problem.receptance(_at_mean(fleet, p)) * np.exp(-common), data.measurement.frf
     typical = FRF.from_arrays(data.frequency, H, "receptance", frf.outputs, frf.inputs).as_kind(frf.kind)
     return replace(
         data.measurement,
@@ -118,9 +118,9 @@ def _at_mean(fleet: Fleet, p: Population) -> FitResult:
     return replace(fleet.start, values=values, zeta=np.exp(p.mean[len(variables) :]))
 
 
-def _between(fleet: Fleet, p: Population, study: Study) -> Between:
+def between_units(triaged: Triaged, study: Study) -> Between:
     """Return what one more unit of a population differs from its mean by."""
-    variables = fleet.variables
+    fleet, p, variables = triaged.fleet, triaged.population, triaged.fleet.variables
     one_more = 1 + 1 / float((1 - p.probability).sum())  # its own scatter, and the error of the mean
     variance = np.diag(p.scatter) * one_more
     nuisances = []
