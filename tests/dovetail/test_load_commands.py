@@ -101,6 +101,22 @@ def test_static(column, capsys):
     assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
 
 
+def test_static_stresses_and_their_envelope(column, capsys):
+    text = column.read_text(encoding="utf-8")
+    bar = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
+    column.write_text(bar + '[sections.bar]\nshape = "circle"\nd = 0.06\n', encoding="utf-8")
+    found = printed(capsys, "static", column, "--json", "-", "--pieces", "4")
+    bent = 1.5 * 500 * (2 - np.linspace(0, 2, 5)) ** 2 / 2 / (np.pi * 0.06**3 / 32)
+    own = found["cases"]["both"]["members"]["column"]
+    pressed = -1350 / (np.pi * 0.03**2)
+    assert own["stress_high"] == pytest.approx(pressed + bent, rel=1e-6)
+    assert own["stress_low"] == pytest.approx(pressed - bent, rel=1e-6)
+    design = found["envelopes"]["design"]["members"]["column"]["stress"]
+    assert (design["low_case"], design["low"]) == ("both", pytest.approx(pressed - bent[0], rel=1e-6))
+    assert main(["static", str(column)]) == 0
+    assert f"normal stress from {1e-6 * (pressed - bent[0]):.5g} MPa in column" in capsys.readouterr().out
+
+
 def test_static_writes_a_field(column, tmp_path, capsys):
     path = tmp_path / "static.vtu"
     assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
