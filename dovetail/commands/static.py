@@ -200,9 +200,15 @@ def _case_lines(
         high = max(stresses, key=lambda m: stresses[m][1, :, k].max())
         out.append(
             f"  normal stress from {1e-6 * stresses[low][0, :, k].min():.5g} MPa in {low} to "
-            f"{1e-6 * stresses[high][1, :, k].max():.5g} MPa in {high}"
+            f"{1e-6 * stresses[high][1, :, k].max():.5g} MPa in {high}{_without_stress(study, stresses)}"
         )
     return out
+
+
+def _without_stress(study: Study, stresses: Stresses) -> str:
+    """Return the words on members whose sections are given by their constants, if there are some."""
+    bare = [m for m in study.model.mesh.members if m not in stresses]
+    return f"; not known in {', '.join(bare)}, whose outlines are not given" if bare else ""
 
 
 def _envelope_fields(
