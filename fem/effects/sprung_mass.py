@@ -133,8 +133,8 @@ class SprungMass(Effect):
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))[None]
         return (Contribution(dofs, K=K[None], M=(B.T @ G @ B)[None], C=C[None], D=(self.eta * K)[None]),)
 
-    def centre_motion(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the DOFs, and by them the translation (3, n) of the body's centre, global."""
+    def body_motion(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return DOFs, and by them the translation (3, n) of the body's centre, global."""
         along = [DIRECTIONS.index(d) for d in self.k]
         own = np.eye(6)[:3, along]
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))

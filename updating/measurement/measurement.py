@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
-from fem.effects.sprung_mass import SprungMass
 from fem.ground import MovingGround
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of
@@ -358,11 +357,11 @@ def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray
     """Return DOFs, and the translation (3, n) of a sensor's place by them."""
     if not sensor.body:
         return dofs_of(sensor_point(model.mesh, sensor))[:3], np.eye(3)
-    carriers = [e for e in model.of_kind(SprungMass) if e.name == sensor.body]
-    if not carriers:
+    motion = next((e.body_motion(model) for e in model.effects if e.name == sensor.body), None)
+    if motion is None:
         msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
         raise MeasurementError(msg)
-    return carriers[0].centre_motion(model)
+    return motion
 
 
 def _base_force(model: Model, ground: MovingGround | None, motion: BaseMotion) -> NDArray[np.float64]:
