@@ -256,6 +256,10 @@ class Effect(ABC):
         """Return the linear constraints that it imposes."""
         return ()
 
+    def body_motion(self, model: "Model") -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+        """Return DOFs, and by them the translation (3, n) of a body of its own that sensors may be on."""
+        return None
+
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the keys of other effects' constraints that it replaces by springs of its own."""
         return ()

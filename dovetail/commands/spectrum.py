@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.argument_types import number_up_to, positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.excitations import BASE
 from dovetail.commands.load_cases import check_png
@@ -17,6 +17,7 @@ from dovetail.file.table import StudyError, suggest
 from dovetail.study import Study
 from fem.analysis.response_spectrum import COMBINATIONS, SpectrumResponse, solve_spectrum
 from fem.analysis.section_forces import SECTION_FORCES
+from fem.analysis.shock_spectrum import shock_response_spectrum
 from fem.analysis.tabulated import Tabulated
 from fem.effects.spin import Spin
 from fem.model import DIRECTIONS
@@ -24,7 +25,10 @@ from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
 HELP = "combine the largest responses of modes to a response spectrum of the base"
-FREQUENCY, PERIOD = ("frequency", "f"), ("period", "t")
+FREQUENCY, PERIOD, TIME = ("frequency", "f"), ("period", "t"), ("time",)
+PER_OCTAVE = 24
+"""Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
+half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
 EXAMPLE = "dovetail spectrum study.toml --spectrum design.csv --max 60 --json spectrum.json"
 
 
@@ -36,7 +40,15 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         required=True,
         metavar="FILE",
         help="CSV with frequency [Hz] or period [s] and columns x, y, z, rx, ry, rz: pseudo-acceleration of "
-        "the base [m/s²] for the modes' damping; at period 0 that of the base itself",
+        "the base [m/s²] for the modes' damping; at period 0 that of the base itself. With time [s] as the "
+        "first column it is a record of the base's acceleration, whose shock response spectrum is taken",
+    )
+    p.add_argument(
+        "--zeta",
+        type=number_up_to(0.99),
+        default=0.05,
+        metavar="RATIO",
+        help="damping ratio of a record's shock response spectrum (default 0.05)",
     )
     p.add_argument(
         "--combine", choices=COMBINATIONS, default="cqc", help="how peaks of modes are combined (default cqc)"
@@ -56,7 +68,8 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options, Output("--picture", options.picture), more=read)
     study = loaded(options, ())
     refuse_rotors(study)
-    spectra, rigid = _spectra(read_columns(options.spectrum, (*FREQUENCY, *PERIOD)))
+    table = read_columns(options.spectrum, (*FREQUENCY, *PERIOD, *TIME))
+    spectra, rigid = _spectra(table, options.zeta)
     progress("combining modes")
     found = solve_spectrum(
         assemble(study.model),
@@ -87,6 +100,9 @@ def run(options: Options, progress: Progress) -> None:
             "combination": found.combination,
             "missing_mass": found.missing_mass,
             "directions": found.directions,
+            "spectra": {
+                k: {"frequency_Hz": s.frequency, "pseudo_acceleration": s.values} for k, s in spectra.items()
+            },
             "modes": [
                 {
                     "frequency_Hz": f,
@@ -125,19 +141,33 @@ def refuse_rotors(study: Study) -> None:
         raise StudyError(msg)
 
 
-def _spectra(table: Columns) -> tuple[dict[str, Tabulated], dict[str, float]]:
-    """Return the spectra of a table by direction, and the accelerations at period 0."""
+def _spectra(table: Columns, zeta: float) -> tuple[dict[str, Tabulated], dict[str, float]]:
+    """Return the spectra of a table by direction, and the accelerations at period 0.
+
+    Those of a record are its shock response spectra for a damping ratio.
+    """
     names = [name.removeprefix(BASE) for name in table.names]
     for name in names:
         if name not in DIRECTIONS:
             msg = f"{table.file}: '{name}' is no direction of the base; {suggest(name, DIRECTIONS)}"
             raise StudyError(msg)
     x, values, rigid = table.x, table.values, {}
+    if table.abscissa in TIME:
+        rigid = dict(zip(names, np.abs(values).max(axis=0).tolist(), strict=True))
+        x, values = _shock_spectra(x, values, zeta)
     if table.abscissa in PERIOD:
         if x[0] == 0:
             rigid, x, values = dict(zip(names, values[0].tolist(), strict=True)), x[1:], values[1:]
         x, values = 1 / x[::-1], values[::-1]
     return {name: Tabulated.of(x, column) for name, column in zip(names, values.T, strict=True)}, rigid
+
+
+def _shock_spectra(time: np.ndarray, acceleration: np.ndarray, zeta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies, and the pseudo-accelerations of each column (n_freq, n) there."""
+    span, n = float(time[-1] - time[0]), len(time) - 1
+    f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(PER_OCTAVE * np.log2(50 * n))) + 1)
+    each = [shock_response_spectrum(time, a, f, zeta, response="pseudo_velocity") for a in acceleration.T]
+    return f, 2 * np.pi * f[:, None] * np.stack(each, axis=1)
 
 
 def _lines(

@@ -27,6 +27,8 @@ _ROUNDING = 1e-10
 """Forces and moments below this part of the largest are printed as 0 [-]."""
 
 Fields = dict[str, Any]
+Stresses = dict[str, np.ndarray]
+"""Least and largest normal stress of members with an outline, each (2, n, n_cases) [Pa]."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -82,6 +84,7 @@ def run(options: Options, progress: Progress) -> None:
         _draw(options, solution, progress)
     progress.close()
     members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
+    stresses = {m: s for m in members if (s := solution.stresses(m, options.pieces)) is not None}
     on_lines = solution.forces_on_lines(4)
     write_json(
         options.json,
@@ -90,10 +93,11 @@ def run(options: Options, progress: Progress) -> None:
             "section_forces": SECTION_FORCES,
             **factor_fields(solution),
             "cases": {
-                name: _case_fields(study, solution, members, k) for k, name in enumerate(solution.cases)
+                name: _case_fields(study, solution, members, stresses, k)
+                for k, name in enumerate(solution.cases)
             },
             "envelopes": {
-                name: _envelope_fields(study, solution, on_lines, columns)
+                name: _envelope_fields(study, solution, on_lines, stresses, columns)
                 for name, columns in envelopes.items()
             },
             "assumptions": study.assumptions,
@@ -103,18 +107,22 @@ def run(options: Options, progress: Progress) -> None:
     say(
         options,
         f"{study.name}: {study.model.mesh.n_lines} elements, {len(solution.cases)} load case(s)",
-        *(line for k in range(len(solution.cases)) for line in _case_lines(study, solution, on_lines, k)),
+        *(
+            line
+            for k in range(len(solution.cases))
+            for line in _case_lines(study, solution, on_lines, stresses, k)
+        ),
         *(
             line
             for name, columns in envelopes.items()
-            for line in _envelope_lines(name, study, solution, on_lines, columns)
+            for line in _envelope_lines(name, study, solution, on_lines, stresses, columns)
         ),
         *notes_of_mesh(study),
         *assumptions(study),
     )
 
 
-def _case_fields(study: Study, solution: StaticCases, members: Fields, k: int) -> Fields:
+def _case_fields(study: Study, solution: StaticCases, members: Fields, stresses: Stresses, k: int) -> Fields:
     """Return a load case's responses for JSON."""
     reactions: dict[str, dict[str, float]] = {}
     for (name, direction), value in solution.held.items():
@@ -132,11 +140,20 @@ def _case_fields(study: Study, solution: StaticCases, members: Fields, k: int) -
                 "position_m": s.positions,
                 **{q: s.forces[:, i, k] for i, q in enumerate(SECTION_FORCES)},
                 **{f"u_{d}": s.displacements[:, i, k] for i, d in enumerate(DIRECTIONS)},
+                **_stress_fields(stresses, name, k),
             }
             for name, s in members.items()
         },
         "residual": solution.residual[k],
     }
+
+
+def _stress_fields(stresses: Stresses, member: str, k: int) -> Fields:
+    """Return the normal stresses of a member in a load case, if it has an outline."""
+    if member not in stresses:
+        return {}
+    low, high = stresses[member][..., k]
+    return {"stress_low": low, "stress_high": high}
 
 
 def _largest(study: Study, solution: StaticCases, k: int) -> Fields:
@@ -147,7 +164,9 @@ def _largest(study: Study, solution: StaticCases, k: int) -> Fields:
     return {"m": size[point], "place": place_of_point(study, point), "at": study.model.mesh.points[point]}
 
 
-def _case_lines(study: Study, solution: StaticCases, on_lines: np.ndarray, k: int) -> list[str]:
+def _case_lines(
+    study: Study, solution: StaticCases, on_lines: np.ndarray, stresses: Stresses, k: int
+) -> list[str]:
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
@@ -176,10 +195,25 @@ def _case_lines(study: Study, solution: StaticCases, on_lines: np.ndarray, k: in
                 f"  {q:2} from {values.min():12.5g} in {member[low]} to {values.max():12.5g} "
                 f"in {member[high]}"
             )
+    if stresses:
+        low = min(stresses, key=lambda m: stresses[m][0, :, k].min())
+        high = max(stresses, key=lambda m: stresses[m][1, :, k].max())
+        out.append(
+            f"  normal stress from {1e-6 * stresses[low][0, :, k].min():.5g} MPa in {low} to "
+            f"{1e-6 * stresses[high][1, :, k].max():.5g} MPa in {high}{_without_stress(study, stresses)}"
+        )
     return out
 
 
-def _envelope_fields(study: Study, solution: StaticCases, on_lines: np.ndarray, columns: list[int]) -> Fields:
+def _without_stress(study: Study, stresses: Stresses) -> str:
+    """Return the words on members whose sections are given by their constants, if there are some."""
+    bare = [m for m in study.model.mesh.members if m not in stresses]
+    return f"; not known in {', '.join(bare)}, whose outlines are not given" if bare else ""
+
+
+def _envelope_fields(
+    study: Study, solution: StaticCases, on_lines: np.ndarray, stresses: Stresses, columns: list[int]
+) -> Fields:
     """Return an envelope for JSON: least and largest values, and the load cases that give them."""
     names = [solution.cases[c] for c in columns]
 
@@ -202,16 +236,22 @@ def _envelope_fields(study: Study, solution: StaticCases, on_lines: np.ndarray, 
         "reactions": reactions,
         "members": {
             member: {q: fields(on_lines[rows][:, :, i][..., columns]) for i, q in enumerate(SECTION_FORCES)}
+            | ({"stress": fields(stresses[member][..., columns])} if member in stresses else {})
             for member, rows in study.model.mesh.members.items()
         },
     }
 
 
 def _envelope_lines(
-    name: str, study: Study, solution: StaticCases, on_lines: np.ndarray, columns: list[int]
+    name: str,
+    study: Study,
+    solution: StaticCases,
+    on_lines: np.ndarray,
+    stresses: Stresses,
+    columns: list[int],
 ) -> list[str]:
-    """Return what is printed of an envelope: the range of each section force of each member."""
-    found = _envelope_fields(study, solution, on_lines, columns)
+    """Return what is printed of an envelope: ranges of section forces and stresses of each member."""
+    found = _envelope_fields(study, solution, on_lines, stresses, columns)
     width = max(len(m) for m in found["members"])
     head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
     rows = [
@@ -219,6 +259,12 @@ def _envelope_lines(
         + "".join(f"{own[q]['low']:11.4g}{own[q]['high']:11.4g}" for q in SECTION_FORCES)
         for member, own in found["members"].items()
     ]
+    ranges = [
+        f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"
+        for member, own in found["members"].items()
+        if "stress" in own
+    ]
+    rows += [f"  normal stress [MPa]: {', '.join(ranges)}"] if ranges else []
     return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", f"  {'':{width}} {head}", *rows]
 
 

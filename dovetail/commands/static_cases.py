@@ -8,8 +8,10 @@ import numpy as np
 
 from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
+from fem.analysis.section_stress import normal_stresses
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import Stations, forces_on_lines, stations
+from fem.elements.frame import Frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +95,16 @@ class StaticCases:
             for parts in ([s.forces for s in each], [s.displacements for s in each])
         )
         return Stations(each[0].positions, forces, moved)
+
+    def stresses(self, member: str, pieces: int) -> np.ndarray | None:
+        """Return the least and largest normal stress at these places, (2, pieces + 1, n_cases) [Pa].
+
+        None for a section without an outline.
+        """
+        own = next(f.members[member] for f in self.solutions[0].model.of_kind(Frame) if member in f.members)
+        found = self.stations(member, pieces)
+        each = normal_stresses(own, found.positions / found.positions[-1], found.forces)
+        return None if each is None else np.stack(each)
 
     def forces_on_lines(self, pieces: int) -> np.ndarray:
         """Return section forces along all lines, (n_lines, pieces + 1, 6, n_cases) [N, N·m]."""

@@ -14,7 +14,7 @@ from fem.io.columns import text_of
 from updating.measurement.matching import SCALES
 
 NUMBERS = ("gain", "mass", "sign", "phase", "position", "node")
-TEXTS = ("name", "label", "kind", "point", "member", "sensor")
+TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor")
 FLAGS = ("conjugate",)
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},

@@ -18,6 +18,9 @@ from updating.measurement.measurement import BaseMotion, Sensor, place_sensors
 Nodes = Mapping[int, NDArray[np.float64]]
 """Coordinates of the nodes of the measured files [m]."""
 
+Points = Mapping[str, NDArray[np.float64]]
+"""Places by name [m]."""
+
 Attempt = Callable[[], AbstractContextManager[None]]
 """Context in which a part of the study is read that a command may do without."""
 
@@ -123,9 +126,10 @@ def read_sensors(
     """Read ``[[sensors]]``, putting points of the mesh where they sit; ``folder`` is the study's."""
     out: list[Channel] = []
     seen: set[str] = set()
+    bodies = sprung_points(top, geometry)
     for t in _tables(top, "sensors", folder, notes, attempt):
         with attempt():
-            found = list(_sensors_of(t, geometry, nodes, notes, own_kind=True))
+            found = list(_sensors_of(t, geometry, nodes, notes, bodies, own_kind=True))
             t.finish()
             for channel in found:
                 if channel.sensor.name in seen:
@@ -139,13 +143,16 @@ def read_sensors(
 
 
 def _sensors_of(
-    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], own_kind: bool = False
+    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, own_kind: bool = False
 ) -> Iterator[Channel]:
     sign = t.number("sign", 1.0)
     if abs(sign) != 1:
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     mass = t.number("mass", 0.0, least=0, unit="kg")
     gain = t.number("gain", 1.0, above=0)
+    body = t.text("on", "")
+    if body and "mass" in t:
+        t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
     relative = own_kind and t.flag("relative", False)
     convention = read_convention(t, own_kind)
     if "directions" in t:
@@ -156,10 +163,10 @@ def _sensors_of(
                     f"one {key} does not fit several directions; leave it out, or write [[sensors]] for each",
                 )
         words = list(t.text("directions").replace(" ", "").replace(",", ""))
-        places = list(_places(t, geometry, nodes))
+        places = list(_places(t, geometry, nodes, bodies))
     else:
         words = [t.get("direction")]
-        places = list(_places(t, geometry, nodes, many=False))
+        places = list(_places(t, geometry, nodes, bodies, many=False))
     for word_of_place, xyz, member, node in places:
         for k, word in enumerate(words):
             direction = sign * t.direction("directions" if "directions" in t else "direction", word)
@@ -167,9 +174,17 @@ def _sensors_of(
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
             own = mass if k == 0 else 0.0  # one body with several channels
-            sensor = _placed(t, geometry, Sensor(name, xyz, direction, member, gain, own, relative), notes)
+            sensor = _placed(
+                t, geometry, Sensor(name, xyz, direction, member, gain, own, relative, body), notes
+            )
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
+
+
+def sprung_points(top: Table, geometry: Geometry) -> Points:
+    """Return where the sprung masses of a study are attached, by their names [m]."""
+    tables = enumerate(top.tables("sprung_masses"), 1)
+    return {t.text("name", f"sprung mass{k}"): geometry.coordinates(t) for k, t in tables}
 
 
 def _nodes_at(point: NDArray[np.float64], nodes: Nodes, geometry: Geometry) -> tuple[int, ...]:
@@ -179,7 +194,7 @@ def _nodes_at(point: NDArray[np.float64], nodes: Nodes, geometry: Geometry) -> t
 
 
 def _places(
-    t: Table, geometry: Geometry, nodes: Nodes, many: bool = True
+    t: Table, geometry: Geometry, nodes: Nodes, bodies: Points, many: bool = True
 ) -> Iterator[tuple[str, NDArray[np.float64], str | None, int | None]]:
     """Return name, coordinates, member and node of each place in a table."""
     if many and ("points" in t or "nodes" in t):
@@ -192,11 +207,19 @@ def _places(
             t.refuse("names", f"{len(names)} names are given for {len(values)} {key}")
         for i, value in enumerate(values):
             inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
-            for word, xyz, member, node in _places(inner, geometry, nodes, many=False):
+            for word, xyz, member, node in _places(inner, geometry, nodes, bodies, many=False):
                 yield names[i] if names else word, xyz, member, node
         return
     node = t.whole("node", None)
-    if "point" in t:
+    if "on" in t:
+        body = t.text("on")
+        for key in ("point", "member", "position"):
+            if key in t:
+                t.refuse(key, "a sensor on a sprung mass is at its centre; leave the place out")
+        if body not in bodies:
+            t.refuse("on", f"there is no sprung mass '{body}'; {suggest(body, bodies)}")
+        yield body, bodies[body], None, node
+    elif "point" in t:
         value = t.get("point")
         member = geometry.member(t.table("point")) if isinstance(value, dict) else None
         yield (value if isinstance(value, str) else str(node or "")), geometry.coordinates(t), member, node
@@ -262,7 +285,7 @@ def read_excitations(
             elif "base" in t:
                 found = [_base_motion(t, held)]
             else:
-                found = list(_sensors_of(t, geometry, nodes, notes))
+                found = list(_sensors_of(t, geometry, nodes, notes, sprung_points(top, geometry)))
             t.finish()
             names = [c.sensor.name for c in (*out, *found)]
             if len(set(names)) < len(names):

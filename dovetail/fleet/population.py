@@ -4,7 +4,8 @@ The parameters that the fits of regular units give scatter normally about μ, wi
 errors in it: all units are measured alike. Of the parameters only combinations count that the data know
 better than the priors. The logarithm of a regular unit's rest is normal. An outlier's distance in the
 parameters, its rest, or both are anything beyond the median of the regular ones: uniform in the logarithm up
-to a thousand times that, or to the largest of the fleet. The shares of both classes, μ, Σ and the rest's
+to what a unit has that is drawn from the priors of the fits, or whose FRFs are unrelated to the model's, or
+to the largest of the fleet. The shares of both classes, μ, Σ and the rest's
 normal are estimated together by expectation and maximisation (Dempster, Laird and Rubin, *J. R. Stat. Soc. B*
 39, 1977, 1). Nothing else decides what an outlier is.
 """
@@ -19,8 +20,9 @@ Floats = NDArray[np.float64]
 
 ITERATIONS, CHANGE = 200, 1e-6
 """Steps at most, and the change of all probabilities at which they end [-]."""
-REACH = float(np.log(1000.0))
-"""An outlier's squared distance or mean square rest may be larger by so much, in the logarithm [-]."""
+UNRELATED = 5 * np.pi**2 / 12
+"""Mean square |ln(a / b)| of unrelated FRFs, a and b independent complex normal: π²/12 in amplitude, π²/3 in
+phase [-]."""
 GAUSSIAN = 1.4826
 """Standard deviation of a normal quantity over its median absolute deviation [-]."""
 
@@ -121,15 +123,18 @@ def find_population(
     mean, scatter = np.median(y, axis=0), np.diag(np.maximum(deviation**2, 1e-12))
     a = float(np.median(log_rest))
     b = float(GAUSSIAN * np.median(np.abs(log_rest - a)))
+    unrelated = float(np.log(np.nanmean(UNRELATED / (2 * spread**2))))
     share, odds, parameters = 0.05, np.zeros(n_units), np.zeros(n_units)
     regular, distance = np.ones(n_units), np.zeros(n_units)
     for _ in range(ITERATIONS):
         off = y - mean
         distance = np.einsum("ui,ui->u", off, np.linalg.solve(scatter, off.T).T)
-        density = _densities(log_rest, distance, n, a, b)
-        outlying = share / 3 * density[:, 1:].sum(axis=1)
-        odds = np.log(outlying) - np.log1p(-share) - np.log(density[:, 0])
-        parameters = density[:, 2] / density[:, 1:].sum(axis=1)
+        # What a unit from the priors of the fits has, whose y are standard normal.
+        farthest = float(np.log(np.trace(np.linalg.inv(scatter))))
+        density = _log_densities(log_rest, distance, n, (a, b), (unrelated, farthest))
+        outlying = np.logaddexp.reduce(density[:, 1:], axis=1)
+        odds = np.log(share / 3) + outlying - np.log1p(-share) - density[:, 0]
+        parameters = np.exp(density[:, 2] - outlying)
         before, regular = regular, 1 / (1 + np.exp(np.clip(odds, -700, 700)))
         if np.abs(regular - before).max() < CHANGE:
             break
@@ -171,26 +176,44 @@ def _common(residual: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], F
     return common, np.where(most & (spread > 0), spread, np.nan)
 
 
-def _densities(log_rest: Floats, distance: Floats, n: int, a: float, b: float) -> Floats:
-    """Return the densities of ln rest and ln distance of regular units and of three kinds of outlier.
+def _log_densities(
+    log_rest: Floats, distance: Floats, n: int, regular: tuple[float, float], most: tuple[float, float]
+) -> Floats:
+    """Return ln densities of ln rest and ln distance, of regular units and of three kinds of outlier.
 
     Outliers in the rest, in the parameters, and in both: (n_units, 4).
+
+    Parameters
+    ----------
+    log_rest, distance : ndarray (n_units,)
+    n : int
+        Degrees of freedom of a regular unit's distance.
+    regular : (float, float)
+        Mean and standard deviation of a regular unit's ln rest.
+    most : (float, float)
+        Up to where ln rest and ln distance of outliers reach, or to the largest of all units.
     """
+    a, b = regular
     log_distance = np.log(np.maximum(distance, 1e-300))
-    regular_rest = norm.pdf(log_rest, a, b)
-    regular_distance = chi2.pdf(distance, n) * distance  # of the logarithm
+    regular_rest = norm.logpdf(log_rest, a, b)
+    regular_distance = chi2.logpdf(distance, n) + log_distance  # of the logarithm
     far = float(np.log(chi2.median(n)))
-    wide_rest = (log_rest > a) / max(float(log_rest.max()) - a, REACH)
-    wide_distance = (log_distance > far) / max(float(log_distance.max()) - far, REACH)
-    return np.maximum(
-        np.stack(
-            [
-                regular_rest * regular_distance,
-                wide_rest * regular_distance,
-                regular_rest * wide_distance,
-                wide_rest * wide_distance,
-            ],
-            axis=1,
-        ),
-        1e-300,
+    wide_rest = _log_uniform(log_rest, a, most[0])
+    wide_distance = _log_uniform(log_distance, far, most[1])
+    return np.stack(
+        [
+            regular_rest + regular_distance,
+            wide_rest + regular_distance,
+            regular_rest + wide_distance,
+            wide_rest + wide_distance,
+        ],
+        axis=1,
     )
+
+
+def _log_uniform(x: Floats, low: float, high: float) -> Floats:
+    """Return the logarithm of a uniform density from one value to another, or to the largest of all.
+
+    Below, it is that of the smallest number: ranks need finite odds.
+    """
+    return np.log(np.maximum((x > low) / (max(float(x.max()), high) - low), 1e-300))

@@ -105,7 +105,7 @@ def _where(triaged: Triaged, k: int) -> str:
 def names_of(triaged: Triaged) -> list[str]:
     """Return the names of all that scatters."""
     problem = triaged.fleet.problem
-    variables = problem.function((), (), problem.lines_up_to(np.inf, 2)).variables
+    variables = triaged.fleet.variables
     knots = [f"damping at {f:.4g} Hz" for f in problem.damping.knots]
     rest = ["damping of connections", "its slope"][
         : triaged.population.mean.size - len(variables) - len(knots)
@@ -116,7 +116,7 @@ def names_of(triaged: Triaged) -> list[str]:
 def population_rows(triaged: Triaged) -> list[tuple[str, str, float, float, float]]:
     """Return name, unit, nominal value, mean and relative scatter of what the units' data determine."""
     problem, p = triaged.fleet.problem, triaged.population
-    variables = problem.function((), (), problem.lines_up_to(np.inf, 2)).variables
+    variables = triaged.fleet.variables
     std: NDArray[np.float64] = np.sqrt(np.diag(p.scatter))
     out = []
     for k, name in enumerate(names_of(triaged)):

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.analysis.refined_modes import refined
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
 from fem.linalg.solvers import SLEPC, Factor, factorise, one_thread
@@ -308,6 +309,7 @@ def _lowest(
     pairs = lowest_eigenpairs(factor.solve, system.M.tocsr(), shift, n - len(zeros), limit, rigid)
     if check:
         pairs = _counted(system, factor, shift, pairs, rigid)
+    pairs = refined(system, pairs, rigid, factor)
     return np.concatenate([zeros, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
 
 
@@ -350,7 +352,7 @@ def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float6
             f"{shift:.3g} rad²/s². Modes of such structures are computed without DOVETAIL_SOLVER={SLEPC}"
         )
         raise UnstableError(msg)
-    return found.pairs
+    return refined(system, found.pairs, rigid)
 
 
 def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[float, Factor, float | None, int]:

@@ -25,6 +25,8 @@ SLACK = 1e-9
 
 _ROUNDING = 1e-7
 """Force relative to the largest, below which a bar carries nothing."""
+_DIGITS = 1e-14
+"""Part of stiffness times displacement that rounding leaves of a force that is 0 [-]."""
 _HELD = 1e-4
 """Force of a slack bar relative to the largest, above which nothing else carries the load."""
 _ROUNDS = 200
@@ -83,11 +85,16 @@ def solve_one_sided(model: Model, case: LoadCase) -> OneSided:
     seen: set[bytes] = set()
     for k in range(_ROUNDS):
         changed = _with_slack(model, [n for n, yes in zip(names, slack, strict=True) if yes])
-        found = solve_static(assemble(changed, reciprocal=False), case)
+        system = assemble(changed, reciprocal=False)
+        found = solve_static(system, case)
         N = np.array([found.line_forces[model.mesh.members[n], :, 0, 0].mean() for n in names])
-        size = max(float(np.abs(found.line_forces[:, :, :3]).max(initial=0.0)), 1e-300)
+        # Heat and misfits leave no force in a determinate structure: that on held nodes gives the size.
+        parts = found.line_forces[:, :, :3], found.equilibrium.fixed[:, :3]
+        size = max(*(float(np.abs(x).max(initial=0.0)) for x in parts), 1e-300)
+        moved = float(np.abs(system.Q.T @ found.displacements[:, 0]).max(initial=0.0))
+        nothing = _ROUNDING * size + _DIGITS * float(system.K.diagonal().max()) * moved
         would = sign * N / np.where(slack, SLACK, 1.0)
-        wanted = np.where(slack, would <= _ROUNDING * size, would < -_ROUNDING * size)
+        wanted = np.where(slack, would <= nothing, would < -nothing)
         if (wanted == slack).all():
             _refuse_mechanism(case, names, slack, N, size)
             return OneSided(found, tuple(n for n, yes in zip(names, slack, strict=True) if yes), k + 1)

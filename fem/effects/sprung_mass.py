@@ -133,6 +133,13 @@ class SprungMass(Effect):
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))[None]
         return (Contribution(dofs, K=K[None], M=(B.T @ G @ B)[None], C=C[None], D=(self.eta * K)[None]),)
 
+    def body_motion(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return DOFs, and by them the translation (3, n) of the body's centre, global."""
+        along = [DIRECTIONS.index(d) for d in self.k]
+        own = np.eye(6)[:3, along]
+        dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))
+        return dofs, np.hstack([lever_matrix(self.arm)[:3], self.axes.T @ own])
+
     def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
         """Return its weight at its arm."""
         return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)

@@ -1,16 +1,24 @@
 """Fleets: populations drawn from known ones, and units of a small frame from files to the page."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.fleet import STUDY, auc, draw_fleet
+from benchmarks.fleet import STUDY, auc, draw_fleet, judged
+from dovetail import load_study
 from dovetail.cli import main
+from dovetail.fleet.diagnosing import diagnose_outliers
 from dovetail.fleet.population import PopulationError, find_population
 from dovetail.fleet.run import run_fleet
 from dovetail.fleet.triage import Fleet
+from dovetail.fleet.typical import between_units, typical_measurement
 from dovetail.units.pool import ThisProcess
+from fem.analysis.frf_solver import compute_frf
+from fem.io import read_npz, write_npz
+from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 FEW = STUDY.replace("step = 2.0", "step = 6.0")
 """The study with a third of the lines."""
@@ -82,6 +90,42 @@ def test_units_from_files_to_the_page(tmp_path, capsys):
     before = {f: f.stat().st_mtime_ns for f in (folder / "units").iterdir()}
     assert main(command) == 0  # nothing is fitted anew
     assert {f: f.stat().st_mtime_ns for f in (folder / "units").iterdir()} == before
+
+
+def test_the_typical_unit_is_the_mean_one_with_the_error_that_all_share(tmp_path):
+    """All units' readings at c are 10 % too large, which the model lacks."""
+    drawn = draw_fleet(tmp_path, 5, 14, 0, FEW)
+    for file in drawn.files:
+        frf = read_npz(file)
+        write_npz(file, replace(frf, H=frf.H * np.array([1, 1, 1.1, 1, 1])[:, None]))
+    fleet = Fleet.of(drawn.study.read_text(), drawn.study, drawn.files)
+    triaged = run_fleet(fleet, drawn.files, tmp_path / "out", ThisProcess())
+    study = load_study(drawn.study)
+    typical = typical_measurement(triaged).frf
+    ends = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
+    H = compute_frf(assemble(study.model), typical.frequency, *ends).H
+    ratio = np.log(np.abs(typical.H / H))
+    # E, ρ and damping of 14 units scatter about the nominal ones; the median of their noise is smaller.
+    expected = np.log([1, 1, 1.1, 1, 1])
+    assert np.median(ratio, axis=(0, 2)) == pytest.approx(expected, abs=3 * 0.012 / np.sqrt(14))
+    between = between_units(triaged, study)
+    assert {n.parameter: n.std for n in between.nuisances} == pytest.approx(
+        {"E:steel": 0.01, "rho:steel": 0.005}, rel=4 / np.sqrt(2 * 14)
+    )
+    assert between.damping_std == pytest.approx(0.1, rel=4 / np.sqrt(2 * 14))
+    assert 0.1 <= between.form_share < 0.4
+
+
+@pytest.mark.slow
+def test_causes_of_outliers(tmp_path):
+    """Of six outliers the right effect is found, alone or among what the data cannot tell from it."""
+    drawn = draw_fleet(tmp_path, 2, 60, 6)
+    fleet = Fleet.of(drawn.study.read_text(), drawn.study, drawn.files)
+    triaged = run_fleet(fleet, drawn.files, tmp_path / "out", ThisProcess())
+    records, failures = diagnose_outliers(triaged, 6, tmp_path / "out", ThisProcess())
+    assert not failures
+    found = [judged(e, records.get(f)) for f, e in zip(drawn.files, drawn.effects, strict=True) if e]
+    assert set(found) <= {"right", "twin"}
 
 
 @pytest.mark.slow

@@ -101,6 +101,22 @@ def test_static(column, capsys):
     assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
 
 
+def test_static_stresses_and_their_envelope(column, capsys):
+    text = column.read_text(encoding="utf-8")
+    bar = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
+    column.write_text(bar + '[sections.bar]\nshape = "circle"\nd = 0.06\n', encoding="utf-8")
+    found = printed(capsys, "static", column, "--json", "-", "--pieces", "4")
+    bent = 1.5 * 500 * (2 - np.linspace(0, 2, 5)) ** 2 / 2 / (np.pi * 0.06**3 / 32)
+    own = found["cases"]["both"]["members"]["column"]
+    pressed = -1350 / (np.pi * 0.03**2)
+    assert own["stress_high"] == pytest.approx(pressed + bent, rel=1e-6)
+    assert own["stress_low"] == pytest.approx(pressed - bent, rel=1e-6)
+    design = found["envelopes"]["design"]["members"]["column"]["stress"]
+    assert (design["low_case"], design["low"]) == ("both", pytest.approx(pressed - bent[0], rel=1e-6))
+    assert main(["static", str(column)]) == 0
+    assert f"normal stress from {1e-6 * (pressed - bent[0]):.5g} MPa in column" in capsys.readouterr().out
+
+
 def test_static_writes_a_field(column, tmp_path, capsys):
     path = tmp_path / "static.vtu"
     assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
@@ -428,6 +444,26 @@ def test_spectrum(column, tmp_path, capsys):
     assert picture.read_bytes()[:4] == b"\x89PNG"
     by_period.write_text("period,up\n0.1,1\n1,1\n", encoding="utf-8")
     assert "'up' is no direction of the base" in refused(capsys, "spectrum", column, "--spectrum", by_period)
+
+
+def test_the_spectrum_of_a_record_is_its_shock_response_spectrum(column, tmp_path, capsys):
+    """A half sine of 11 ms: the largest amplification is 1.77 without damping, and 1 at high frequencies."""
+    t = np.arange(0, 0.2, 1e-4)
+    pulse = 50 * np.sin(np.pi * t / 0.011) * (t <= 0.011)
+    record, spectrum = tmp_path / "record.csv", tmp_path / "spectrum.csv"
+    np.savetxt(record, np.column_stack([t, pulse]), delimiter=",", header="time [s],base x", comments="")
+    more = ("--number", "3", "--json", "-")
+    found = printed(capsys, "spectrum", column, "--spectrum", record, "--zeta", "0", *more)
+    own = found["spectra"]["x"]
+    f, a = np.array(own["frequency_Hz"]), np.array(own["pseudo_acceleration"])
+    assert a.max() / 50 == pytest.approx(1.77, abs=0.01)
+    assert a[-1] / 50 == pytest.approx(1.0, abs=0.01)
+    assert a[0] == pytest.approx(2 * np.pi * f[0] * 2 * 50 * 0.011 / np.pi, rel=0.01)  # ω times ∫ a dt
+    np.savetxt(spectrum, np.column_stack([f, a]), delimiter=",", header="frequency,x", comments="")
+    again = printed(capsys, "spectrum", column, "--spectrum", spectrum, *more)
+    assert again["modes"] == found["modes"]
+    damped = printed(capsys, "spectrum", column, "--spectrum", record, *more)["spectra"]["x"]
+    assert max(damped["pseudo_acceleration"]) < 0.95 * a.max()
 
 
 def test_psd(column, tmp_path, capsys):

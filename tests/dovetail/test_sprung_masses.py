@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import spsolve
 
+from dovetail import load_study
 from dovetail.file.config import read_study
 from dovetail.file.table import StudyError
 from dovetail.file.writing import with_parameters
 from fem.analysis.modes import solve_modes
 from fem.system import assemble
+from updating.measurement.measurement import sensor_rows
 
 STUDY = """
 [points]
@@ -80,3 +83,64 @@ def test_new_values_are_written_where_they_stand(tmp_path):
     assert "[values" not in text
     tuned = read_study(with_parameters(STUDY + TUNED, values), tmp_path / "study.toml").model.values()
     assert {key: tuned[key] for key in values} == values
+
+
+SENSORS = """
+[[sensors]]
+name = "tip"
+point = "B"
+direction = "x"
+[[sensors]]
+name = "body"
+on = "absorber"
+direction = "x"
+[[excitations]]
+sensor = "tip"
+[[excitations]]
+sensor = "body"
+[damping]
+modal = 0.0
+[frequency]
+start = 1.0
+stop = 20.0
+step = 0.5
+"""
+
+
+def test_a_sensor_on_it_reads_the_transmissibility_of_its_springs(tmp_path):
+    """x_body / x_tip = (k + iωc) / (k + iωc - ω²m) for a force on the mast, whatever that is."""
+    file = tmp_path / "study.toml"
+    file.write_text(STUDY + TUNED + SENSORS)
+    frf = load_study(file).frf(kind="receptance")
+    omega, natural = 2 * np.pi * frf.frequency, 14 * np.pi
+    spring = 0.5 * (natural**2 + 0.2j * natural * omega)
+    expected = spring / (spring - 0.5 * omega**2)
+    assert frf.H[:, 1, 0] / frf.H[:, 0, 0] == pytest.approx(expected, rel=1e-6)
+    assert frf.H[:, 1, 0] == pytest.approx(frf.H[:, 0, 1], rel=1e-6)
+
+
+def test_it_reads_the_centre_of_a_mass_on_an_arm_with_skew_springs(tmp_path):
+    """The centre moves with the point as a rigid body, and by the spring s = ω²m e·u / (k - ω²m) along e."""
+    skew = "arm = [0, 0, 0.3]\naxes = [[0.6, 0, 0.8], [0, 1, 0]]\nk = { kx = 900.0 }\n"
+    study = read(tmp_path, skew + SENSORS)
+    system = assemble(study.model)
+    rows = sensor_rows(study.model, study.sensors)
+    omega, e = 2 * np.pi * 5.0, np.array([0.6, 0, 0.8])
+    u = system.Q @ spsolve(system.dynamic_stiffness(omega).tocsc(), system.Q.T @ rows[0].astype(complex))
+    tip = 6 * study.model.mesh.point_names["B"]
+    centre = u[tip : tip + 3] + np.cross(u[tip + 3 : tip + 6], [0, 0, 0.3])
+    s = omega**2 * 0.5 * (e @ centre) / (900.0 - omega**2 * 0.5)
+    assert rows[1] @ u == pytest.approx(centre[0] + e[0] * s, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ('on = "absorbr"', r"did you mean 'absorber'\?"),
+        ('on = "absorber"\npoint = "B"', "leave the place out"),
+        ('on = "absorber"\nmass = 0.01', "add its mass there"),
+    ],
+)
+def test_sensors_on_it_that_are_refused(tmp_path, more, message):
+    with pytest.raises(StudyError, match=message):
+        read(tmp_path, f'{TUNED}[[sensors]]\nname = "s"\ndirection = "x"\n{more}\n')

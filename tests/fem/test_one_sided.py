@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.loads import LoadCase
+from fem.analysis.loads import InitialStrain, LoadCase
 from fem.analysis.one_sided import SLACK, solve_one_sided
 from fem.analysis.statics import solve_static
 from fem.elements.frame import Frame
@@ -58,6 +58,26 @@ def test_what_stays_tight_is_linear():
 def test_a_load_that_nothing_holds_is_refused():
     with pytest.raises(ModelError, match=r"bar 'falling' goes slack, and nothing else holds the structure"):
         solve_one_sided(panel(without=("rising",)), LoadCase(name="wind", points={(3, "x"): 1e4}))
+
+
+@pytest.mark.parametrize(
+    ("load", "moved", "slack"),
+    [
+        ({"members": (InitialStrain(member="beam", axial=-1e-3),)}, [-2e-3, 0, 0], ("tie",)),
+        ({"displacements": {("foot", "z"): -0.004}}, [0, 0, -0.004], ()),
+    ],
+    ids=["shrinkage", "settlement"],
+)
+def test_loads_that_leave_no_force_are_no_mechanism(load, moved, slack):
+    """A post and a beam, clamped at the foot, with a tie that shrinkage of the beam slackens."""
+    points, lines = [[0, 0, 0], [0, 0, 3], [2, 0, 3]], {"post": [0, 1], "beam": [1, 2], "tie": [0, 2]}
+    mesh = Mesh.from_lines(points, list(lines.values()), {name: [k] for k, name in enumerate(lines)})
+    members = {name: MemberProperties(STEEL, Section.rectangle(0.1, 0.1)) for name in ("post", "beam")}
+    members["tie"] = MemberProperties(STEEL, ROD, theory="bar", only="tension")
+    model = Model(mesh, (Frame(members=members), fix(0, name="foot")))
+    found = solve_one_sided(model, LoadCase(**load))
+    assert set(slack) <= set(found.slack)
+    assert found.solution.displacements[12:15, 0] == pytest.approx(moved, abs=1e-10)
 
 
 def test_many_bars_settle():

@@ -9,8 +9,8 @@ from dovetail import load_study
 from fem.effects.added_mass import PointMass
 from tests.frames import write_study
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.carried import carried_over
-from updating.diagnosis.frf_states import calibrate_frfs
+from updating.diagnosis.evidence.carried import Between, carried_over
+from updating.diagnosis.frf_states import ONE_STRUCTURE, calibrate_frfs, changed_frf_problem
 from updating.inference.fit_data import MODEL_ERROR
 from updating.inference.parameters import Nuisance
 
@@ -86,3 +86,22 @@ def test_lines_between_those_of_the_first_state_are_interpolated(calibrated):
     assert np.nanmax(left[half]) < 1e-9
     before = np.abs(first.alone.log_ratio(first.alone.nominal()))
     assert 0 < np.nanmedian(left[1::2]) < 0.3 * np.nanmedian(before[1::2])
+
+
+def test_what_two_units_differ_by_is_uncertain_in_the_second(calibrated):
+    """Parameters scatter, damping too, and more of the form's error is not common to both."""
+    study, first = calibrated
+    scatter, after = Nuisance("frame", "E:steel", 0.01), study.measurements[0]
+    of_one, of_two = (
+        changed_frf_problem(study.model, first, after, between=between)[2]
+        for between in (ONE_STRUCTURE, Between((scatter,), 0.1, 0.3))
+    )
+    assert of_one.nuisances == ()
+    assert of_two.nuisances == (scatter,)
+    assert of_one.damping.std == first.alone.damping.std
+    assert of_two.damping.std == 0.1
+    assert of_two.model_error == pytest.approx(3 * of_one.model_error)
+    large = np.nan_to_num(np.abs(first.alone.log_ratio(first.alone.nominal()))) > 0.05
+    assert (of_two.data.weight[large] < of_one.data.weight[large]).all()
+    with_scatter = of_two.nominal()
+    assert set(with_scatter.values) == {("frame", "E:steel")}

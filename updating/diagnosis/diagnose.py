@@ -28,13 +28,13 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
-from updating.diagnosis.evidence.carried import CalibratedFrfs
+from updating.diagnosis.evidence.carried import Between, CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
-from updating.diagnosis.frf_states import begin_change
+from updating.diagnosis.frf_states import ONE_STRUCTURE, begin_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
@@ -65,8 +65,9 @@ def diagnose(
     n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
     modes: ModeTargets | None = None,
-    baseline: Measurement | None = None,
+    baseline: Measurement | CalibratedFrfs | None = None,
     changes: Sequence[Effect] = (),
+    between: Between = ONE_STRUCTURE,
     progress: Progress | None = None,
     processes: int = 1,
 ) -> Diagnosis:
@@ -101,10 +102,12 @@ def diagnose(
         [nepers]; 0 if nothing but noise and the mesh may be left.
     modes : ModeTargets, optional
         Measured modes that are fitted beside the FRFs; not with a baseline.
-    baseline : Measurement, optional
-        FRFs of an earlier state, on which the model is calibrated.
+    baseline : Measurement or CalibratedFrfs, optional
+        FRFs of an earlier state, on which the model is calibrated, or that calibration.
     changes : sequence of Effect
         Effects that are known to have come since then; the model has none of them.
+    between : Between
+        What differs between the two states besides effects.
     progress : callable, optional
         Called with a text and the fraction done.
     processes : int
@@ -122,7 +125,14 @@ def diagnose(
             begun = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
         else:
             begun, first = begin_change(
-                model, baseline, measurements[0], nuisances, changes=changes, crew=crew, **more
+                model,
+                baseline,
+                measurements[0],
+                nuisances,
+                changes=changes,
+                between=between,
+                crew=crew,
+                **more,
             )
             measurements = measurements[:1]
         found = _diagnosed(begun, model, measurements, kinds, exclude, model_error, say)

@@ -17,7 +17,7 @@ from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.begin import Progress
-from updating.diagnosis.evidence.carried import CHANGED, CalibratedFrfs, carried_over
+from updating.diagnosis.evidence.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.diagnosis import (
     Formed,
     Searched,
@@ -38,6 +38,8 @@ Floats = NDArray[np.float64]
 
 N_BASES = 2
 """So many times the calibration is fitted on with its own modes in the basis."""
+ONE_STRUCTURE = Between()
+"""Two states of one structure differ by effects, damping, and a small share of the form's error."""
 HIGHEST = 1.5
 """Modes up to this multiple of the highest frequency [-]."""
 
@@ -85,11 +87,12 @@ def _at_its_fit(curve: DampingCurve, zeta: Floats) -> DampingCurve:
 
 def changed_frf_problem(
     model: Model,
-    before: Measurement,
+    before: Measurement | CalibratedFrfs,
     after: Measurement,
     nuisances: Sequence[Nuisance] = (),
     *,
     changes: Sequence[Effect] = (),
+    between: Between = ONE_STRUCTURE,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
     n_lines: int = N_FIT_LINES,
@@ -99,23 +102,32 @@ def changed_frf_problem(
 
     Parameters as of :func:`begin_change`.
     """
-    more = {"damping_std": damping_std, "band": band, "n_lines": n_lines}
-    first = calibrate_frfs(model, before, nuisances, model_error=model_error, **more)  # type: ignore[arg-type]
+    first = before
+    if isinstance(first, Measurement):
+        first = calibrate_frfs(
+            model, first, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+            model_error=model_error,
+        )  # fmt: skip
     changed = first.model.with_effect(*changes)
     problem = build_problem(
-        changed, after, (), connections=True, model_error=CHANGED * model_error, **more  # type: ignore[arg-type]
+        changed, after, between.nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+        connections=True, model_error=between.form_share * model_error,
     )  # fmt: skip
-    data = carried_over(first, corrected(problem.data, first.faults))
-    return first, changed, replace(problem, data=data, damping=first.alone.damping)
+    data = carried_over(first, corrected(problem.data, first.faults), between.form_share)
+    damping = first.alone.damping
+    if between.damping_std is not None:
+        damping = replace(damping, std=between.damping_std)
+    return first, changed, replace(problem, data=data, damping=damping)
 
 
 def begin_change(
     model: Model,
-    before: Measurement,
+    before: Measurement | CalibratedFrfs,
     after: Measurement,
     nuisances: Sequence[Nuisance] = (),
     *,
     changes: Sequence[Effect] = (),
+    between: Between = ONE_STRUCTURE,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
@@ -127,16 +139,20 @@ def begin_change(
 ) -> tuple[Searched, CalibratedFrfs]:
     """Return a search for what has changed, and the calibration on the first state.
 
-    Uncertain parameters have one value in both states. To the first order they do not matter to the
-    difference, so that they stay where the first state has put them.
+    Uncertain parameters have one value in both states of one structure. To the first order they do not matter
+    to the difference, so that they stay where the first state has put them. ``between`` names those that
+    differ, as between units of a fleet.
 
     Parameters
     ----------
     model : Model
         In the first state.
-    before, after : Measurement
+    before : Measurement or CalibratedFrfs
+        Of the first state, or the calibration on it.
+    after : Measurement
     changes : sequence of Effect
         Effects that are known to have come since the first state.
+    between : Between
     nuisances, damping_std, band, kinds, exclude, n_lines, model_error
         As of :func:`updating.diagnosis.diagnose.diagnose`.
     progress : callable
@@ -144,15 +160,14 @@ def begin_change(
     """
     progress("calibrating on the first state", 0.0)
     first, changed, problem = changed_frf_problem(
-        model, before, after, nuisances, changes=changes, damping_std=damping_std, band=band, n_lines=n_lines,
-        model_error=model_error,
+        model, before, after, nuisances, changes=changes, between=between, damping_std=damping_std, band=band,
+        n_lines=n_lines, model_error=model_error,
     )  # fmt: skip
     progress("comparing the second state", 0.1)
     begun = Formed(changed, changed, (), first.mesh_db)
     candidates = candidates_for_test(changed, after, kinds, exclude)
-    searched = begun_with(
-        problem, begun, candidates, ranking=FrfRanking(form_share=CHANGED), progress=progress, crew=crew
-    )
+    ranking = FrfRanking(form_share=between.form_share)
+    searched = begun_with(problem, begun, candidates, ranking=ranking, progress=progress, crew=crew)
     note = (
         f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
         "leaves there was taken off the second state's, so that only the change remains"

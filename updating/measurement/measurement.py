@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.ground import MovingGround
 from fem.mesh import Mesh
-from fem.model import Instruments, Model, ModelError
+from fem.model import Instruments, Model, ModelError, dofs_of
 from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
 
@@ -41,6 +41,9 @@ class Sensor:
         triaxial sensor one channel has it.
     relative : bool
         Whether its reading is relative to a base that moves, as that of a sensor which the base carries.
+    body : str
+        Name of the sprung mass that carries it: its reading is the motion of that mass's centre, and its
+        point is where the mass is attached. Empty on the structure itself.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Sensor:
     gain: float = 1.0
     mass: float = 0.0
     relative: bool = False
+    body: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -256,6 +260,12 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
     masses: dict[str, AddedMass] = {}
     for s in sensors:
         name = f"mass of sensor {s.name}"
+        if s.body and s.mass:
+            msg = (
+                f"sensor '{s.name}' has the mass {s.mass} kg on the sprung mass '{s.body}'; add it to that "
+                "mass"
+            )
+            raise MeasurementError(msg)
         if not (np.isfinite(s.mass) and s.mass >= 0):
             msg = f"sensor '{s.name}' has the mass {s.mass} kg; it must be finite and not negative"
             raise MeasurementError(msg)
@@ -328,19 +338,30 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     Raises
     ------
     MeasurementError
-        If the mesh has no point where a sensor sits (:func:`place_sensors`), or the base of a
-        :class:`BaseMotion` rests in the model.
+        If the mesh has no point where a sensor sits (:func:`place_sensors`), the model lacks the sprung mass
+        that carries one, or the base of a :class:`BaseMotion` rests in the model.
     """
     rows, ground = np.zeros((len(sensors), model.n_dof)), model.ground
     for i, s in enumerate(sensors):
         if isinstance(s, BaseMotion):
             rows[i] = _base_force(model, ground, s)
             continue
-        point = sensor_point(model.mesh, s)
-        rows[i, 6 * point : 6 * point + 3] = s.gain * np.asarray(s.direction)
+        dofs, motion = _motion_at(model, s)
+        rows[i, dofs] = s.gain * (np.asarray(s.direction) @ motion)
         if s.relative and ground is not None:
             rows[i, ground.dofs] = -s.gain * (ground.directions @ np.asarray(s.direction))
     return rows
+
+
+def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return DOFs, and the translation (3, n) of a sensor's place by them."""
+    if not sensor.body:
+        return dofs_of(sensor_point(model.mesh, sensor))[:3], np.eye(3)
+    motion = next((e.body_motion(model) for e in model.effects if e.name == sensor.body), None)
+    if motion is None:
+        msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
+        raise MeasurementError(msg)
+    return motion
 
 
 def _base_force(model: Model, ground: MovingGround | None, motion: BaseMotion) -> NDArray[np.float64]:

@@ -13,12 +13,33 @@ from updating.correlation import log_ratio
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import MODEL_ERROR, FitData
 from updating.inference.fit_result import FitResult
+from updating.inference.parameters import Nuisance
 from updating.inference.preparation import prepared_like
 from updating.measurement.measurement import Measurement
 from updating.quality.corrections import Fault, corrected
 
 CHANGED = 0.1
-"""Share of the form's error that is not common to both states: it acts on what has changed alone [-]."""
+"""Share of the form's error that two states of one structure do not share: it acts on the change [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """What two states differ by besides effects.
+
+    Attributes
+    ----------
+    nuisances : tuple of Nuisance
+        Parameters of the model that have values of their own in each state.
+    damping_std : float or None
+        Standard deviation of the logarithm of the damping ratio from one state to the other [-]; as uncertain
+        as in the first state unless given.
+    form_share : float
+        Share of the form's error that is not common to both [-].
+    """
+
+    nuisances: tuple[Nuisance, ...] = ()
+    damping_std: float | None = None
+    form_share: float = CHANGED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,14 +94,14 @@ class CalibratedFrfs:
         return replace(self, alone=replace(self.alone, data=data))
 
 
-def carried_over(first: CalibratedFrfs, after: FitData) -> FitData:
+def carried_over(first: CalibratedFrfs, after: FitData, form_share: float = CHANGED) -> FitData:
     """Return the second state's data without what the calibrated model leaves on the first.
 
     ln H is less by d = ln(measured / computed) of the first state, and variances of both states add. The
     structure moves its resonances, and d with them: at a line whose FRF has changed by c = ln(after / before)
     as much as |c| of d may belong elsewhere, and |c| ≪ 1 for a small change. So d is uncertain by
-    |d| min(1, √(CHANGED² + |c|²)). Values that the first state has not are compared without correction, and
-    are as uncertain as d is large at the others.
+    |d| min(1, √(form_share² + |c|²)). Values that the first state has not are compared without correction,
+    and are as uncertain as d is large at the others.
     """
     before = first.alone.data
     d_at = -first.alone.log_ratio(first.alone.nominal())  # NaN where it does not count
@@ -89,7 +110,7 @@ def carried_over(first: CalibratedFrfs, after: FitData) -> FitData:
     noise, _ = at_lines_of(before.noise, before, after)
     c = np.where(known, log_ratio(after.H, np.exp(np.where(known, H_before, 0.0))), 0.0)
     d, noise = np.where(known, d, 0.0), np.where(known, noise, 0.0)
-    uncertain = np.abs(d) * np.minimum(1.0, np.hypot(CHANGED, np.abs(c)))
+    uncertain = np.abs(d) * np.minimum(1.0, np.hypot(form_share, np.abs(c)))
     rms = float(np.sqrt((np.abs(d[known]) ** 2).mean())) if known.any() else 0.0
     uncertain = np.where(known, uncertain, rms)
     mask = after.mask

@@ -1,0 +1,90 @@
+"""Modes of slender structures, whose lowest eigenvalues rounding of the assembled stiffness would hide.
+
+The eigenvalues of a chain of N elements span N⁴: entries of K that are rounded by ε leave an error of up to
+ε N⁴ of the lowest. Elements' own deformations keep their digits: the rigid-body motion of an element is
+subtracted first, and only the rest is multiplied by its stiffness.
+"""
+
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from fem.linalg.lanczos import TOLERANCE, RitzPairs
+from fem.linalg.solvers import Factor
+from fem.mesh import Mesh
+from fem.system import System
+
+Floats = NDArray[np.float64]
+
+RIGID_FORCE = 1e-12
+"""Forces of a rigid-body motion up to this part of the elements' stiffness are rounding [-]."""
+
+
+def refined(system: System, pairs: RitzPairs, rigid: Floats, factor: Factor | None = None) -> RitzPairs:
+    """Return eigenpairs without the rounding of the assembled K, where that may exceed the tolerance.
+
+    Rounding changes λ by no more than about ε φᵀ diag(K) φ, φᵀMφ = 1. Where that matters, the vectors are
+    corrected by one step of inverse iteration with the residual that the elements' deformations give, and
+    combined by Rayleigh and Ritz. An eigenvalue then has the error of its vector squared.
+
+    Parameters
+    ----------
+    system : System
+    pairs : RitzPairs
+    rigid : ndarray (n_free, n_rigid)
+        M-orthonormal rigid-body motions, beside which the pairs are.
+    factor : Factor, optional
+        Of K - σM; without it, vectors are combined only.
+    """
+    X, lam = pairs.vectors, pairs.eigenvalues
+    rounding = np.finfo(float).eps * np.einsum("ij,ij,i->j", X, X, system.K.diagonal())
+    if (rounding <= TOLERANCE * np.abs(lam)).all():
+        return pairs
+    KX = stiffness_times(system, X)
+    if factor is not None:
+        X = X - factor.solve(KX - (system.M @ X) * np.einsum("ij,ij->j", X, KX))
+        X = X - rigid @ (rigid.T @ (system.M @ X))
+        KX = stiffness_times(system, X)
+    lam, S = sla.eigh(X.T @ KX, X.T @ (system.M @ X))
+    return RitzPairs(lam, X @ S, pairs.residual, pairs.following)
+
+
+def stiffness_times(system: System, X: Floats) -> Floats:
+    """Return K X, (n_free, k), by the deformations of the elements."""
+    model = system.model
+    u = np.asarray(system.Q @ X)
+    force = np.zeros_like(u)
+    for part in model.batches():
+        K = part.static
+        if K is None:
+            continue
+        at = u[part.dofs]
+        if part.lines is not None:
+            at = _without_rigid(model.mesh, part.lines, K, at)
+        np.add.at(force, part.dofs, K @ at)
+    return np.asarray(system.Q.T @ force)
+
+
+def _without_rigid(mesh: Mesh, lines: Any, K: Floats, u: Floats) -> Floats:
+    """Return motions (b, 12, k) of elements on lines without the rigid-body motion of their first ends.
+
+    Those of elements to which it is no rigid-body motion, as under compression, stay.
+    """
+    first, second = mesh.points[mesh.lines[lines]].transpose(1, 0, 2)
+    x, y, z = (second - first).T
+    moved = np.zeros((len(x), 12, 6))
+    moved[:, range(12), [*range(6)] * 2] = 1.0
+    for row, column, arm in ((6, 4, z), (6, 5, -y), (7, 3, -z), (7, 5, x), (8, 3, y), (8, 4, -x)):
+        moved[:, row, column] = arm
+    size = np.abs(K) @ np.abs(moved)
+    free = (np.abs(K @ moved) <= RIGID_FORCE * size.max(axis=1, keepdims=True)).all(axis=(1, 2))
+    out = u.copy()
+    a, b, t = u[:, :6], u[:, 6:], u[:, 3:6]
+    arm = np.stack([x, y, z], axis=1)[..., None]
+    rest = b - a
+    rest[:, :3] -= np.cross(t, np.broadcast_to(arm, t.shape), axis=1)
+    out[free, :6] = 0.0
+    out[free, 6:] = rest[free]
+    return out
