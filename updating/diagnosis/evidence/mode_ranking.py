@@ -6,7 +6,7 @@ own: all from the modal basis, so that a candidate costs the same on any mesh.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, parameter_values
-from fem.reduction.parametric_modes import ModesAt
+from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from fem.system import assemble
@@ -126,8 +126,12 @@ class ModeLook:
             out[free] = self.adapted(self._function.slopes(base, partners, terms, len(free)))
         held = [n for n, e in enumerate(effects) if e.released()]
         if held:
-            compliant = [(k, self._compliance(effects[n])) for k, n in enumerate(held)]
-            out[held] = self.adapted(self._function.slopes(base, partners, compliant, len(held)))
+            each = [self._opened(effects[n]) for n in held]
+            own = self._function.slopes(
+                base, partners, [(k, o.term) for k, o in enumerate(each)], len(held),
+                lambda mode: np.stack([o.moved(mode) for o in each]),
+            )  # fmt: skip
+            out[held] = self.adapted(own)
         return out
 
     def _restricted(self, term: Term) -> Term:
@@ -137,11 +141,8 @@ class ModeLook:
         each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
         return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
 
-    def _compliance(self, effect: Effect) -> Term:
-        """Return the change of the stiffness by a connection that gives way a little: -f fᵀ/k.
-
-        f are the forces on the constraint by motions of the basis, K_uc, but for the small part of inertia.
-        """
+    def _opened(self, effect: Effect) -> "Opened":
+        """Return what a connection does that gives way a little."""
         basis, reduced = self.problem.reduced.basis, self.problem.reduced
         columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
         term = reduced.value_of(effect)
@@ -149,8 +150,8 @@ class ModeLook:
         for factor, X in term.laws:
             stiff = stiff + abs(complex(np.median(factor(self._base.omega)))) * term.spread(X)
         k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
-        F = self._base.columns.T @ reduced.base_sum["K"][:, columns]
-        return Term(F.T, -np.linalg.pinv(k), None, None, None)
+        forces = [(self._base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
+        return Opened(np.linalg.pinv(k), forces[0], forces[1], self.problem.outputs()[columns])
 
     def around(self, released: Key) -> ModesAt:
         """Return the modes without some constraints, in the space of the lower modes and of these."""
@@ -194,6 +195,43 @@ class ModeLook:
         return out if most >= VISIBLE else np.full_like(out, np.inf)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A constraint that gives way a little under the forces on it, f = (K_cu - ω² M_cu) x by motions x.
+
+    What opens the constraint is in static equilibrium elsewhere, so that nearly all of f is inertia.
+
+    Attributes
+    ----------
+    compliance : ndarray (c, c)
+    stiffness, mass : ndarray (c, r)
+        K_cu and M_cu.
+    outputs : ndarray (c, n_out)
+        Motion of the sensors where the constraint opens.
+    """
+
+    compliance: Floats
+    stiffness: Floats
+    mass: Floats
+    outputs: Floats
+
+    @property
+    def term(self) -> Term:
+        """The change of the dynamic stiffness, -fᵀ k⁻¹ f, in powers of -ω²."""
+        powers = np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([0.0, 1.0])
+        laws = tuple((partial(_power, n), np.kron(which, -self.compliance)) for n, which in enumerate(powers))
+        return Term(np.vstack([self.stiffness, self.mass]), None, None, None, None, laws)
+
+    def moved(self, mode: DampedMode) -> NDArray[Any]:
+        """Return the motion of the sensors by the opening in a mode, (n_out,)."""
+        force = self.stiffness @ mode.vector - mode.eigenvalue.real * (self.mass @ mode.vector)
+        return -(self.compliance @ force) @ self.outputs
+
+
+def _power(n: int, omega: Floats) -> Floats:
+    return (-(omega**2)) ** n
+
+
 class ModeRanking:
     """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
 
@@ -233,13 +271,18 @@ class ModeRanking:
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
-        """Return candidates by the misfit that they leave on their grids, of the best by their slopes."""
+        """Return candidates by the misfit that they leave on their grids, of the best by their slopes.
+
+        The grids are those of whole effects. A change between two states may be far weaker, so that the best
+        multiple of each candidate's slope is a point of its grid, too.
+        """
         look = ModeLook(problem, current)
         grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
         grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
-        by_slopes = _by_slopes(look, grids)
+        by_slopes, multiples = _by_slopes(look, grids)
         order = np.argsort(by_slopes, kind="stable")
         chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
+        grids = [replace(g, points=(*g.points, m)) for g, m in zip(grids, multiples, strict=True)]
         out, now = [], float((look.misfit**2).sum())
         bases = current, problem.at_nominal(current)
         for i in sorted(chosen):
@@ -307,15 +350,19 @@ SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
 
 
-def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
-    """Return what the best multiple of each candidate's change leaves of the misfit, in deviations²."""
-    owner, most, effects = [], [], []
+def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> tuple[Floats, list[dict[str, float]]]:
+    """Return what the best multiple of each candidate's change leaves of the misfit, and its values there.
+
+    In deviations².
+    """
+    owner, most, points = [], [], []
     for n, grid in enumerate(grids):
         for point, factor in grid.slight_points():
             owner.append(n)
             most.append(factor)
-            effects.append(grid.effect.with_values(**point))
-    slopes, y = np.nan_to_num(look.slopes(effects)), look.misfit
+            points.append(point)
+    slopes = look.slopes([grids[n].effect.with_values(**p) for n, p in zip(owner, points, strict=True)])
+    slopes, y = np.nan_to_num(slopes), look.misfit
     size = (slopes**2).sum(axis=1)
     factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
     one_sided = np.array([grids[n].one_sided() for n in owner])
@@ -324,7 +371,8 @@ def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
     left = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
     out = np.full(len(grids), np.inf)
     np.minimum.at(out, owner, left)
-    return out
+    best = [min(np.flatnonzero(np.array(owner) == n), key=lambda k: left[k]) for n in range(len(grids))]
+    return out, [grids[n].scaled(points[k], float(factor[k])) for n, k in enumerate(best)]
 
 
 def _left(look: ModeLook, slopes: Floats) -> float:
