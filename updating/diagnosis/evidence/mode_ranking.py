@@ -42,6 +42,10 @@ HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
 N_PAIRED = 8
 """Pairs of so many of the best connections are looked at."""
+MOST_FORCES = 6
+"""Effects with more independent forces act on a member or more as a whole, whose modes hold what they do."""
+SAME_FORCE = 1e-6
+"""Forces that differ by less are one [-]."""
 
 Floats = NDArray[np.float64]
 Key = tuple[tuple[str, str], ...]
@@ -153,24 +157,46 @@ class ModeLook:
         forces = [(self._base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
         return Opened(np.linalg.pinv(k), forces[0], forces[1], self.problem.outputs()[columns])
 
-    def around(self, released: Key) -> ModesAt:
-        """Return the modes without some constraints, in the space of the lower modes and of these."""
-        key = tuple(released)
-        if key not in self._spaces:
-            at, top = self._base, HIGHEST * float(self.problem.targets.frequency[-1])
-            pairs = at.pairs(0)
-            V = pairs.vectors[:, pairs.frequency <= top]
-            if key:
-                at = self._function.modes_at(self.current_x, key)
-                full = self._base.columns @ V
-                own = at.columns.T @ full
-                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in key]
-                V = np.hstack([own, np.eye(len(own))[:, more]])
-            self._spaces[key] = at.on(V)
-        return self._spaces[key]
+    def around(self, released: Key, term: Term) -> ModesAt:
+        """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
+
+        Those of a connection that becomes soft are no sum of the modes of a stiff one.
+        """
+        at, V = self._lower(tuple(released))
+        if released or (forces := self._forces(term)) is None:
+            return at.on(V)
+        own, lam = self._base.pairs(0).vectors, self._base.pairs(0).eigenvalues
+        high = lam > (2 * np.pi * self._top) ** 2
+        still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
+        return at.on(np.hstack([V, _independent_columns(still)]))
 
     @cached_property
-    def _spaces(self) -> dict[Key, ModesAt]:
+    def _top(self) -> float:
+        return HIGHEST * float(self.problem.targets.frequency[-1])
+
+    def _lower(self, released: Key) -> tuple[ModesAt, Floats]:
+        """Return the model without some constraints, its lower modes with them and what opens each."""
+        if released not in self._spaces:
+            at, pairs = self._base, self._base.pairs(0)
+            V = pairs.vectors[:, pairs.frequency <= self._top]
+            if released:
+                at = self._function.modes_at(self.current_x, released)
+                own = at.columns.T @ (self._base.columns @ V)
+                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
+                V = np.hstack([own, np.eye(len(own))[:, more]])
+            self._spaces[released] = at, V
+        return self._spaces[released]
+
+    def _forces(self, term: Term) -> Floats | None:
+        """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
+        if term.L is None:
+            return None
+        parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
+        U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
+        return (term.L @ self._base.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
+
+    @cached_property
+    def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
         return {}
 
     def _column(self, key: tuple[str, str]) -> int:
@@ -182,9 +208,12 @@ class ModeLook:
 
         Infinite where there is no structure, and everywhere if the data do not see the candidate.
         """
-        at = self.around(grid.effect.released())
+        released = grid.effect.released()
         out, most = np.full(len(grid.points), np.inf), 0.0
+        at, last = None, None
         for n, term in enumerate(grid.terms(self.problem)):  # type: ignore[arg-type]
+            if at is None or term.place != last:
+                at, last = self.around(released, term), term.place
             try:
                 r, _ = self._function.residuals(at.with_term(term))
             except (np.linalg.LinAlgError, ValueError):
@@ -348,6 +377,13 @@ class ModeRanking:
 
 SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
+
+
+def _independent_columns(A: Floats) -> Floats:
+    """Return an orthonormal basis of the columns of a matrix, each of which counts as much."""
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A[:, size > 0] / size[size > 0], full_matrices=False)
+    return U[:, s > SAME_FORCE * s.max(initial=0.0)]
 
 
 def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> tuple[Floats, list[dict[str, float]]]:
