@@ -17,7 +17,7 @@ from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.terms import Term
+from fem.reduction.terms import Term, motions_of
 from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
@@ -36,8 +36,6 @@ N_LOOKED = 24
 VISIBLE = 0.1
 """Candidates that move the data by less than this at every point of their grids are left out: what was
 measured does not see them [standard deviations]."""
-N_STARTS = 1
-"""Starts of each candidate that go on."""
 HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
 N_PAIRED = 8
@@ -170,6 +168,18 @@ class ModeLook:
         still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
         return at.on(np.hstack([V, _independent_columns(still)]))
 
+    def _completed(self, term: Term) -> Term:
+        """Return a term's stiffness beside the flexibility R that the basis lacks there: (k⁻¹ + R)⁻¹."""
+        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
+            return term
+        motions, inverse, _ = motions_of([term.K])
+        R = self.problem.reduced.residual_flexibility(term.dofs, motions)
+        if R is None:
+            return term
+        k = inverse @ term.K @ inverse.T
+        k = np.linalg.solve(np.eye(len(k)) + k @ R / term.stiffer, k)
+        return replace(term, K=motions @ (k + k.T) @ motions.T / 2)
+
     @cached_property
     def _top(self) -> float:
         return HIGHEST * float(self.problem.targets.frequency[-1])
@@ -215,7 +225,7 @@ class ModeLook:
             if at is None or term.place != last:
                 at, last = self.around(released, term), term.place
             try:
-                r, _ = self._function.residuals(at.with_term(term))
+                r, _ = self._function.residuals(at.with_term(self._completed(term)))
             except (np.linalg.LinAlgError, ValueError):
                 continue  # no structure
             change = self.adapted((r - self._found[0])[None])[0]
@@ -302,28 +312,22 @@ class ModeRanking:
     ) -> tuple[Screened, ...]:
         """Return candidates by the misfit that they leave on their grids, of the best by their slopes.
 
-        The grids are those of whole effects. A change between two states may be far weaker, so that the best
-        multiple of each candidate's slope is a point of its grid, too.
+        Beside uncertain parameters as they are fitted, which a strong effect has bent, and beside nominal
+        ones. A change between two states may be far weaker than any point of a grid, so that the best
+        multiple of each candidate's slope is one more.
         """
-        look = ModeLook(problem, current)
         grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
         grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
-        by_slopes, multiples = _by_slopes(look, grids)
-        order = np.argsort(by_slopes, kind="stable")
-        chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
-        grids = [replace(g, points=(*g.points, m)) for g, m in zip(grids, multiples, strict=True)]
-        out, now = [], float((look.misfit**2).sum())
-        bases = current, problem.at_nominal(current)
-        for i in sorted(chosen):
-            left = look.left_by(grids[i])
-            best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
-            # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
-            if best and (now - left[best[0]]) / 2 > EFFECT_ODDS:
-                starts = tuple(Start((grids[i].points[k],), base) for k in best for base in bases)
-                gain = (now - float(left[best[0]])) / 2
-                out.append((float(left[best[0]]), Screened(grids[i].effect, starts, gain)))
-        out.sort(key=lambda pair: pair[0])
-        return tuple(s for _, s in out)
+        each = [_tried(ModeLook(problem, base), grids, listed) for base in _bases(problem, current)]
+        best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
+        rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
+        gain = best.max(axis=0, initial=-np.inf)
+        # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
+        there = [int(i) for i in np.lexsort((-gain, rank)) if gain[i] > EFFECT_ODDS]
+        return tuple(
+            Screened(grids[i].effect, tuple(s for tried in each for s in tried[i].starts), float(gain[i]))
+            for i in there
+        )
 
     def blocks(self, problem: ModeProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks nothing: modes say too little of several springs at once."""
@@ -377,6 +381,39 @@ class ModeRanking:
 
 SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """By how much a candidate raises the log likelihood beside one base, and where it does [nats]."""
+
+    gain: float
+    starts: tuple[Start, ...] = ()
+
+
+def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
+    """Return a fit, and the same with nominal parameters if any are uncertain."""
+    nominal = problem.at_nominal(current)
+    return (current,) if nominal.values == current.values else (current, nominal)
+
+
+def _tried(
+    look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool]
+) -> list[_Tried]:  # fmt: skip
+    """Return candidates on their grids, of the best by their slopes and those listed."""
+    by_slopes, multiples = _by_slopes(look, grids)
+    chosen = {int(i) for i in np.argsort(by_slopes, kind="stable")[:N_LOOKED]}
+    now, out = float((look.misfit**2).sum()), []
+    for i, (grid, multiple) in enumerate(zip(grids, multiples, strict=True)):
+        if i not in chosen and not listed(grid.effect):
+            out.append(_Tried(-np.inf))
+            continue
+        whole = replace(grid, points=(*grid.points, multiple))
+        left = look.left_by(whole)
+        k = int(np.argmin(left))
+        starts = (Start((whole.points[k],), look.current),) if np.isfinite(left[k]) else ()
+        out.append(_Tried((now - float(left[k])) / 2, starts))
+    return out
 
 
 def _independent_columns(A: Floats) -> Floats:
