@@ -1,5 +1,7 @@
 """Looks at candidates by measured modes: slopes of connections, and what a candidate leaves on its grid."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,12 +12,12 @@ from updating.diagnosis.evidence.screening import Grid
 from updating.inference.mode_preparation import build_mode_problem
 
 
-def look_at(model, data, noise=1e-4):
+def look_at(model, data, noise=1e-4) -> Any:
     problem = build_mode_problem(model, measured(data, noise=noise), (E,), model_error=0.0)
     return ModeLook(problem, problem.nominal())
 
 
-def every(model, kind):
+def every(model, kind) -> Any:
     return propose(model, [kind])
 
 

@@ -153,7 +153,8 @@ class ModeLook:
             stiff = stiff + abs(complex(np.median(factor(self._base.omega)))) * term.spread(X)
         k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
         forces = [(self._base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
-        return Opened(np.linalg.pinv(k), forces[0], forces[1], self.problem.outputs()[columns])
+        compliance: Any = np.linalg.pinv(k)
+        return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
 
     def around(self, released: Key, term: Term) -> ModesAt:
         """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
