@@ -43,7 +43,6 @@ from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, pr
 from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
-from fem.analysis.frf_solver import compute_frf
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
 from fem.analysis.one_sided import OneSided, one_sided, solve_one_sided
@@ -62,7 +61,7 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.findings import Finding
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
-from updating.measurement.measurement import sensor_rows, with_moving_base
+from updating.measurement.computed import computed_frf
 from updating.quality.corrections import Fault, set_right
 
 
@@ -140,12 +139,7 @@ class Study(config.Study):
         if frequency is None:
             frequency = self.frequency if measured is None else measured.frequency
         kind = kind or (FRFKind.ACCELERANCE if measured is None else measured.kind)
-        model = with_moving_base(self.model, self.excitations)
-        outputs, inputs = (sensor_rows(model, part) for part in (self.sensors, self.excitations))
-        system = assemble(model, reciprocal=False)
-        H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
-        names, forces = (tuple(s.name for s in part) for part in (self.sensors, self.excitations))
-        return FRF.of(FRF.from_arrays(frequency, H, kind, names, forces))
+        return FRF.of(computed_frf(self.model, self.sensors, self.excitations, frequency, kind))
 
     def static(self, *cases: str) -> StaticSolution:
         """Return the static responses to load cases and combinations of the study.

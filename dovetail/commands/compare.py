@@ -137,19 +137,14 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
     No line is held out, and FRAC, which needs phases, is left out.
     """
     from dovetail import result
-    from fem.analysis.frf_solver import compute_frf
-    from fem.system import assemble
     from updating.correlation.frf_correlation import compare as compare_frfs
-    from updating.measurement.measurement import sensor_rows, with_moving_base
+    from updating.measurement.computed import computed_frf
 
     progress("computing the model's FRFs")
     m = study.amplitudes[0]
     frf = m.frf.select(band=study.band)
-    model = with_moving_base(study.model, m.excitations)
-    rows, columns = (sensor_rows(model, part) for part in (m.sensors, m.excitations))
-    system = assemble(model, reciprocal=False)
-    H = compute_frf(system, frf.frequency, rows, columns, frf.kind).H
-    c = compare_frfs(frf, replace(frf, H=np.abs(H).astype(complex)), options.bands)
+    computed = computed_frf(study.model, m.sensors, m.excitations, frf.frequency, frf.kind)
+    c = compare_frfs(frf, replace(frf, H=np.abs(computed.H).astype(complex)), options.bands)
     c = replace(c, phase_deg=np.full(c.phase_deg.shape, np.nan), frac=np.full(c.frac.shape, np.nan))
     progress.close()
     write_json(

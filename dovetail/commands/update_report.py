@@ -32,9 +32,7 @@ def errors_before_and_after(result: StudyUpdate) -> list[str]:
 def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) -> None:
     """Write the report and its pictures into a folder."""
     from dovetail.report import page
-    from fem.analysis.frf_solver import compute_frf
-    from fem.system import assemble
-    from updating.measurement.measurement import sensor_rows, with_moving_base
+    from updating.measurement.computed import computed_frf
     from viz.correlation import plot_mode_pairs
     from viz.curves import plot_frf
     from viz.modal import plot_stabilisation
@@ -60,15 +58,10 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
     m = result.measurement
     if m is not None:
         frf = m.frf.select(lines=m.frf.frequency > 0, band=study.band)
-        start, updated = (with_moving_base(model, m.excitations) for model in (study.model, u.model))
-        outputs, inputs = (sensor_rows(start, part) for part in (m.sensors, m.excitations))
         models = {
-            label: type(frf).from_arrays(
-                frf.frequency, compute_frf(assemble(model), frf.frequency, outputs, inputs, frf.kind).H,
-                frf.kind, frf.outputs, frf.inputs,
-            )
-            for label, model in (("at the start", start), ("updated", updated))
-        }  # fmt: skip
+            label: computed_frf(model, m.sensors, m.excitations, frf.frequency, frf.kind)
+            for label, model in (("at the start", study.model), ("updated", u.model))
+        }
         caption = "Measured FRFs, and those of the model at the start and at the end."
         shown.append(page.section("FRFs", picture("frfs", plot_frf(frf, models), caption)))
     head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]

@@ -3,6 +3,7 @@
 Cases of this package and those of other codes are judged alike.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, product
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.validation.hiding import NEAR
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
@@ -115,6 +117,20 @@ def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
     return [pair for pair, total in zip(every, before, strict=True) if total < CREDIBLE]
 
 
+def located(done: Searched, h: Hypothesis) -> float:
+    """Return the probability that effects are within ``NEAR`` of their members' lengths from their positions.
+
+    By the normal posterior of each.
+    """
+    out, std = 1.0, h.fitted.result.std
+    for e in h.effects:
+        for p in e.parameters():
+            if p.position and isinstance(member := getattr(e, "member", None), str):
+                tolerance = NEAR * done.model.mesh.member_length(member)
+                out *= math.erf(tolerance / (math.sqrt(2) * max(std[e.name, p.name], 1e-300)))
+    return out
+
+
 def assess(
     done: Searched,
     diagnosis: Diagnosis | ModeDiagnosis,
@@ -142,10 +158,11 @@ def assess(
     Returns
     -------
     dict
-        ``probability`` is that of the answer, ``place_probability`` that of its places; ``place_right`` says
-        whether the truth is at these places, None where the library does not have it. ``credible`` is the
-        credible set, and ``in_three`` whether it has at most three members of which one is right. ``truth``
-        is how much better the truth scores than the answer [nats], and ``loss`` its meaning.
+        ``probability`` is that of the answer, positions to within the tolerance by which it is judged;
+        ``place_probability`` is that of its places. ``place_right`` says whether the truth is at these
+        places, None where the library does not have it. ``credible`` is the credible set, and ``in_three``
+        whether it has at most three members of which one is right. ``truth`` is how much better the truth
+        scores than the answer [nats], and ``loss`` its meaning.
     """
     best = done.best
     unexplained = diagnosis.verdict == UNEXPLAINED
@@ -155,7 +172,7 @@ def assess(
     def fits_truth(h: Hypothesis | None) -> bool:
         return truth is None if h is None else faults_right and is_right(h.effects)
 
-    probability = done.unknown_probability if unexplained else done.probability(best)
+    probability = done.unknown_probability if unexplained else done.probability(best) * located(done, best)
     right_ones = [fits_truth(h) for h, _ in members]
     return {
         "verdict": diagnosis.verdict,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -101,9 +101,13 @@ class ModeProblem:
         release: Sequence[tuple[str, str]] = (),
     ) -> ParametricModes:
         """Return the model's modes as a function of parameters, for some of the measured ones."""
+        f = self.targets.frequency[modes]
+        return ParametricModes(self.reduced, self.outputs(), f, refs, effects, release)
+
+    def outputs(self) -> Floats:
+        """Return the motions of the sensors by the basis's columns, (r, n_out)."""
         sensors = self.targets.sensors
-        at = self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
-        return ParametricModes(self.reduced, at, self.targets.frequency[modes], refs, effects, release)
+        return self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
 
     def seen(self, at: ModesAt) -> NDArray[np.bool_]:
         """Return which computed modes a test can see."""
@@ -379,8 +383,14 @@ class ModeFunction(FitFunction):
         U, s, _ = np.linalg.svd(B, full_matrices=False)
         return np.eye(len(U)) + (U * (1 / np.sqrt(1 + s**2) - 1)) @ U.T
 
-    def slopes(self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int) -> Complexes:
-        """Return what n changes of the matrices do to the residuals, to the first order, (n, m)."""
+    def slopes(
+        self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int,
+        more: Callable[[DampedMode], NDArray[Any]] | None = None,
+    ) -> Complexes:  # fmt: skip
+        """Return what n changes of the matrices do to the residuals, to the first order, (n, m).
+
+        ``more`` are their motions of the sensors in a mode, (n, n_out), that other modes do not hold.
+        """
         J = np.zeros((n, sum(self._sizes)), dtype=complex)
         pairs = [m for m in found if m is not None]
         if not pairs or not n:
@@ -391,7 +401,8 @@ class ModeFunction(FitFunction):
             self._of_eigenvalue(J, mode, by[:, c])
             if self._data.has_shapes:
                 i = mode[0]
-                J[:, ends[i] : ends[i + 1]] = self._of_moved_shape(at, mode, shapes[c])
+                moved = shapes[c] if more is None else shapes[c] + more(mode[2])
+                J[:, ends[i] : ends[i + 1]] = self._of_moved_shape(at, mode, moved)
         return J
 
     def _of_eigenvalue(self, J: Complexes, mode: tuple[int, int, DampedMode], d: Complexes) -> None:

@@ -14,7 +14,6 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
-from updating.diagnosis.evidence.magnitudes import MagnitudeRanking
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
@@ -252,7 +251,6 @@ def begun_with(
     read = whole.data
     right, result, faults = find_faults(whole, whole.assessed(null.result))
     right = replace(with_seen_noise(right, null.result), modes=modes)
-    own = FrfRanking() if read.phase else MagnitudeRanking()
     notes = ()
     if begun.n_cut > 1:
         notes = (
@@ -264,8 +262,8 @@ def begun_with(
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
-            problem, begun.form, candidates, partial(told, progress), ranking=ranking or own, workers=crew,
-            beforehand=log_prior(doubtful(faults), read),
+            problem, begun.form, candidates, partial(told, progress), ranking=ranking or FrfRanking(),
+            workers=crew, beforehand=log_prior(doubtful(faults), read),
         )  # fmt: skip
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
         first = fit(problem, n_lines=FULL_LINES, **way)

@@ -28,6 +28,8 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
+MOST_MOVES = 3
+"""A fit to modes begins again at most so often on the basis of the places that it has found."""
 AnyProblem = FitProblem | ModeProblem
 Fit = TypeVar("Fit")
 
@@ -169,7 +171,22 @@ class Fits:
         way: dict[str, Any] = {}
         if near is not None:
             way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        return self.scattered(problem, self._fit(problem, effects, values, n_lines=FULL_LINES, **way))
+        h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
+        return self.scattered(problem, self._where_it_is(problem, h, values))
+
+    def _where_it_is(self, problem: AnyProblem, h: Hypothesis, values: Values) -> Hypothesis:
+        """Return a fit to modes on a basis with the forces of effects at the places to which it moved them.
+
+        Frequencies know a place by the stiffness there alone, which is too high where the basis lacks them.
+        """
+        for _ in range(MOST_MOVES if isinstance(problem, ModeProblem) else 0):
+            if not _has_moved(h, values):
+                break
+            values = values_of(h.effects)
+            problem = with_forces(problem, h.effects, values)
+            way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+            h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **way)
+        return h
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted on with the small deviations of its form, by their slopes there."""
@@ -189,6 +206,16 @@ class Fits:
 
     def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
         return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
+
+
+def _has_moved(h: Hypothesis, values: Values) -> bool:
+    """Whether a position is more than a deviation from where a fit began."""
+    std = h.fitted.result.std
+    return any(
+        p.position and abs(p.value - v[p.name]) > std[e.name, p.name]
+        for e, v in zip(h.effects, values, strict=True)
+        for p in e.parameters()
+    )
 
 
 def with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:

@@ -6,7 +6,7 @@ own: all from the modal basis, so that a candidate costs the same on any mesh.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
 
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, parameter_values
-from fem.reduction.parametric_modes import ModesAt
+from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.terms import Term
+from fem.reduction.terms import Term, motions_of
 from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
@@ -36,12 +36,14 @@ N_LOOKED = 24
 VISIBLE = 0.1
 """Candidates that move the data by less than this at every point of their grids are left out: what was
 measured does not see them [standard deviations]."""
-N_STARTS = 1
-"""Starts of each candidate that go on."""
 HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
 N_PAIRED = 8
 """Pairs of so many of the best connections are looked at."""
+MOST_FORCES = 6
+"""Effects with more independent forces act on a member or more as a whole, whose modes hold what they do."""
+SAME_FORCE = 1e-6
+"""Forces that differ by less are one [-]."""
 
 Floats = NDArray[np.float64]
 Key = tuple[tuple[str, str], ...]
@@ -126,8 +128,12 @@ class ModeLook:
             out[free] = self.adapted(self._function.slopes(base, partners, terms, len(free)))
         held = [n for n, e in enumerate(effects) if e.released()]
         if held:
-            compliant = [(k, self._compliance(effects[n])) for k, n in enumerate(held)]
-            out[held] = self.adapted(self._function.slopes(base, partners, compliant, len(held)))
+            each = [self._opened(effects[n]) for n in held]
+            own = self._function.slopes(
+                base, partners, [(k, o.term) for k, o in enumerate(each)], len(held),
+                lambda mode: np.stack([o.moved(mode) for o in each]),
+            )  # fmt: skip
+            out[held] = self.adapted(own)
         return out
 
     def _restricted(self, term: Term) -> Term:
@@ -137,11 +143,8 @@ class ModeLook:
         each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
         return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
 
-    def _compliance(self, effect: Effect) -> Term:
-        """Return the change of the stiffness by a connection that gives way a little: -f fᵀ/k.
-
-        f are the forces on the constraint by motions of the basis, K_uc, but for the small part of inertia.
-        """
+    def _opened(self, effect: Effect) -> "Opened":
+        """Return what a connection does that gives way a little."""
         basis, reduced = self.problem.reduced.basis, self.problem.reduced
         columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
         term = reduced.value_of(effect)
@@ -149,27 +152,62 @@ class ModeLook:
         for factor, X in term.laws:
             stiff = stiff + abs(complex(np.median(factor(self._base.omega)))) * term.spread(X)
         k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
-        F = self._base.columns.T @ reduced.base_sum["K"][:, columns]
-        return Term(F.T, -np.linalg.pinv(k), None, None, None)
+        forces = [(self._base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
+        compliance: Any = np.linalg.pinv(k)
+        return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
 
-    def around(self, released: Key) -> ModesAt:
-        """Return the modes without some constraints, in the space of the lower modes and of these."""
-        key = tuple(released)
-        if key not in self._spaces:
-            at, top = self._base, HIGHEST * float(self.problem.targets.frequency[-1])
-            pairs = at.pairs(0)
-            V = pairs.vectors[:, pairs.frequency <= top]
-            if key:
-                at = self._function.modes_at(self.current_x, key)
-                full = self._base.columns @ V
-                own = at.columns.T @ full
-                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in key]
-                V = np.hstack([own, np.eye(len(own))[:, more]])
-            self._spaces[key] = at.on(V)
-        return self._spaces[key]
+    def around(self, released: Key, term: Term) -> ModesAt:
+        """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
+
+        Those of a connection that becomes soft are no sum of the modes of a stiff one.
+        """
+        at, V = self._lower(tuple(released))
+        if released or (forces := self._forces(term)) is None:
+            return at.on(V)
+        own, lam = self._base.pairs(0).vectors, self._base.pairs(0).eigenvalues
+        high = lam > (2 * np.pi * self._top) ** 2
+        still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
+        return at.on(np.hstack([V, _independent_columns(still)]))
+
+    def _completed(self, term: Term) -> Term:
+        """Return a term's stiffness beside the flexibility R that the basis lacks there: (k⁻¹ + R)⁻¹."""
+        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
+            return term
+        motions, inverse, _ = motions_of([term.K])
+        R = self.problem.reduced.residual_flexibility(term.dofs, motions)
+        if R is None:
+            return term
+        k = inverse @ term.K @ inverse.T
+        k = np.linalg.solve(np.eye(len(k)) + k @ R / term.stiffer, k)
+        return replace(term, K=motions @ (k + k.T) @ motions.T / 2)
 
     @cached_property
-    def _spaces(self) -> dict[Key, ModesAt]:
+    def _top(self) -> float:
+        return HIGHEST * float(self.problem.targets.frequency[-1])
+
+    def _lower(self, released: Key) -> tuple[ModesAt, Floats]:
+        """Return the model without some constraints, its lower modes with them and what opens each."""
+        if released not in self._spaces:
+            at, pairs = self._base, self._base.pairs(0)
+            V = pairs.vectors[:, pairs.frequency <= self._top]
+            if released:
+                at = self._function.modes_at(self.current_x, released)
+                own = at.columns.T @ (self._base.columns @ V)
+                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
+                V = np.hstack([own, np.eye(len(own))[:, more]])
+            self._spaces[released] = at, V
+        return self._spaces[released]
+
+    def _forces(self, term: Term) -> Floats | None:
+        """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
+        if term.L is None:
+            return None
+        parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
+        U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
+        return (term.L @ self._base.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
+
+    @cached_property
+    def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
         return {}
 
     def _column(self, key: tuple[str, str]) -> int:
@@ -181,17 +219,57 @@ class ModeLook:
 
         Infinite where there is no structure, and everywhere if the data do not see the candidate.
         """
-        at = self.around(grid.effect.released())
+        released = grid.effect.released()
         out, most = np.full(len(grid.points), np.inf), 0.0
+        at, last = None, None
         for n, term in enumerate(grid.terms(self.problem)):  # type: ignore[arg-type]
+            if at is None or term.place != last:
+                at, last = self.around(released, term), term.place
             try:
-                r, _ = self._function.residuals(at.with_term(term))
+                r, _ = self._function.residuals(at.with_term(self._completed(term)))
             except (np.linalg.LinAlgError, ValueError):
                 continue  # no structure
             change = self.adapted((r - self._found[0])[None])[0]
             out[n] = float(((self.misfit + change) ** 2).sum())
             most = max(most, float(np.linalg.norm(change)))
         return out if most >= VISIBLE else np.full_like(out, np.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A constraint that gives way a little under the forces on it, f = (K_cu - ω² M_cu) x by motions x.
+
+    What opens the constraint is in static equilibrium elsewhere, so that nearly all of f is inertia.
+
+    Attributes
+    ----------
+    compliance : ndarray (c, c)
+    stiffness, mass : ndarray (c, r)
+        K_cu and M_cu.
+    outputs : ndarray (c, n_out)
+        Motion of the sensors where the constraint opens.
+    """
+
+    compliance: Floats
+    stiffness: Floats
+    mass: Floats
+    outputs: Floats
+
+    @property
+    def term(self) -> Term:
+        """The change of the dynamic stiffness, -fᵀ k⁻¹ f, in powers of -ω²."""
+        powers = np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([0.0, 1.0])
+        laws = tuple((partial(_power, n), np.kron(which, -self.compliance)) for n, which in enumerate(powers))
+        return Term(np.vstack([self.stiffness, self.mass]), None, None, None, None, laws)
+
+    def moved(self, mode: DampedMode) -> NDArray[Any]:
+        """Return the motion of the sensors by the opening in a mode, (n_out,)."""
+        force = self.stiffness @ mode.vector - mode.eigenvalue.real * (self.mass @ mode.vector)
+        return -(self.compliance @ force) @ self.outputs
+
+
+def _power(n: int, omega: Floats) -> Floats:
+    return (-(omega**2)) ** n
 
 
 class ModeRanking:
@@ -233,25 +311,24 @@ class ModeRanking:
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
     ) -> tuple[Screened, ...]:
-        """Return candidates by the misfit that they leave on their grids, of the best by their slopes."""
-        look = ModeLook(problem, current)
+        """Return candidates by the misfit that they leave on their grids, of the best by their slopes.
+
+        Beside uncertain parameters as they are fitted, which a strong effect has bent, and beside nominal
+        ones. A change between two states may be far weaker than any point of a grid, so that the best
+        multiple of each candidate's slope is one more.
+        """
         grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
         grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
-        by_slopes = _by_slopes(look, grids)
-        order = np.argsort(by_slopes, kind="stable")
-        chosen = {int(i) for i in order[:N_LOOKED]} | {i for i, g in enumerate(grids) if listed(g.effect)}
-        out, now = [], float((look.misfit**2).sum())
-        bases = current, problem.at_nominal(current)
-        for i in sorted(chosen):
-            left = look.left_by(grids[i])
-            best = [int(k) for k in np.argsort(left)[:N_STARTS] if np.isfinite(left[k])]
-            # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
-            if best and (now - left[best[0]]) / 2 > EFFECT_ODDS:
-                starts = tuple(Start((grids[i].points[k],), base) for k in best for base in bases)
-                gain = (now - float(left[best[0]])) / 2
-                out.append((float(left[best[0]]), Screened(grids[i].effect, starts, gain)))
-        out.sort(key=lambda pair: pair[0])
-        return tuple(s for _, s in out)
+        each = [_tried(ModeLook(problem, base), grids, listed) for base in _bases(problem, current)]
+        best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
+        rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
+        gain = best.max(axis=0, initial=-np.inf)
+        # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
+        there = [int(i) for i in np.lexsort((-gain, rank)) if gain[i] > EFFECT_ODDS]
+        return tuple(
+            Screened(grids[i].effect, tuple(s for tried in each for s in tried[i].starts), float(gain[i]))
+            for i in there
+        )
 
     def blocks(self, problem: ModeProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks nothing: modes say too little of several springs at once."""
@@ -307,15 +384,59 @@ SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
 
 
-def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
-    """Return what the best multiple of each candidate's change leaves of the misfit, in deviations²."""
-    owner, most, effects = [], [], []
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """By how much a candidate raises the log likelihood beside one base, and where it does [nats]."""
+
+    gain: float
+    starts: tuple[Start, ...] = ()
+
+
+def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
+    """Return a fit, and the same with nominal parameters if any are uncertain."""
+    nominal = problem.at_nominal(current)
+    return (current,) if nominal.values == current.values else (current, nominal)
+
+
+def _tried(
+    look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool]
+) -> list[_Tried]:  # fmt: skip
+    """Return candidates on their grids, of the best by their slopes and those listed."""
+    by_slopes, multiples = _by_slopes(look, grids)
+    chosen = {int(i) for i in np.argsort(by_slopes, kind="stable")[:N_LOOKED]}
+    now, out = float((look.misfit**2).sum()), []
+    for i, (grid, multiple) in enumerate(zip(grids, multiples, strict=True)):
+        if i not in chosen and not listed(grid.effect):
+            out.append(_Tried(-np.inf))
+            continue
+        whole = replace(grid, points=(*grid.points, multiple))
+        left = look.left_by(whole)
+        k = int(np.argmin(left))
+        starts = (Start((whole.points[k],), look.current),) if np.isfinite(left[k]) else ()
+        out.append(_Tried((now - float(left[k])) / 2, starts))
+    return out
+
+
+def _independent_columns(A: Floats) -> Floats:
+    """Return an orthonormal basis of the columns of a matrix, each of which counts as much."""
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A[:, size > 0] / size[size > 0], full_matrices=False)
+    return U[:, s > SAME_FORCE * s.max(initial=0.0)]
+
+
+def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> tuple[Floats, list[dict[str, float]]]:
+    """Return what the best multiple of each candidate's change leaves of the misfit, and its values there.
+
+    In deviations².
+    """
+    owner, most, points = [], [], []
     for n, grid in enumerate(grids):
         for point, factor in grid.slight_points():
             owner.append(n)
             most.append(factor)
-            effects.append(grid.effect.with_values(**point))
-    slopes, y = np.nan_to_num(look.slopes(effects)), look.misfit
+            points.append(point)
+    slopes = look.slopes([grids[n].effect.with_values(**p) for n, p in zip(owner, points, strict=True)])
+    slopes, y = np.nan_to_num(slopes), look.misfit
     size = (slopes**2).sum(axis=1)
     factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
     one_sided = np.array([grids[n].one_sided() for n in owner])
@@ -324,7 +445,8 @@ def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> Floats:
     left = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
     out = np.full(len(grids), np.inf)
     np.minimum.at(out, owner, left)
-    return out
+    best = [min(np.flatnonzero(np.array(owner) == n), key=lambda k: left[k]) for n in range(len(grids))]
+    return out, [grids[n].scaled(points[k], float(factor[k])) for n, k in enumerate(best)]
 
 
 def _left(look: ModeLook, slopes: Floats) -> float:

@@ -420,7 +420,7 @@ class Look:
         """
         H = self._local(()).H.ravel()[self.at]
         with np.errstate(divide="ignore", invalid="ignore"):
-            d = self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H
+            d = self.problem.data.seen(self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H)
         d = np.where(np.isfinite(d), d, 0.0)
         now, low, out = self._now[self.whole], self._now[~self.whole], np.empty((2, len(d)))
         for without in set(replaced):
@@ -460,7 +460,7 @@ class Look:
         """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
         computed = np.stack([each.ravel()[self.at] for each in H])
         with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = self.weight * complex_log(computed / self.measured)
+            r: Any = self.weight * self.problem.data.seen(complex_log(computed / self.measured))
         return np.where(np.isfinite(r), r, 0.0)
 
     def adapted(

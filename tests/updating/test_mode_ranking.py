@@ -1,0 +1,56 @@
+"""Looks at candidates by measured modes: slopes of connections, and what a candidate leaves on its grid."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.updating.test_evidence_modes import E, cantilever, measured
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
+from updating.diagnosis.evidence.screening import Grid
+from updating.inference.mode_preparation import build_mode_problem
+
+
+def look_at(model, data, noise=1e-4) -> Any:
+    problem = build_mode_problem(model, measured(data, noise=noise), (E,), model_error=0.0)
+    return ModeLook(problem, problem.nominal())
+
+
+def every(model, kind) -> Any:
+    return propose(model, [kind])
+
+
+def test_the_slopes_of_a_connection_are_those_of_differences():
+    model = cantilever()
+    look = look_at(model, model)
+    for effect in every(model, "support_flexibility"):
+        (point, _), *_ = Grid.of(look.problem, effect).slight_points()
+        effect = effect.with_values(**point)
+        at = look._function.modes_at(look.current_x, effect.released())
+        weak = at.with_term(look.problem.reduced.value_of(effect))
+        r, _ = look._function.residuals(weak)
+        changed = look.adapted((r - look._found[0])[None])[0]
+        slope = look.slopes([effect])[0]
+        seen = np.linalg.norm(changed) > 1e-6  # torsion, which no sensor has, is not
+        assert np.linalg.norm(slope - changed) < (1e-2 * np.linalg.norm(changed) if seen else 1e-6)
+
+
+def test_a_crack_leaves_nothing_of_its_own_misfit_at_its_own_point():
+    model = cantilever()
+    crack = next(e for e in every(model, "crack") if e.direction == "ry")
+    point = {"compliance": 0.2 * crack.reference, "position": 0.61}
+    look = look_at(model, model.with_effect(crack.with_values(**point)))
+    left = look.left_by(Grid(crack, (point,)))[0]
+    assert left < 1e-3 * (look.misfit**2).sum()
+
+
+def test_a_change_weaker_than_any_grid_is_ranked_first():
+    model = cantilever()
+    effect = next(e for e in every(model, "support_flexibility") if e.direction == "ry")
+    stiffest = max(p["stiffness"] for p in Grid.of(look_at(model, model).problem, effect).points)
+    true = effect.with_values(stiffness=10 * stiffest)
+    look = look_at(model, model.with_effect(true), noise=1e-6)
+    ranked = ModeRanking().screened(look.problem, look.current, every(model, "support_flexibility"), bool)
+    assert ranked[0].effect.name == effect.name
+    assert ranked[0].starts[0].values[0]["stiffness"] == pytest.approx(10 * stiffest, rel=0.05)

@@ -1,0 +1,43 @@
+"""FRFs of a model at the sensors and excitations of a test."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.frf_solver import compute_frf
+from fem.model import Model
+from fem.system import assemble
+from updating.measurement.measurement import Sensor, sensor_rows, with_moving_base
+
+
+def computed_frf(
+    model: Model,
+    sensors: Sequence[Sensor],
+    excitations: Sequence[Sensor],
+    frequency: ArrayLike,
+    kind: FRFKind | str,
+) -> FRF:
+    """Return the FRFs of a model; its base moves where an excitation is a motion of the base.
+
+    Parameters
+    ----------
+    model : Model
+    sensors, excitations : sequence of Sensor
+    frequency : array_like (n_freq,)
+        [Hz].
+    kind : FRFKind or str
+
+    Raises
+    ------
+    MeasurementError
+        As :func:`updating.measurement.measurement.sensor_rows` and
+        :func:`updating.measurement.measurement.with_moving_base`.
+    """
+    model = with_moving_base(model, excitations)
+    outputs, inputs = (sensor_rows(model, part) for part in (sensors, excitations))
+    system = assemble(model, reciprocal=False)
+    H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
+    names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
+    return FRF.from_arrays(frequency, H, kind, names, forces)
