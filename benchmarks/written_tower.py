@@ -61,7 +61,8 @@ def write_tower(folder: Path, per_member: int = 12) -> Path:
         )
     parts += [f'\n[[supports]]\npoint = "P{k}"' for k in range(4)]
     parts += [
-        f'\n[[sensors]]\nname = "{s.name}"\npoint = "P{mesh.nearest_point(s.point)[0]}"\ndirection = "{s.name[-1]}"'
+        f'\n[[sensors]]\nname = "{s.name}"\npoint = "P{mesh.nearest_point(s.point)[0]}"\n'
+        f'direction = "{s.name[-1]}"'
         for s in measurement.sensors
     ]
     parts += [f'\n[[excitations]]\nsensor = "{s.name}"' for s in measurement.excitations]
@@ -69,4 +70,3 @@ def write_tower(folder: Path, per_member: int = 12) -> Path:
     path = folder / "study.toml"
     path.write_text("\n".join(parts) + "\n", encoding="utf-8")
     return path
-

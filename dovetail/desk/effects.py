@@ -164,8 +164,11 @@ class EffectList:
             typed["by_hand"] = True
 
         def entered(e: Any) -> None:
-            if typed["by_hand"] and e.value is not None:
-                page.act(lambda: desk.set_value(name, p.name, float(e.value)))
+            if not typed["by_hand"] or e.value is None:  # it is empty while another number is typed
+                return
+            page.act(lambda: desk.set_value(name, p.name, float(e.value)))
+            if not p.lower <= e.value <= p.upper:
+                self._bounded(name, p)
 
         self._fields[name, p.name] = left
         slider.on(
@@ -175,6 +178,13 @@ class EffectList:
         slider.on("change", lambda e: page.release(name, p.name, value_at(e.args)), js_handler=POSITION)
         slider.on("keydown", js_handler=STEP)
         field.on_value_change(entered)
+
+    def _bounded(self, name: str, p: Parameter) -> None:
+        """Say that a value is beyond its bounds, and show the bound that was taken."""
+        words = f"{p.name.replace('_', ' ')} of {name}: {_range_text(p)} is allowed"
+        ui.notify(words, type="warning", multi_line=True)
+        now = parameter_values(self._page.desk.now.hypothesis.effect(name))
+        self._fields[name, p.name](float(now[p.name]))
 
     # Evidence -----------------------------------------------------------------------------------------------
 

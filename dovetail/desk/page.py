@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from nicegui import background_tasks, json, run, ui
-from nicegui.events import GenericEventArguments, KeyEventArguments
+from nicegui.events import GenericEventArguments
 
 from dovetail.desk import figures
 from dovetail.desk.bands import BandList
@@ -18,10 +18,10 @@ from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, Desk
-from dovetail.desk.widgets import Numbers, button, card
+from dovetail.desk.widgets import Keys, Numbers, button, card
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
-from viz.interactive.theme import CONFIG, TOOL_BAR
+from viz.interactive.theme import CONFIG
 
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
@@ -81,7 +81,7 @@ class Page:
                 self._map_card()
                 self.sensors = SensorList(self)
         ui.timer(TICK, self._look_at_jobs)
-        ui.keyboard(on_key=self._key, ignore=["input", "select", "textarea"])
+        Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         for note in self.desk.notes:
             ui.notify(note, multi_line=True)
         self.desk.notes.clear()
@@ -255,16 +255,6 @@ class Page:
 
     def _redo(self) -> None:
         self.act(self.desk.redo)
-
-    def _key(self, e: KeyEventArguments) -> None:
-        if not e.action.keydown or not (e.modifiers.ctrl or e.modifiers.meta):
-            return
-        if e.key == "z" and not e.modifiers.shift:
-            self._undo()
-        elif e.key in ("y", "Z"):
-            self._redo()
-        elif e.key == "s":
-            self._save_dialog()
 
     def _chooser(self, k: int) -> Callable[[Any], None]:
         def chosen(e: Any) -> None:
@@ -454,11 +444,7 @@ def _plot(figure: Any, label: str) -> ui.plotly:
 
 
 def _dict(figure: Any) -> dict[str, Any]:
-    plain = figure.to_plotly_json()
-    if not (plain["layout"].get("title") or {}).get("text"):
-        margin = plain["layout"]["margin"]
-        plain["layout"]["margin"] = {**margin, "t": max(TOOL_BAR, margin["t"])}
-    return {**plain, "config": CONFIG}
+    return {**figure.to_plotly_json(), "config": CONFIG}
 
 
 def _texts(shown: Evaluation) -> dict[str, str]:
