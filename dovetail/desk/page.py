@@ -423,15 +423,21 @@ class JobBar:
 
 def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> None:
     """Ask for a path in a dialog."""
+
+    def write() -> None:
+        if not (path := (field.value or "").strip()):
+            ui.notify(f"{word}: a path is needed", type="warning")
+            return
+        dialog.close()
+        take(Path(path))
+
     with ui.dialog() as dialog, ui.card().style("min-width: min(560px, 90vw)"):
         ui.label(title).classes("desk-title")
         field = ui.input(word, value=str(path)).props("outlined dense autofocus").style("width: 100%")
         with ui.element("div").classes("desk-row"):
             ui.space()
             ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-            ui.button("Write", on_click=lambda: (dialog.close(), take(Path(field.value or "")))).props(
-                "no-caps"
-            )
+            ui.button("Write", on_click=write).props("no-caps")
     dialog.on("hide", dialog.delete)
     dialog.open()
 
