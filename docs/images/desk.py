@@ -138,6 +138,7 @@ def two(folder: Path) -> None:
         tab.press("Fit uncertain parameters")
         tab.until(0, tab.error() - 0.2)
         told("fit uncertain parameters")
+        page.get_by_text("Residual level that each would leave", exact=False).wait_for()
         take(page, "desk-two-1")
         added("joint J", TURNING)
         tab.drag(f"stiffness of {TURNING}", 400.0)
