@@ -5,6 +5,7 @@ Run it with one thread:
     OPENBLAS_NUM_THREADS=1 python -m benchmarks.desk [beams] [tower] [browser] [hour[=MOVES]]
 """
 
+import os
 import shutil
 import sys
 import tempfile
@@ -70,11 +71,19 @@ def hour(live: LiveModel, effect: Effect, moves: int = HOUR) -> None:
     for x in positions[:20]:
         live.evaluate(h.with_value(effect.name, "position", float(x)))
     before = tracemalloc.get_traced_memory()[0]
+    print(f"{0:7d} moves: {_resident():.0f} MB resident", flush=True)
     for k, x in enumerate(positions, 1):
         live.evaluate(h.with_value(effect.name, "position", float(x)))
         if k in (moves // 10, moves // 2, moves):
-            print(f"{k:7d} moves: {(tracemalloc.get_traced_memory()[0] - before) / 1e6:+.2f} MB", flush=True)
+            added = (tracemalloc.get_traced_memory()[0] - before) / 1e6
+            print(f"{k:7d} moves: {added:+.2f} MB, {_resident():.0f} MB resident", flush=True)
     tracemalloc.stop()
+
+
+def _resident(process: int | str = "self") -> float:
+    """Return the resident memory of a process [MB]."""
+    pages = Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1]
+    return 1e-6 * int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
 def browser() -> None:

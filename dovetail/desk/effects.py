@@ -74,6 +74,7 @@ class EffectList:
         if now == self._shown:
             return
         self._shown = now
+        wanted = {name for name, evidence in self._evidences.items() if evidence.value}
         self._evidences.clear()
         self._fields.clear()
         self._box.clear()
@@ -84,6 +85,8 @@ class EffectList:
                 )
             for effect in effects:
                 self._effect(effect)
+                if effect.name in wanted:  # it stays open, and shows the words of the present state
+                    self._evidences[effect.name].set_value(True)
 
     def _form_box(self) -> ui.checkbox | None:
         """Return a box that lets the form of the frame vary; None where the study says that it is right."""
@@ -164,10 +167,23 @@ class EffectList:
             typed["by_hand"] = True
 
         def entered(e: Any) -> None:
-            if typed["by_hand"] and e.value is not None:
-                page.act(lambda: desk.set_value(name, p.name, float(e.value)))
+            if not typed["by_hand"] or e.value is None:  # it is empty while another number is typed
+                return
+            value = float(e.value)
+            beyond = not p.lower <= value <= p.upper
+            if beyond:  # told first: the field may be replaced by the action
+                told = f"{p.name.replace('_', ' ')} of {name}: {_range_text(p)} is allowed"
+                ui.notify(told, type="warning", multi_line=True)
+            page.act(lambda: desk.set_value(name, p.name, value))
+            if beyond:
+                self.moved_by_hand(desk.now.hypothesis.effects)
+
+        def emptied() -> None:
+            if field.value is None:  # or no number: the present value is shown again
+                left(float(parameter_values(desk.now.hypothesis.effect(name))[p.name]))
 
         self._fields[name, p.name] = left
+        field.on("blur", emptied)
         slider.on(
             "input", lambda e: page.move(name, p.name, value_at(e.args)), throttle=THROTTLE,
             js_handler=DRAGGED.format(value=scale.javascript, lower=_js(p.lower), upper=_js(p.upper)),

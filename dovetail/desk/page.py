@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from nicegui import background_tasks, json, run, ui
-from nicegui.events import GenericEventArguments, KeyEventArguments
+from nicegui.events import GenericEventArguments
 
 from dovetail.desk import figures
 from dovetail.desk.bands import BandList
@@ -18,10 +18,10 @@ from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, Desk
-from dovetail.desk.widgets import Numbers, button, card
+from dovetail.desk.widgets import Keys, Numbers, button, card
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
-from viz.interactive.theme import CONFIG, TOOL_BAR
+from viz.interactive.theme import CONFIG
 
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
@@ -81,7 +81,7 @@ class Page:
                 self._map_card()
                 self.sensors = SensorList(self)
         ui.timer(TICK, self._look_at_jobs)
-        ui.keyboard(on_key=self._key, ignore=["input", "select", "textarea"])
+        Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         for note in self.desk.notes:
             ui.notify(note, multi_line=True)
         self.desk.notes.clear()
@@ -256,16 +256,6 @@ class Page:
     def _redo(self) -> None:
         self.act(self.desk.redo)
 
-    def _key(self, e: KeyEventArguments) -> None:
-        if not e.action.keydown or not (e.modifiers.ctrl or e.modifiers.meta):
-            return
-        if e.key == "z" and not e.modifiers.shift:
-            self._undo()
-        elif e.key in ("y", "Z"):
-            self._redo()
-        elif e.key == "s":
-            self._save_dialog()
-
     def _chooser(self, k: int) -> Callable[[Any], None]:
         def chosen(e: Any) -> None:
             pair = (e.value, self.pair[1]) if k == 0 else (self.pair[0], e.value)
@@ -433,15 +423,21 @@ class JobBar:
 
 def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> None:
     """Ask for a path in a dialog."""
+
+    def write() -> None:
+        if not (path := (field.value or "").strip()):
+            ui.notify(f"{word}: a path is needed", type="warning")
+            return
+        dialog.close()
+        take(Path(path))
+
     with ui.dialog() as dialog, ui.card().style("min-width: min(560px, 90vw)"):
         ui.label(title).classes("desk-title")
         field = ui.input(word, value=str(path)).props("outlined dense autofocus").style("width: 100%")
         with ui.element("div").classes("desk-row"):
             ui.space()
             ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-            ui.button("Write", on_click=lambda: (dialog.close(), take(Path(field.value or "")))).props(
-                "no-caps"
-            )
+            ui.button("Write", on_click=write).props("no-caps")
     dialog.on("hide", dialog.delete)
     dialog.open()
 
@@ -454,11 +450,7 @@ def _plot(figure: Any, label: str) -> ui.plotly:
 
 
 def _dict(figure: Any) -> dict[str, Any]:
-    plain = figure.to_plotly_json()
-    if not (plain["layout"].get("title") or {}).get("text"):
-        margin = plain["layout"]["margin"]
-        plain["layout"]["margin"] = {**margin, "t": max(TOOL_BAR, margin["t"])}
-    return {**plain, "config": CONFIG}
+    return {**figure.to_plotly_json(), "config": CONFIG}
 
 
 def _texts(shown: Evaluation) -> dict[str, str]:

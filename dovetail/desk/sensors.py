@@ -61,10 +61,19 @@ class SensorList:
             sign.props("dense flat round size=sm")
             sign.props["aria-label"] = f"sign of sensor {name}"
             sign.props["aria-pressed"] = str(turned).lower()
-            gain = ui.number(value=faults.get(("sensor_gain", name), 1.0), min=0.01, step=0.05, format="%.3g")
+            gain = ui.number(value=faults.get(("sensor_gain", name), 1.0), step=0.05, format="%.4g")
             gain.props("dense borderless debounce=600").style("width: 58px")
             gain.props["aria-label"] = f"gain of sensor {name}"
-            gain.on_value_change(lambda e: page.act(lambda: desk.set_gain(name, float(e.value or 1.0))))
+            gain.on_value_change(lambda e: self._entered(name, e.value))
+
+    def _entered(self, sensor: str, gain: float | None) -> None:
+        """Take a gain that was typed; the field shows the present one again where it is refused."""
+        page, desk = self._page, self._page.desk
+        if gain is not None:  # the field is empty while another number is typed
+            page.act(lambda: desk.set_gain(sensor, float(gain)))
+            if gain <= 0:
+                self._known = None
+                self.refresh()
 
     def _hold(self, channel: str) -> None:
         """Show whether a channel is held out, as a button that changes it."""

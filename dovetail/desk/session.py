@@ -212,9 +212,11 @@ class Desk:
         self.suppose(f"{other.name} in place of {name}", h)
 
     def set_value(self, name: str, parameter: str, value: float) -> None:
-        """Give a parameter of an added effect a value."""
-        h = self.now.hypothesis.with_value(name, parameter, value)
-        self.suppose(f"{parameter} of {name}", h)
+        """Give a parameter of an added effect a value, at most up to its bounds."""
+        before = self.now.hypothesis
+        h = before.with_value(name, parameter, value)
+        if parameter_values(h.effect(name)) != parameter_values(before.effect(name)):
+            self.suppose(f"{parameter} of {name}", h)
 
     def preview(self, name: str, parameter: str, value: float) -> Evaluation:
         """Return the errors with another value, which is not kept."""
@@ -253,9 +255,18 @@ class Desk:
         self.suppose(f"{'hold out' if part in h.held_out else 'fit'} {part}", h)
 
     def set_gain(self, sensor: str, gain: float) -> None:
-        """Say that a sensor reads so many times too much; 1 takes the correction away."""
+        """Say that a sensor reads so many times too much; 1 takes the correction away.
+
+        Raises
+        ------
+        ValueError
+            If the gain is not positive.
+        """
+        if not gain > 0:
+            msg = f"{gain:g} is no gain of sensor {sensor}: it must be above 0; a button turns the sign"
+            raise ValueError(msg)
         h = self.now.hypothesis.without_fault("sensor_gain", sensor)
-        if gain > 0 and gain != 1:
+        if gain != 1:
             h = h.with_fault(Fault("sensor_gain", sensor, float(gain), 0.0))
         self.suppose(f"gain of sensor {sensor}", h)
 

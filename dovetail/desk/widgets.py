@@ -30,6 +30,20 @@ def button(
     return made
 
 
+class Keys(ui.element, component="keys.js"):
+    """Keys of the whole page, wherever the focus is.
+
+    Parameters
+    ----------
+    actions : mapping of str to callable
+        By ``undo``, ``redo`` and ``save``.
+    """
+
+    def __init__(self, actions: Mapping[str, Callable[[], Any]]) -> None:
+        super().__init__()
+        self.on("act", lambda e: actions[e.args]())
+
+
 class Numbers(ui.element, component="numbers.js"):
     """A row of numbers, each with a name below.
 

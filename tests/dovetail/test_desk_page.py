@@ -278,7 +278,6 @@ def hold_out_by_zoom(tab):
     return low, high
 
 
-@pytest.mark.slow
 def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
     text = example.read_text(encoding="utf-8").replace('"Cross-beam"', f"'''{NAME}'''")
     example.write_text(text.replace('"D9"', f"'''{SENSOR}'''"), encoding="utf-8")

@@ -224,6 +224,19 @@ def test_sensors_and_hypotheses_are_states_too(desk):
     assert desk.second() is None
 
 
+def test_a_value_that_changes_nothing_and_a_gain_that_is_none_make_no_state(desk):
+    desk.add(MASS, mass=0.1)
+    bounds = {p.name: p.upper for p in desk.now.hypothesis.effect(MASS).parameters()}
+    desk.set_value(MASS, "position", 2 * bounds["position"])  # beyond its bound, which is taken
+    there = desk.history
+    assert desk.now.hypothesis.effect(MASS).position == bounds["position"]
+    desk.set_value(MASS, "position", 3 * bounds["position"])
+    for gain in (0.0, -1.2, float("nan")):
+        with pytest.raises(ValueError, match="must be above 0"):
+            desk.set_gain("U2z", gain)
+    assert desk.history is there
+
+
 def test_a_channel_is_held_out_and_one_stays(desk, tmp_path):
     before = desk.shown.result.fit_db
     desk.hold_out("sensor D3z")

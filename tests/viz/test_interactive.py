@@ -369,3 +369,19 @@ def test_legends_begin_below_the_tool_bar(measured):
         assert (legend.yref, legend.yanchor) == ("container", "top")
         assert (1 - legend.y) * height >= theme.TOOL_BAR - 1e-9
         assert figure.layout.margin.t >= (1 - legend.y) * height + theme.LEGEND_ROW - 1e-9
+
+
+@pytest.mark.parametrize("title", ["", "a title"])
+def test_figures_without_a_legend_begin_below_the_tool_bar_too(title):
+    made = (
+        error.error_map_figure(np.ones((3, 2)), ["a", "b", "c"], [(0, 1), (1, 2)], title=title),
+        error.probability_figure([("a", 0.9), ("b", 0.1)], title=title),
+    )
+    for figure in made:
+        assert figure.layout.margin.t >= theme.TOOL_BAR
+
+
+def test_a_long_hypothesis_is_broken_and_not_cut():
+    name = "joint stiffness: joint J, about x and joint viscous damping: joint J"
+    (shown,) = error.probability_figure([(name, 1.0)]).layout.yaxis.ticktext
+    assert shown.replace("<br>", " ") == name

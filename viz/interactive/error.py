@@ -71,7 +71,7 @@ def error_map_figure(
     if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1]:
         trace |= {"texttemplate": f"%{{z:.{digits}f}}", "textfont": {"size": 11}}
     look = layout(
-        84 + 21 * n if n <= 60 else 1400, title, legend=False, plot_bgcolor=CELL,
+        104 + 21 * n if n <= 60 else 1400, title, legend=False, plot_bgcolor=CELL,
         xaxis=axis("band [Hz]", tickvals=list(range(m)), ticktext=words, showgrid=False, ticks=""),
         yaxis=axis(
             "", tickvals=list(range(n)), ticktext=[plain(shorten(s, 24)) for s in sensors],
@@ -246,7 +246,7 @@ def ranking_figure(
     more = f"; {hidden} worse ones are not shown" if hidden else ""
     shown = [str(labels[k]) for k in order]
     look = layout(
-        110 + 25 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
+        110 + 30 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
         annotations=[note], meta={"short": _short(shown)},
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
         yaxis=_names_axis(shown),
@@ -277,8 +277,8 @@ def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str
 
 
 def _short(labels: Sequence[str]) -> list[str]:
-    """Return names for a narrow page."""
-    return [plain(shorten(s, 20)) for s in labels]
+    """Return names for a narrow page, of two lines."""
+    return [_broken(shorten(s, 38), 20) for s in labels]
 
 
 def _hatch(shape: str) -> dict[str, Any]:
@@ -293,8 +293,8 @@ def _candidate_word(k: int, accepted: int | None, twins: Collection[int]) -> str
 def _names_axis(labels: Sequence[str], width: int = 40) -> dict[str, Any]:
     n = len(labels)
     return axis(
-        "", tickvals=list(range(n)), ticktext=[plain(shorten(s, width)) for s in labels], showgrid=False,
-        range=[n - 0.5, -0.5], ticks="", showline=False,
+        "", tickvals=list(range(n)), ticktext=[_broken(shorten(s, width), 40) for s in labels],
+        showgrid=False, range=[n - 0.5, -0.5], ticks="", showline=False,
     )  # fmt: skip
 
 
@@ -323,10 +323,10 @@ def probability_figure(
     hidden = len(hypotheses) - len(shown)
     more = f"; {hidden} less probable ones are not shown" if hidden else ""
     look = layout(
-        60 + 28 * len(shown), title, legend=False, bargap=0.35, showlegend=False,
+        80 + 30 * len(shown), title, legend=False, bargap=0.35, showlegend=False,
         meta={"short": _short(names)},
         xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
-        yaxis=_names_axis(names),
+        yaxis=_names_axis(names, 76),
     )  # fmt: skip
     return Figure([trace], look)
 

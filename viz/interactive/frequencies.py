@@ -139,7 +139,7 @@ def mac_figure(
     if max(n, m) <= MOST_NUMBERS:
         trace |= {"texttemplate": "%{z:.2f}", "textfont": {"size": 10}}
     look = layout(
-        104 + 24 * n, title, legend=False, plot_bgcolor=CELL,
+        124 + 24 * n, title, legend=False, plot_bgcolor=CELL,
         xaxis=axis(
             "computed [Hz]", tickvals=list(range(m)), ticktext=[plain(s) for s in computed], ticks="",
             showgrid=False,

@@ -24,7 +24,7 @@ CONFIG = {
 the data to its makers' server."""
 
 TOOL_BAR = 30
-"""Height of plotly's tool bar at the upper edge; legends begin below it, whatever their rows [pixel]."""
+"""Height of plotly's tool bar at the upper edge; legends, bars and cells begin below it [pixel]."""
 TITLE = 38
 """Height of a title at the upper edge [pixel]."""
 LEGEND_ROW = 24
@@ -83,8 +83,8 @@ def _exchanged(value: Any) -> Any:
 
 
 def layout(height: float, title: str = "", *, legend: bool = True, **more: Any) -> dict[str, Any]:
-    """Return the layout that figures share: transparent, as wide as the page, room above for the legend."""
-    head = TITLE if title else TOOL_BAR if legend else 10
+    """Return the layout that figures share: transparent, wide, with room above for tool bar and legend."""
+    head = TITLE if title else TOOL_BAR
     return {
         "template": "none",
         "font": {"family": FONT, "size": 13, "color": style.INK},
