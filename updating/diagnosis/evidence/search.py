@@ -287,14 +287,17 @@ class Search:
     def swapped(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
+        Anywhere, if it does not explain the data: what is soft at one connection can stand for another one.
         All that are nearly as probable are fitted fully: they are its credible set. With another effect in
         the place of one, a third may not be needed any more.
         """
-        result, free = h.fitted.result, self.fits.free(h)
+        result, free, anywhere = h.fitted.result, self.fits.free(h), not self.explains(h)
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
-            near = [c for c in self.candidates if c.name not in h.key and near_to(c) & near_to(e)]
+            near = [
+                c for c in self.candidates if c.name not in h.key and (anywhere or near_to(c) & near_to(e))
+            ]
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
