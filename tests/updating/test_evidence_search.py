@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from fem.effects.added_mass import PointMass
 from fem.effects.rigid_end_zone import RigidEndZone
 from fem.effects.support_shift import SupportShift
 from updating.diagnosis.evidence import fits as fits_module
@@ -12,6 +14,8 @@ from updating.diagnosis.evidence import search as module
 from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
 from updating.diagnosis.evidence.hypothesis import Start, near_to
 from updating.diagnosis.evidence.search import MOST_EFFECTS, Search
+from updating.inference.fit_result import FitResult
+from updating.inference.workers import ALONE
 
 
 @dataclass(frozen=True)
@@ -128,3 +132,29 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
     fits = SimpleNamespace(is_far=lambda base: far, shortly=lambda *how: asked.append(how[-1]))
     module._shortly((fits, None, None), ((), ()))
     assert asked == [steps]
+
+
+@pytest.mark.parametrize(("explains", "tried"), [(True, ["near"]), (False, ["near", "elsewhere"])])
+def test_an_effect_is_swapped_for_one_elsewhere_while_nothing_explains_the_data(monkeypatch, explains, tried):
+    asked = []
+
+    def rivals(free, last, candidates, n_best):
+        asked.append([c.name for c in candidates])
+        return ()
+
+    masses = [
+        PointMass(name=name, member=member, position=0.1, mass=1.0)
+        for name, member in (("found", "arm"), ("near", "arm"), ("elsewhere", "post"))
+    ]
+    result = FitResult(None, {}, {}, np.zeros(1), (masses[0],), 0.0, 0.0, 0.0)
+    h = SimpleNamespace(
+        effects=(masses[0],), key=frozenset({"found"}), score=1.0, fitted=SimpleNamespace(result=result)
+    )
+    monkeypatch.setattr(Search, "explains", lambda self, best: explains)
+    monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
+    search = object.__new__(Search)
+    search.candidates, search.known, search.say = tuple(masses), {h.key: h}, lambda text: None
+    search.fits = SimpleNamespace(free=lambda h: None, ranking=SimpleNamespace(rivals=rivals))
+    search.workers = ALONE
+    assert search.swapped(h) is h
+    assert asked == [tried]
