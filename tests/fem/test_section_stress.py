@@ -17,7 +17,9 @@ def extremes(section, **forces):
     own = np.zeros((1, 6, 1))
     for name, value in forces.items():
         own[0, ["N", "Vy", "Vz", "T", "My", "Mz"].index(name)] = value
-    low, high = normal_stresses(MemberProperties(STEEL, section), np.zeros(1), own)
+    found = normal_stresses(MemberProperties(STEEL, section), np.zeros(1), own)
+    assert found is not None
+    low, high = found
     return low.item(), high.item()
 
 
