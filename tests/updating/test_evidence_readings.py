@@ -52,6 +52,8 @@ def test_an_effect_that_a_rule_has_taken_for_a_fault_is_found(tmp_path, monkeypa
     (finding,) = found.findings
     assert finding.effect.kind == "point_mass"
     assert found.faults == ()
+    (check,) = (c for c in found.gates.checks if c.name == "sensors and forces")
+    assert "the apparent fault of K is explained by the effects" in check.found
     other = found.searched.otherwise
     assert other.faults == (GAIN,)
     assert sum(p for _, p in found.posterior) == pytest.approx(1.0, abs=1e-9)

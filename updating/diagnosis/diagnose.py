@@ -205,7 +205,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db,
         done.mesh_db, basis_db, max(model_error, floor), floor, problem,
         fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
-        with_last_faults(gates, done.faults, faults), search.candidates,
+        with_last_faults(gates, done.proposed_faults, faults), search.candidates,
         searched=done, posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
     )  # fmt: skip
 

@@ -101,6 +101,11 @@ class Searched:
         others = self.otherwise.search.known.values() if self.otherwise else ()
         return [*self.search.known.values(), *others]
 
+    @property
+    def proposed_faults(self) -> tuple[Fault, ...]:
+        """Faults set right in either reading."""
+        return (*self.faults, *(self.otherwise.faults if self.otherwise else ()))
+
     def names(self, h: Hypothesis) -> tuple[str, ...]:
         """Return the names of a hypothesis's effects, and of its faults where others are set right here."""
         other = self.otherwise
