@@ -154,14 +154,11 @@ def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1
         model,
         [without_held_out(study, m) for m in measured(study, phases=False)],
         study.nuisances,
-        damping_std=study.damping_std,
-        band=study.band,
         kinds=study.kinds,
         exclude=study.exclude,
-        n_lines=study.n_lines or N_FIT_LINES,
-        model_error=study.model_error,
         progress=say,
         processes=processes,
+        **fit_settings(study),
         **more,
     )
 
@@ -176,7 +173,7 @@ def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
 
     Of two states it is the second one's, with the model calibrated on the first.
     """
-    more = _fit_settings(study)
+    more = fit_settings(study)
     after = without_held_out(study, measured(study, phases=False)[0])
     if study.baseline_frfs is None:
         return begin(study.model, after, study.nuisances, **more), study.model
@@ -193,10 +190,11 @@ def formed_fit_problem(study: Study) -> FitProblem:
     if study.baseline_frfs is not None:
         return fit_problem(study)
     after = without_held_out(study, measured(study, phases=False)[0])
-    return formed_problem(study.model, after, study.nuisances, **_fit_settings(study))[0]
+    return formed_problem(study.model, after, study.nuisances, **fit_settings(study))[0]
 
 
-def _fit_settings(study: Study) -> dict[str, Any]:
+def fit_settings(study: Study) -> dict[str, Any]:
+    """Return what a study says about damping, band, lines and the model's error, as diagnoses take it."""
     return {
         "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
         "model_error": study.model_error,

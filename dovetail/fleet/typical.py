@@ -11,7 +11,7 @@ from dovetail.file.contents import Study
 from dovetail.fleet.population import GAUSSIAN, Population
 from dovetail.fleet.run import Triaged
 from dovetail.fleet.triage import PILOT, WIDER, Fleet
-from dovetail.pipeline import without_held_out
+from dovetail.pipeline import fit_settings, without_held_out
 from fem.analysis.frf import FRF
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
@@ -20,7 +20,6 @@ from updating.diagnosis.evidence.priors import FORM_LEFT
 from updating.diagnosis.frf_states import calibrate_frfs
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES
 from updating.measurement.measurement import Measurement
 
 Floats = NDArray[np.float64]
@@ -54,13 +53,7 @@ class TypicalUnit:
         mean = _at_mean(fleet, p)
         model = study.model.with_values({r: v for r, v in mean.values.items() if r in study.model.values()})
         calibrated = calibrate_frfs(
-            model,
-            typical_measurement(triaged),
-            study.nuisances,
-            damping_std=study.damping_std,
-            band=study.band,
-            n_lines=study.n_lines or N_FIT_LINES,
-            model_error=study.model_error,
+            model, typical_measurement(triaged), study.nuisances, **fit_settings(study)
         )
         return cls(fleet, calibrated, between_units(triaged, study))
 
@@ -70,14 +63,11 @@ class TypicalUnit:
         return diagnose(
             study.model,
             [without_held_out(study, study.measurements[0])],
-            damping_std=study.damping_std,
-            band=study.band,
             kinds=study.kinds,
             exclude=study.exclude,
-            n_lines=study.n_lines or N_FIT_LINES,
-            model_error=study.model_error,
             baseline=self.calibrated,
             between=self.between,
+            **fit_settings(study),
         )
 
 

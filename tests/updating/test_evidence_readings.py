@@ -30,14 +30,12 @@ def asked(folder, mass, gain=1.0):
     return study, measurement.with_frf(replace(measurement.frf, H=H))
 
 
-def diagnosed(study, measurement, monkeypatch):
-    """Return a diagnosis where a rule calls the gain of one sensor wrong, whatever the data say."""
+def diagnosed(study, measurement, monkeypatch, fault=GAIN):
+    """Return a diagnosis where a rule believes in a fault of one sensor, whatever the data say."""
 
     def find(problem, null):
-        if null.effects:  # once more, at the end
-            return problem, null, ()
-        right = replace(problem, data=corrected(problem.data, [GAIN]))
-        return right, right.refit(null), (GAIN,)
+        right = replace(problem, data=corrected(problem.data, [fault]))
+        return right, right.refit(null), (fault,)
 
     monkeypatch.setattr(by_evidence, "find_faults", find)
     return diagnose(
@@ -73,6 +71,16 @@ def test_a_fault_stays_one_where_no_effect_does_the_same(tmp_path, monkeypatch):
     assert len(other.search.known) > 1  # effects have been tried in its place
 
 
+def test_a_fault_that_the_data_do_not_have_is_withdrawn_at_the_end(tmp_path, monkeypatch):
+    """It resembles no effect, so that the data are read in one way."""
+    delay = Fault("sensor_delay", "K", 2e-5, 1e-6, "s", span=4e-3)
+    found = diagnosed(*asked(tmp_path, 0.25), monkeypatch, delay)
+    assert found.searched.otherwise is None
+    assert found.searched.faults == (delay,)
+    assert found.verdict == EFFECT
+    assert found.faults == ()
+
+
 def test_only_doubtful_faults_are_left_in_the_data(tmp_path):
     _, measurement = asked(tmp_path, 0.0)
     shape = measurement.frf.H.shape
@@ -83,7 +91,7 @@ def test_only_doubtful_faults_are_left_in_the_data(tmp_path):
     faults = (GAIN, SIGN)
     assert doubtful(faults) == (GAIN,)
     right = replace(corrected(data, faults), noise=np.full(shape, 0.01))
-    read = as_read(data, right, faults)
+    read = as_read(data, right, [SIGN])
     gain, sign = (measurement.frf.outputs.index(f.sensor) for f in faults)
     np.testing.assert_array_equal(read.H[:, gain], data.H[:, gain])
     np.testing.assert_array_equal(read.H[:, sign], -data.H[:, sign])

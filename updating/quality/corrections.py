@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from updating.inference.fit_data import FitData
 from updating.measurement.measurement import Measurement, MeasurementError
 
-UNLIKE_EFFECTS = ("sensor_sign", "sensor_delay", "sensor_swap", "excitation_sign", "excitation_delay")
+UNLIKE_EFFECTS = ("sensor_sign", "sensor_delay", "sensor_swap")
 """Kinds of faults that no effect on the structure resembles."""
 
 

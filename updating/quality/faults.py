@@ -81,8 +81,8 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
         return problem, null, ()
     while len(faults) < _MOST:
         more = _turned_excitations(problem, null) or _most_convincing(problem, null)
-        same = {(f.kind, f.sensor) for f in faults}
-        if not more or any((f.kind, f.sensor) in same for f in more):
+        same = {f.name for f in faults}
+        if not more or any(f.name in same for f in more):
             break
         mended = replace(problem, data=corrected(start, [*faults, *more]))
         fit = _again(mended, null)
@@ -153,8 +153,8 @@ def settle_faults(
     as_read = uncorrected(problem.data, faults)
     faults = combined(faults)
     problem = replace(problem, data=corrected(as_read, faults))
-    last = {(f.kind, f.sensor): f for f in confirm_faults(problem, faults, result)}
-    left = tuple(last.get((f.kind, f.sensor), f) for f in faults)
+    last = {f.name: f for f in confirm_faults(problem, faults, result)}
+    left = tuple(last.get(f.name, f) for f in faults)
 
     def with_faults(kept: Sequence[Fault]) -> FitProblem:
         return replace(problem, data=corrected(as_read, kept))

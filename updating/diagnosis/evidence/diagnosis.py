@@ -280,7 +280,7 @@ def begun_with(
     if not doubtful(faults):
         return found
     sure = tuple(f for f in faults if f not in doubtful(faults))
-    other = replace(right, data=as_read(read, right.data, faults))
+    other = replace(right, data=as_read(read, right.data, sure))
     return replace(found, otherwise=reading(other, null.result, sure))
 
 

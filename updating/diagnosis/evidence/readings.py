@@ -22,8 +22,8 @@ def doubtful(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     return tuple(f for f in faults if f.kind not in UNLIKE_EFFECTS)
 
 
-def as_read(data: FitData, right: FitData, faults: Sequence[Fault]) -> FitData:
-    """Return data with faults set right but for the doubtful ones.
+def as_read(data: FitData, right: FitData, sure: Sequence[Fault]) -> FitData:
+    """Return data in which only the sure faults are set right.
 
     Parameters
     ----------
@@ -31,9 +31,8 @@ def as_read(data: FitData, right: FitData, faults: Sequence[Fault]) -> FitData:
         As they were measured.
     right : FitData
         With all faults set right. Its noise counts, so that fits to both can be compared.
-    faults : sequence of Fault
+    sure : sequence of Fault
     """
-    sure = [f for f in faults if f.kind in UNLIKE_EFFECTS]
     return replace(corrected(data, sure), noise=right.noise)
 
 
