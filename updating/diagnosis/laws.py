@@ -41,7 +41,7 @@ LARGE_MOTION = 0.9
 class LevelRanking(FrfRanking):
     """Ranking for several levels of force, which are fitted together."""
 
-    def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
+    def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return nothing: slopes of modes' errors are those of linear structures."""
         return None
 

@@ -74,6 +74,8 @@ class Scatter:
     connections : tuple of Effect
         Those with a loss factor. The loss factor of each, η + 2ζ, is as uncertain as the damping curve.
     n_modes : int
+    sizes : tuple of float
+        What ``eigenvalue`` may be, each as probable as the others.
     """
 
     problem: FitProblem
@@ -83,6 +85,7 @@ class Scatter:
     members: tuple[str, ...]
     connections: tuple[Effect, ...]
     n_modes: int
+    sizes: tuple[float, ...] = ()
     _known: dict[bytes, Slopes] = field(default_factory=dict, repr=False)
 
     @property
@@ -95,6 +98,14 @@ class Scatter:
         of_joints = [p.damping.std * (_loss_factor(e) + own) for e in self.connections]
         of_modes = [s for s in (self.eigenvalue, self.damping) if s > 0]
         return np.concatenate([loss, of_joints, np.tile(of_modes, self.n_modes)])
+
+    @property
+    def shifts(self) -> NDArray[np.int64]:
+        """Which of all shifts are those of eigenvalues."""
+        if self.eigenvalue == 0:
+            return np.zeros(0, dtype=np.int64)
+        first = len(self.members) + len(self.connections)
+        return first + np.arange(self.n_modes) * (2 if self.damping > 0 else 1)
 
     def slopes(self, lines: NDArray[np.int64]) -> Slopes:
         """Return the slopes of the receptances at some lines (computed once)."""
@@ -124,7 +135,13 @@ class Scatter:
         return Slopes(relative, np.concatenate(own), together)
 
 
-def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalue: float) -> Scatter | None:
+def scatter_of(
+    problem: FitProblem,
+    result: FitResult,
+    damping: float,
+    eigenvalue: float,
+    sizes: tuple[float, ...] = (),
+) -> Scatter | None:
     """Return small deviations of damping and of eigenvalues at a fitted model; None if they are 0.
 
     Parameters
@@ -132,6 +149,8 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     problem : FitProblem
     result : FitResult
     damping, eigenvalue : float
+        As of :class:`Scatter`.
+    sizes : tuple of float
         As of :class:`Scatter`.
     """
     if max(damping, eigenvalue) == 0:
@@ -141,9 +160,8 @@ def scatter_of(problem: FitProblem, result: FitResult, damping: float, eigenvalu
     members = tuple(model.mesh.members) if several else ()
     connections = _as_fitted(model, result) if damping > 0 else ()
     changes, _ = _solved(problem, result, problem.lines_up_to(np.inf, 2))
-    return Scatter(
-        problem, result, eigenvalue, damping, members, connections, len(_shifted(problem, changes))
-    )
+    n_modes = len(_shifted(problem, changes))
+    return Scatter(problem, result, eigenvalue, damping, members, connections, n_modes, sizes)
 
 
 def _as_fitted(model: Model, result: FitResult) -> tuple[Effect, ...]:

@@ -16,6 +16,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
+from updating.inference.scatter import Scatter
 
 QUICK_LINES, LOW_LINES = 40, 16
 """Lines of quick fits, and of those in the lowest band, which has few modes."""
@@ -28,6 +29,9 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
+SETTLED, MOST_PASSES = 0.5, 4
+"""Deviations of modes are fitted again, with the slopes where the last fit ended, until the score changes by
+less than so many nats, at most so often."""
 MOST_MOVES = 3
 """A fit to modes begins again at most so often on the basis of the places that it has found."""
 AnyProblem = FitProblem | ModeProblem
@@ -78,11 +82,14 @@ class Fits:
             return free, free
         own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
         quick = replace(self.problem, nuisances=own)
-        return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
+        return replace(quick, scatter=self._scatter(quick, self.without_fixed(base), base)), free
 
     def free(self, base: Hypothesis) -> AnyProblem:
         """Return the problem beside a hypothesis, with its form free."""
-        return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted.result))
+        return replace(self.problem, scatter=self._scatter(self.problem, base.fitted.result, base))
+
+    def _scatter(self, problem: AnyProblem, result: FitResult, base: Hypothesis) -> Scatter | None:
+        return self.ranking.scatter(problem, result, base.fitted.size)
 
     def fixed(self, base: Hypothesis) -> set[str]:
         """Return the names of effects that do not vary in short fits beside a hypothesis."""
@@ -172,7 +179,7 @@ class Fits:
         if near is not None:
             way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
         h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, self._where_it_is(problem, h, values))
+        return self.scattered(problem, self._where_it_is(problem, h, values), near)
 
     def _where_it_is(self, problem: AnyProblem, h: Hypothesis, values: Values) -> Hypothesis:
         """Return a fit to modes on a basis with the forces of effects at the places to which it moved them.
@@ -188,14 +195,22 @@ class Fits:
             h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **way)
         return h
 
-    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there."""
-        scatter = self.ranking.scatter(problem, h.fitted.result)
-        if scatter is None:
-            return h
-        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
-        problem, values = replace(problem, scatter=scatter), values_of(h.effects)
-        return replace(h, fitted=fit(problem, h.effects, values, n_lines=FULL_LINES, **way))
+    def scattered(self, problem: AnyProblem, h: Hypothesis, near: Hypothesis | None = None) -> Hypothesis:
+        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there.
+
+        They begin with the size that they have near another one.
+        """
+        size, way = (near or h).fitted.size, {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
+        for _ in range(MOST_PASSES):
+            scatter = self.ranking.scatter(problem, h.fitted.result, size)
+            if scatter is None:
+                break
+            own, before = replace(problem, scatter=scatter), h
+            fitted = fit(own, h.effects, values_of(h.effects), x_from=h.fitted.result, **way)
+            h, size = replace(h, fitted=fitted), fitted.size
+            if before.fitted.size == size and abs(h.score - before.score) < SETTLED:
+                break
+        return h
 
     def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.marginal import log_evidence
+from updating.diagnosis.evidence.marginal import Quadratic, by_size, log_evidence
 from updating.diagnosis.evidence.priors import DATA_PER_MODE, FORM_LEAST, EffectPrior, prior_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import noise_squares
@@ -18,7 +18,7 @@ from updating.inference.joint_fit import JointFunction, JointLevels, with_modes
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Prior, Solution
 from updating.least_squares.levels import Levels
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 Floats = NDArray[np.float64]
@@ -41,12 +41,15 @@ class Fitted:
         How probable error levels are.
     misfit : ndarray (n_groups,)
         Robust mean square of the residuals of each group [nepers²].
+    size : float, optional
+        Most probable size of the shifts of modes' eigenvalues, if they may be of several [-].
     """
 
     result: FitResult
     log_evidence: float
     levels: Levels | ModeLevels | JointLevels
     misfit: Floats
+    size: float | None = None
 
     @property
     def log_likelihood(self) -> float:
@@ -182,31 +185,31 @@ def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fit
     x, prior = solution.x, priors_of(function)
     r, J = function(x, True)
     assert J is not None
-    problem, v = function.problem, function.mean_by_group(pseudo_huber(r, ROBUST))
-    member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
+    problem, scatter = function.problem, function.scatter
+    member = np.unique(function.groups, return_inverse=True)[1]
     levels = levels_of(function, n_lines=counted_as)
     off, std = x - prior.mean, prior.std.copy()
     for k, own in _of_effects(function).items():
         if own.range:
             off[k], std[k] = 0.0, own.width_at(float(x[k]))
-    huber = pseudo_huber_weight(r, ROBUST)
-    A = _curvature(J, (levels.weight(v) / size)[member] * huber, std)
-    evidence = log_evidence(-levels.cost(v), off, std, A)
+    near = Quadratic.of(r, J, member, ROBUST, levels)
+    v, worth, size = near.v, levels.weight(near.v), None
+    evidence = log_evidence(-levels.cost(v), off, std, near.normal(worth, std))
+    if scatter is not None and scatter.sizes:
+        rows = len(x) - len(scatter.std) + scatter.shifts
+        factors = np.array(scatter.sizes) / scatter.eigenvalue
+        each = by_size(near, off, std, rows, factors)
+        evidence = float(np.logaddexp.reduce(each) - np.log(len(each)))
+        size = scatter.sizes[int(np.argmax(each))]
     if not problem.form_right and not isinstance(levels, ModeLevels):
         # Stated deviations: what is left beyond noise is common to many lines, and stands for fewer data.
-        apart = levels.n / size / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
+        apart = levels.n / (LEVEL_FLOOR**2 + v) / widened(levels.noise, 1.0, v)
         if isinstance(levels, JointLevels):  # modes stand for themselves
             n = len(levels.modes.n)
-            apart[-n:] = (levels.weight(v) / size)[-n:]
-        A = _curvature(J, apart[member] * huber, std)
-    result = function.result(replace(solution, covariance=np.linalg.inv(A)))
-    return Fitted(result, evidence, levels, v)
-
-
-def _curvature(J: NDArray[np.complex128], weight: Floats, std: Floats) -> Floats:
-    """Return the second derivatives of the negative log posterior."""
-    parts = np.hstack([J.real, J.imag])
-    return (parts * np.concatenate([weight, weight])) @ parts.T + np.diag(std**-2.0)
+            apart[-n:] = worth[-n:]
+        worth = apart
+    covariance = np.linalg.inv(near.normal(worth, std))
+    return Fitted(function.result(replace(solution, covariance=covariance)), evidence, levels, v, size)
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:

@@ -1,9 +1,21 @@
 """Evidence of a model by Laplace's approximation."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.least_squares.costs import Costs
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+MOST_STEPS, MOST_HALVES = 12, 6
+"""Steps to the most probable unknowns of a quadratic model, and halves of a step that goes too far."""
+SETTLED = 1e-3
+"""The steps end when the negative log posterior falls by less than this."""
 
 
 def log_evidence(log_likelihood: float, deviation: Floats, std: Floats, curvature: Floats) -> float:
@@ -24,3 +36,114 @@ def log_evidence(log_likelihood: float, deviation: Floats, std: Floats, curvatur
     """
     prior = -0.5 * float(((deviation / std) ** 2).sum()) - float(np.log(std).sum())
     return log_likelihood + prior - 0.5 * float(np.linalg.slogdet(curvature)[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quadratic:
+    """Mean squares of groups of residuals near some unknowns, as quadratic functions of their changes.
+
+    Residuals count there with the weights that the loss gives them at these unknowns.
+
+    Attributes
+    ----------
+    levels : Costs
+        Cost of the mean squares.
+    v : ndarray (n_groups,)
+        Mean squares at no change.
+    slope : ndarray (n_groups, n)
+        Half their slopes there.
+    curvature : ndarray (n_groups, n, n)
+        Half their second derivatives.
+    """
+
+    levels: Costs
+    v: Floats
+    slope: Floats
+    curvature: Floats
+
+    @classmethod
+    def of(
+        cls, r: Complexes, J: Complexes, member: NDArray[np.int64], robust: float, levels: Costs
+    ) -> "Quadratic":
+        """Make it of residuals (m,), their Jacobian (n, m) and the group of each."""
+        huber, n_groups = pseudo_huber_weight(r, robust), int(member.max()) + 1
+        size = np.bincount(member)
+        slopes, curvatures = np.empty((n_groups, len(J))), np.empty((n_groups, len(J), len(J)))
+        for g in range(n_groups):
+            own = member == g
+            parts = np.hstack([J.real[:, own], J.imag[:, own]])
+            weighted = parts * np.tile(huber[own] / size[g], 2)
+            slopes[g] = weighted @ np.concatenate([r.real[own], r.imag[own]])
+            curvatures[g] = weighted @ parts.T
+        return cls(levels, np.bincount(member, pseudo_huber(r, robust)) / size, slopes, curvatures)
+
+    def at(self, change: Floats) -> Floats:
+        """Return the mean squares after a change of the unknowns."""
+        return self.v + 2 * self.slope @ change + change @ (self.curvature @ change).T
+
+    def normal(self, worth: Floats, std: Floats) -> Floats:
+        """Return the second derivatives of the negative log posterior with what the groups are worth."""
+        return np.tensordot(worth, self.curvature, 1) + np.diag(std**-2.0)
+
+    def log_evidence(self, deviation: Floats, std: Floats) -> float:
+        """Return the log evidence with normal priors, the unknowns at their most probable values.
+
+        Parameters
+        ----------
+        deviation : ndarray (n,)
+            Of the unknowns from the priors' means at no change.
+        std : ndarray (n,)
+            Of the priors.
+        """
+        weight = std**-2.0
+
+        def cost(d: Floats) -> float:
+            return self.levels.cost(self.at(d)) + 0.5 * float(weight @ (deviation + d) ** 2)
+
+        d = np.zeros(len(std))
+        now = cost(d)
+        for _ in range(MOST_STEPS):
+            worth = self.levels.weight(self.at(d))
+            slope = worth @ (self.slope + self.curvature @ d) + weight * (deviation + d)
+            step = -np.linalg.solve(self.normal(worth, std), slope)
+            length, then = _shortened(lambda part, d=d, step=step: cost(d + part * step), now)
+            d = d + length * step
+            if now - then < SETTLED:
+                break
+            now = then
+        v = self.at(d)
+        A = self.normal(self.levels.weight(v), std)
+        return log_evidence(-self.levels.cost(v), deviation + d, std, A)
+
+
+def _shortened(cost: Callable[[float], float], now: float) -> tuple[float, float]:
+    """Return how much of a step does not raise a cost, and the cost then."""
+    part = 1.0
+    for _ in range(MOST_HALVES):
+        then = cost(part)
+        if then <= now:
+            return part, then
+        part /= 2
+    return 0.0, now
+
+
+def by_size(
+    near: Quadratic, deviation: Floats, std: Floats, rows: NDArray[np.int64], factors: Floats
+) -> Floats:
+    """Return the log evidences with some priors' standard deviations at multiples of theirs, (n_factors,).
+
+    Parameters
+    ----------
+    near : Quadratic
+    deviation, std : ndarray (n,)
+        As of :meth:`Quadratic.log_evidence`.
+    rows : ndarray of int
+        Unknowns whose priors have one size in common.
+    factors : ndarray (n_factors,)
+    """
+    out = []
+    for factor in factors:
+        own = std.copy()
+        own[rows] *= factor
+        out.append(near.log_evidence(deviation, own))
+    return np.array(out)

@@ -343,7 +343,7 @@ class ModeRanking:
         without = replace(last, effects=last.effects[:-1], values=values)
         return self.screened(problem, without, effects, lambda effect: False)[:n_best]
 
-    def scatter(self, problem: ModeProblem, result: FitResult) -> Scatter | None:
+    def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return nothing: the discrepancy of damping ratios stands for it."""
         return None
 

@@ -24,6 +24,9 @@ LEAST_GRIDS = 3
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
+N_SIZES = 6
+"""Number of sizes of eigenvalues' shifts that are compared."""
+
 MayWin = Callable[[Effect, float], bool]
 """Whether an effect that raises the log likelihood by so much may make a hypothesis more probable."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
@@ -66,8 +69,11 @@ class Ranking(Protocol):
         """Return the candidates that come nearest to what the last effect of a fit does."""
         ...
 
-    def scatter(self, problem: Any, result: FitResult) -> Scatter | None:
-        """Return small deviations that the form has besides its parameters."""
+    def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> Scatter | None:
+        """Return small deviations that the form has besides its parameters.
+
+        ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
+        """
         ...
 
     def basis_for(
@@ -142,10 +148,14 @@ class FrfRanking:
         """Return the candidates whose change of the receptances comes nearest."""
         return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
 
-    def scatter(self, problem: FitProblem, result: FitResult) -> Scatter | None:
+    def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
-        eigenvalue = FORM_MODES if problem.model_error > 0 else 0.0
-        return scatter_of(problem, result, self.form_share * FORM_DAMPING, self.form_share * eigenvalue)
+        damping = self.form_share * FORM_DAMPING
+        if problem.model_error == 0:
+            return scatter_of(problem, result, damping, 0.0)
+        sizes = self.form_share * np.geomspace(*FORM_MODES, N_SIZES)
+        middle = float(sizes[N_SIZES // 2 - 1])
+        return scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes))
 
     def basis_for(
         self, problem: FitProblem, result: FitResult, n_lines: int, share: float
