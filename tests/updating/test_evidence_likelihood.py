@@ -175,7 +175,28 @@ def test_eigenvalues_are_uncertain_where_the_form_is_not_right(problem, fitted):
     n = len(exact.members)
     assert n == len(problem.reduced.model.mesh.members)
     np.testing.assert_array_equal(exact.std[n:], FORM_DAMPING)
-    np.testing.assert_array_equal(real.std[n:], np.tile([FORM_MODES, FORM_DAMPING], len(exact.std) - n))
+    np.testing.assert_allclose(real.std[n:], np.tile([real.eigenvalue, FORM_DAMPING], len(exact.std) - n))
+    np.testing.assert_allclose((real.sizes[0], real.sizes[-1]), FORM_MODES)
+    assert real.eigenvalue in real.sizes
+
+
+@pytest.mark.parametrize("size", [0.0, 0.004])
+def test_the_size_of_the_modes_errors_is_inferred(problem, fitted, size):
+    """Receptances whose eigenvalues are off by a known size, and noise: the size is found, to a step."""
+    every, rng = np.arange(len(problem.data.frequency)), np.random.default_rng(11)
+    scatter = scatter_of(problem, fitted, 0.0, 1.0)
+    shifts = (
+        size * rng.standard_normal(len(scatter.std)) * (np.arange(len(scatter.std)) >= len(scatter.members))
+    )
+    noise = NOISE * (rng.standard_normal((2, *problem.data.H.shape)).T @ [1, 1j]).T
+    H = problem.receptance(fitted) * scatter.slopes(every).changed(shifts)[0] * np.exp(noise)
+    data = replace(problem.data, H=H, noise=np.full(H.shape, NOISE))
+    search = Search(replace(problem, data=data, model_error=0.3), (), (), 0.0)
+    found = search.fits.fully((), ()).fitted.size
+    if size:
+        assert size / 2 <= found <= 2 * size
+    else:
+        assert found == FORM_MODES[0]
 
 
 def test_a_fit_with_scatter_moves_it_and_keeps_the_values_it_reports(problem, fitted):

@@ -1,9 +1,11 @@
 """Laplace's evidence is exact where a model is linear."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from updating.diagnosis.evidence.marginal import log_evidence
+from updating.diagnosis.evidence.marginal import Quadratic, by_size, log_evidence
 
 
 def test_evidence_of_a_linear_model_is_exact():
@@ -18,3 +20,31 @@ def test_evidence_of_a_linear_model_is_exact():
     r = y - A @ mean
     exact = -0.5 * r @ np.linalg.solve(C, r) - 0.5 * np.linalg.slogdet(C)[1] - 3 * np.log(2 * np.pi)
     assert log_evidence(fit, z - mean, std, curvature) == pytest.approx(exact, abs=1e-12)
+
+
+def test_evidence_of_a_size_is_that_of_a_fit_with_it():
+    """Many data of known noise (and no outliers): the cost is N v / 2σ², and each size of a prior has a closed form."""
+    rng, sigma = np.random.default_rng(6), 0.1
+    A, std, off = rng.standard_normal((40, 3)), np.array([0.5, 2.0, 1.0]), np.array([0.2, -0.4, 0.1])
+    r = sigma * rng.standard_normal(40)  # at unknowns that are off the priors' means by so much
+    near = Quadratic.of(r.astype(complex), A.T.astype(complex), np.zeros(40, int), 100.0, Known(40, sigma**2))
+    for factor, found in zip((0.1, 1.0, 5.0), by_size(near, off, std, [1, 2], [0.1, 1.0, 5.0]), strict=True):
+        own = std * [1, factor, factor]
+        C = sigma**2 * np.eye(40) + (A * own**2) @ A.T
+        y = r - A @ off
+        exact = -0.5 * y @ np.linalg.solve(C, y) - 0.5 * np.linalg.slogdet(C)[1] + 40 * np.log(sigma)
+        assert found == pytest.approx(exact, abs=1e-4)
+
+
+@dataclass(frozen=True)
+class Known:
+    """The cost of n data with noise of known size, and their worth."""
+
+    n: float
+    square: float
+
+    def cost(self, v):
+        return 0.5 * self.n * float(v[0]) / self.square
+
+    def weight(self, v):
+        return np.array([self.n / self.square])
