@@ -14,36 +14,6 @@ _FEW = 8
 """Where local damping acts on this many times more motions than are asked for, these alone are solved for."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModeErrors:
-    """Errors of frame theory in single modes: eigenvalues λ e^δ and damping 2ζ e^κ.
-
-    Attributes
-    ----------
-    first : int
-        How many modes come before the first of them, those of a rigid body.
-    eigenvalue, damping : ndarray (n,)
-        δ and κ of the modes from there on, in rising order of their frequencies [-].
-    """
-
-    first: int
-    eigenvalue: NDArray[np.float64]
-    damping: NDArray[np.float64]
-
-    def factor(self, n: int) -> NDArray[np.float64]:
-        """Return the factors e^δ of the eigenvalues of all n modes."""
-        return self._of_all(n, self.eigenvalue)
-
-    def damping_factor(self, n: int) -> NDArray[np.float64]:
-        """Return the factors e^κ of the damping ratios of all n modes."""
-        return self._of_all(n, self.damping)
-
-    def _of_all(self, n: int, each: NDArray[np.float64]) -> NDArray[np.float64]:
-        out = np.ones(n)
-        out[self.first : self.first + len(each)] = np.exp(each[: n - self.first])
-        return out
-
-
 @dataclass(slots=True, eq=False)
 class ModalSolution:
     """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates.
@@ -72,7 +42,7 @@ class ModalSolution:
         omega: NDArray[np.float64],
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
-        errors: ModeErrors | None = None,
+        losses: NDArray[np.float64] | None = None,
         modal: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     ) -> "ModalSolution":
         """Solve the eigenproblem of a reduced model's matrices, and prepare the local damping at each line.
@@ -88,7 +58,8 @@ class ModalSolution:
             Damping ratio at each line, and that of connections if it is another [-].
         damped : ndarray (r, k) or None
             An orthonormal basis of the motions that local damping acts on; found here if None.
-        errors : ModeErrors, optional
+        losses : ndarray (r, r), optional
+            A structural damping i X so small that it counts by what it does to each mode alone.
         modal : callable, optional
             From natural frequencies [Hz] to modal damping ratios, which add 2iζ_r ω_r ω to each mode as a
             model's do; ``zeta`` adds 2iζ(ω) K.
@@ -107,12 +78,9 @@ class ModalSolution:
             inertia = mass + 2j * (modal(omega_r / (2 * np.pi)) * omega_r)[:, None] * omega
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
-        if errors is None:
-            inverse = (1 / (lam[:, None] * stiffness + inertia))[:, None, :]
-        else:
-            lam = lam * errors.factor(len(lam))
-            more = (errors.damping_factor(len(lam)) - 1)[:, None] * 2j * zeta
-            inverse = (1 / (lam[:, None] * (stiffness + more) + inertia))[:, None, :]
+        if losses is not None:
+            inertia = inertia + 1j * np.einsum("rm,rs,sm->m", V, losses, V, optimize=True)[:, None]
+        inverse = (1 / (lam[:, None] * stiffness + inertia))[:, None, :]
         laws, connections = total["laws"], stiffness
         if others and total["connections"].any():
             more = 2j * (others[0] - zeta)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, Model, Parameter, ParameterRef
-from fem.reduction.modal_solution import ModalSolution, ModeErrors, lines_first, range_of, times
+from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from fem.reduction.terms import Term, combined
@@ -254,12 +254,17 @@ class ParametricFRF:
         return total, alone
 
     def solve(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], errors: ModeErrors | None = None
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64]
     ) -> tuple[ModalSolution, dict[str, Any], list[Term]]:
         """Return the state at some values, and the results of :meth:`matrices` there."""
         total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
-        return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, errors), total, alone
+        losses = self.losses(values)
+        return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses), total, alone
+
+    def losses(self, values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return small losses X, (r, r), that are not among the matrices and add i X to Z; None without."""
+        return None
 
     def slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
         """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
@@ -317,24 +322,29 @@ class ParametricFRF:
             state, _, alone = self.solve(values, zeta)
             self._last = (at, state, state.solve(self.inputs), alone)
         _, state, Xi, alone = self._last
-        H = np.moveaxis(times((state.V.T @ self.outputs).T, Xi), 2, 0)
+        H = self.read(values, state, Xi)
         if not gradient:
             return H, None, None
-        return H, *self.derivatives(values, zeta, state, Xi, alone, state.lam)
+        return H, *self._derivatives(values, zeta, state, Xi, alone)
 
-    def derivatives(
+    def read(
+        self, values: NDArray[np.float64], state: ModalSolution, Xi: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Return the receptances (n_freq, n_out, n_in) of a state with the responses Xi to the inputs."""
+        return np.moveaxis(times((state.V.T @ self.outputs).T, Xi), 2, 0)
+
+    def _derivatives(
         self,
         values: NDArray[np.float64],
         zeta: NDArray[np.float64],
         state: ModalSolution,
         Xi: NDArray[np.complex128],
         alone: Sequence[Term],
-        damped: NDArray[np.float64],
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return dH by the parameters and by ζ; ``damped`` (r,) is dZ/d(2iζ) of each mode."""
+        """Return dH by the parameters and by ζ."""
         n_par, connections = len(self.refs), zeta.ndim > 1
         whole, places = self._slope_forces(self.slopes(values, alone), state, Xi)
-        whole[n_par] = 2j * damped[:, None, None] * Xi
+        whole[n_par] = 2j * state.lam[:, None, None] * Xi
         if connections and state.U is not None and state.own is not None:
             whole[n_par + 1] = 2j * times(state.U @ state.own, times(state.U.T, Xi))
         moved, Ho = state.read(self.outputs, _beside(whole), [P for P, _ in places])

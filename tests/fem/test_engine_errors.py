@@ -1,7 +1,8 @@
-"""The reduced engine with what something else holds, and with errors of modes."""
+"""The reduced engine with what something else holds, and with small deviations."""
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.selection import dof_vectors
@@ -9,13 +10,15 @@ from fem.effects import (
     JointStiffness,
     SupportFlexibility,
 )
+from fem.effects.places import frame_of
+from fem.elements.frame import member_contribution
+from fem.model import Contribution
+from fem.reduction.deviations import DeviatingFRF, Deviations
 from fem.reduction.local_changes import LocalChanges
-from fem.reduction.modal_responses import ModalResponses
-from fem.reduction.modal_solution import ModeErrors
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model, values_of
 from fem.system import assemble
-from tests.fem.test_engine import ACCURACY, FREQUENCY, attachments, direct, engine, misfit
+from tests.fem.test_engine import ACCURACY, FREQUENCY, IN, OUT, attachments, direct, engine, misfit
 from tests.frames import cross_beam, fix, portal
 
 
@@ -60,46 +63,78 @@ def test_a_violated_constraint_is_what_a_small_compliance_adds(kind):
     assert (error <= 2 * second**2 + ACCURACY).all()
 
 
+def deviating(model, refs):
+    """Return an engine with deviations of each kind, and their number that shift frequencies."""
+    reduced = reduce_model(model, attachments(model), FREQUENCY[-1], n_krylov=2)
+    lam, V = eigh(reduced.base_sum["K"], reduced.base_sum["M"])
+    some = slice(reduced.basis.n_rigid, reduced.basis.n_rigid + 6)
+    system, shapes = reduced.system, reduced.basis.T @ V[:, some]
+    forces = system.Q @ (system.M @ (system.Q.T @ shapes)) * np.sqrt(lam[some])
+    members = [tuple(member_contribution(frame_of(model), model, m)) for m in model.mesh.members]
+    elements = tuple(tuple(Contribution(c.dofs, D=c.K) for c in parts) for parts in members)
+    out, inn = dof_vectors(model, OUT)[0], dof_vectors(model, IN)[0]
+    # Sums of modes, so that none stays alone.
+    mix = np.random.default_rng(5).standard_normal((6, 6)) / 2
+    deviations = Deviations(forces @ mix[:, :3], forces @ mix[:, 3:], elements)
+    return DeviatingFRF(deviations, reduced, out, inn, FREQUENCY, refs), 3
+
+
 @pytest.mark.parametrize("damper", [None, 0.3])
-def test_derivatives_by_errors_of_modes_against_finite_differences(damper):
+def test_deviations_are_matrices_that_are_added(damper):
+    """Shifts are exact. Losses are so within the square of what they change."""
     C = None if damper is None else np.diag([0.0, 0, 0, damper, damper, 0])
-    model = cross_beam(0.1, C=C)
-    refs = [("frame", "E:steel"), ("bolt", "kry")]
-    e = engine(model, refs)
+    model, refs = cross_beam(0.1, C=C), [("frame", "E:steel"), ("bolt", "kry")]
+    e, n_stiff = deviating(model, refs)
+    zeta, n_losses = np.full(FREQUENCY.size, 0.01), len(e.refs) - len(refs) - n_stiff
+    size = 0.02 * np.random.default_rng(8).standard_normal(n_stiff + n_losses)
+    size[n_stiff:] *= 0.1
+    values = np.concatenate([values_of(model, refs), size])
+    total, _ = e.matrices(values)
+    plain, _ = engine(model, refs).matrices(values[: len(refs)])
+    assert np.abs(total["K"] - plain["K"]).max() > 0
+
+    def response(share):
+        at = np.concatenate([values[: len(refs) + n_stiff], share * size[n_stiff:]])
+        loss = e.losses(at) if share else 0.0
+        out = []
+        for w, z in zip(e.omega, zeta, strict=True):
+            K = (1 + 1j * (model.damping.loss_factor + 2 * z)) * total["K"]
+            Z = K + 1j * (w * total["C"] + total["D"] + loss) - w**2 * total["M"]
+            out.append(e.outputs.T @ np.linalg.solve(Z, e.inputs))
+        return np.stack(out), e.evaluate(at, zeta, gradient=False)[0]
+
+    errors = []
+    for share in (0.0, 0.5, 1.0):
+        exact, found = response(share)
+        errors.append(abs(found - exact).max() / abs(exact).max())
+    assert errors[0] < 1e-9
+    assert errors[1] < 0.3 * errors[2] + 1e-9
+    assert errors[2] < 0.05
+
+
+def test_derivatives_by_deviations_against_finite_differences():
+    model, refs = cross_beam(0.1), [("frame", "E:steel"), ("bolt", "kry")]
+    e, _ = deviating(model, refs)
+    zeta, n = np.full(FREQUENCY.size, 0.01), len(refs)
+    values = np.concatenate([values_of(model, refs), np.zeros(len(e.refs) - n)])
+    _, dH, _ = e.evaluate(values, zeta)
+    for k in range(n, len(values)):
+        step = 1e-4
+        near, far = (
+            (e.evaluate(values + s * (np.arange(len(values)) == k), zeta, False)[0]
+             - e.evaluate(values - s * (np.arange(len(values)) == k), zeta, False)[0]) / (2 * s)
+            for s in (step, 2 * step)
+        )  # fmt: skip
+        bound = abs(far - near).max() + 1e-6 * abs(near).max()
+        assert abs(dH[k] - near).max() <= bound < 0.01 * abs(near).max()
+
+
+def test_without_deviations_nothing_changes():
+    model, refs = cross_beam(0.1), [("frame", "E:steel"), ("bolt", "kry")]
+    e, _ = deviating(model, refs)
     x, zeta = values_of(model, refs), np.full(FREQUENCY.size, 0.01)
-    g = np.random.default_rng(5)
-    n, first = 4, e.reduced.basis.n_rigid
-    delta, kappa = 0.02 * g.standard_normal(n), 0.3 * g.standard_normal(n)
-
-    def at(delta, kappa, zeta=zeta):
-        return ModalResponses.of(e, x, zeta, ModeErrors(first, delta, kappa))
-
-    by_delta, by_kappa = at(delta, kappa).error_slopes()
-    for k in range(n):
-        for gradient, function in (
-            (by_delta[k], lambda s, k=k: at(delta + s * np.eye(n)[k], kappa).H),
-            (by_kappa[k], lambda s, k=k: at(delta, kappa + s * np.eye(n)[k]).H),
-        ):
-            near, far = ((function(s) - function(-s)) / (2 * s) for s in (1e-4, 2e-4))
-            bound = abs(far - near).max() + 1e-10 * abs(function(0.0)).max() / 1e-4
-            assert abs(gradient - near).max() <= bound
-            assert bound < 0.01 * abs(gradient).max()
-    _, by_zeta = at(delta, kappa).slopes()
-    near, far = (
-        (at(delta, kappa, zeta + s).H - at(delta, kappa, zeta - s).H) / (2 * s) for s in (1e-5, 2e-5)
-    )
-    bound = abs(far - near).max() + 1e-10 * abs(at(delta, kappa).H).max() / 1e-5
-    assert abs(by_zeta - near).max() <= bound < 0.01 * abs(by_zeta).max()
-
-
-def test_without_errors_of_modes_nothing_changes():
-    model = cross_beam(0.1)
-    refs = [("frame", "E:steel"), ("bolt", "kry")]
-    e = engine(model, refs)
-    x, zeta = values_of(model, refs), np.full(FREQUENCY.size, 0.01)
-    H, dH, dzeta = e.evaluate(x, zeta)
-    found = ModalResponses.of(e, x, zeta, ModeErrors(e.reduced.basis.n_rigid, np.zeros(3), np.zeros(3)))
-    by_x, by_zeta = found.slopes()
-    np.testing.assert_allclose(found.H, H, rtol=1e-12, atol=1e-12 * abs(H).max())
-    np.testing.assert_allclose(by_x, dH, rtol=1e-9, atol=1e-9 * abs(dH).max())
-    np.testing.assert_allclose(by_zeta, dzeta, rtol=1e-9, atol=1e-9 * abs(dzeta).max())
+    H, dH, by_zeta = engine(model, refs).evaluate(x, zeta)
+    found, slopes, by_its_zeta = e.evaluate(np.append(x, np.zeros(len(e.refs) - len(refs))), zeta)
+    np.testing.assert_allclose(found, H, rtol=1e-12, atol=1e-12 * abs(H).max())
+    np.testing.assert_allclose(slopes[: len(refs)], dH, rtol=1e-9, atol=1e-9 * abs(dH).max())
+    np.testing.assert_allclose(by_its_zeta, by_zeta, rtol=1e-9, atol=1e-9 * abs(by_zeta).max())

@@ -23,12 +23,14 @@ def test_evidence_of_a_linear_model_is_exact():
 
 
 def test_evidence_of_a_size_is_that_of_a_fit_with_it():
-    """Many data of known noise (and no outliers): the cost is N v / 2σ², and each size of a prior has a closed form."""
+    """With noise of known size the cost is N v / 2σ², and each size of a prior has a closed form."""
     rng, sigma = np.random.default_rng(6), 0.1
     A, std, off = rng.standard_normal((40, 3)), np.array([0.5, 2.0, 1.0]), np.array([0.2, -0.4, 0.1])
     r = sigma * rng.standard_normal(40)  # at unknowns that are off the priors' means by so much
-    near = Quadratic.of(r.astype(complex), A.T.astype(complex), np.zeros(40, int), 100.0, Known(40, sigma**2))
-    for factor, found in zip((0.1, 1.0, 5.0), by_size(near, off, std, [1, 2], [0.1, 1.0, 5.0]), strict=True):
+    levels, group = Known(40, sigma**2), np.zeros(40, int)
+    near = Quadratic.of(r.astype(complex), A.T.astype(complex), group, 100.0, levels)
+    factors = [0.1, 1.0, 5.0]
+    for factor, found in zip(factors, by_size(near, off, std, [1, 2], factors), strict=True):
         own = std * [1, factor, factor]
         C = sigma**2 * np.eye(40) + (A * own**2) @ A.T
         y = r - A @ off

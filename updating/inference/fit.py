@@ -14,6 +14,7 @@ from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, parameter_values
+from fem.reduction.deviations import DeviatingFRF, Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.summary import counted, span, summary
@@ -73,7 +74,7 @@ class FitProblem:
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
     scatter : Scatter, optional
-        Small deviations, by their slopes, that are uncertain in every fit.
+        Small deviations that are uncertain in every fit.
     mesh_level : float
         Residual level that the elements leave of exact members [nepers].
     modes : ModeTargets or None
@@ -133,6 +134,7 @@ class FitProblem:
         refs: Sequence[ParameterRef] = (),
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
+        deviations: Deviations | None = None,
     ) -> ParametricFRF:
         """Return the sensors' receptances as a function of parameters.
 
@@ -146,9 +148,12 @@ class FitProblem:
             Candidates that are added to the model.
         release : sequence of (str, str)
             Keys of constraints that are released besides those that the candidates release.
+        deviations : Deviations, optional
+            Their sizes stand behind the parameters.
         """
         *_, outputs, inputs = self._ends
-        return ParametricFRF(self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True)
+        make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
+        return make(self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True)
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""

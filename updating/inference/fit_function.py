@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class FitFunction:
     start : ndarray (n,)
     lines : ndarray of int
     scatter : Scatter, optional
-        Small deviations by their slopes.
+        Small deviations.
     """
 
     problem: FitProblem
@@ -83,8 +83,9 @@ class FitFunction:
 
     @cached_property
     def _engine(self) -> ParametricFRF:
-        frequency = self.problem.data.frequency[self.lines]
-        return self.problem.engine(frequency, [v.ref for v in self.variables], self.effects)
+        frequency, refs = self.problem.data.frequency[self.lines], [v.ref for v in self.variables]
+        deviations = None if self.scatter is None else self.scatter.deviations
+        return self.problem.engine(frequency, refs, self.effects, deviations=deviations)
 
     @cached_property
     def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -116,10 +117,9 @@ class FitFunction:
         keep, weight = self.keep, self.problem.data.weight[self.lines]
         (own, damping, scatter), (hats, offset) = self._parts, self._damping
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])
-        zeta = np.exp(hats @ x[damping] + offset)
-        H, dH, dH_dzeta = self._engine.evaluate(values, zeta, gradient)
-        changed, by_scatter = self._scattered(x[scatter], gradient)
-        r = np.nan_to_num(weight * log_ratio(H * changed, self._measured), nan=0.0)[keep]
+        zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
+        H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
+        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
         r = self.problem.data.seen(r)
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
@@ -129,17 +129,13 @@ class FitFunction:
             J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
         base = dH_dzeta * per
         J[damping] = by_unknowns(zeta, hats, base)[:, keep]
-        J[scatter] = (by_scatter * (weight / changed))[:, keep]
+        n = len(self.variables)
+        J[scatter] = std[:, None] * (dH[n:] * per)[:, keep]
         return r, self.problem.data.seen(J)
 
-    def _scattered(self, x: NDArray[np.float64], gradient: bool) -> tuple[Any, Any]:
-        """Return the receptances with scatter in parts of those without, and derivatives if asked."""
-        if self.scatter is None:
-            return 1.0, np.zeros((0, *self.keep.shape))
-        slopes, std = self.scatter.slopes(self.lines), self.scatter.std
-        changed, weakened = slopes.changed(x * std)
-        by_x = slopes.relative * (std[:, None] / weakened**2)[:, :, None, None] if gradient else None
-        return changed, by_x
+    @property
+    def _scatter_std(self) -> NDArray[np.float64]:
+        return np.zeros(0) if self.scatter is None else self.scatter.std
 
     @property
     def units(self) -> NDArray[np.float64]:
@@ -157,7 +153,7 @@ class FitFunction:
         """Return the prior of x."""
         damping = self.problem.damping
         start = np.log(damping.start)
-        scatter = np.zeros(0) if self.scatter is None else np.zeros(len(self.scatter.std))
+        scatter = np.zeros(len(self._scatter_std))
         means = [[v.mean for v in self.variables], start, scatter]
         stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
         return Prior(np.concatenate(means), np.concatenate(stds))
@@ -179,7 +175,7 @@ class FitFunction:
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
         own = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
-        n = 0 if self.scatter is None else len(self.scatter.std)
+        n = len(self._scatter_std)
         return np.vstack([own, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
     @property
