@@ -93,7 +93,10 @@ def of_case(case: Path) -> dict[tuple[str, float], Answer]:
         if name in OF_THE_FORM:
             out[name, factor] = again(done, with_form(fits, name, factor))
         else:
-            with constant(name, factor * getattr(priors, name)):
+            value = getattr(priors, name)
+            with constant(
+                name, tuple(np.multiply(factor, value)) if isinstance(value, tuple) else factor * value
+            ):
                 out[name, factor] = again(done, fits)
     return out
 

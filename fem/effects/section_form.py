@@ -24,6 +24,7 @@ _CHANGES = {
     "Iy": SectionChange(Iy=_STEPPED),
     "Iz": SectionChange(Iz=_STEPPED),
     "J": SectionChange(J=_STEPPED),
+    "shear": SectionChange(shear=_STEPPED),
 }
 """Changes by that step, in the order of the parameters."""
 _MESHES = 2
@@ -39,6 +40,12 @@ class SectionForm(HoldsFrame):
     members : tuple of str
     A, Iy, Iz, J : float
         Relative changes of the area, with the mass, and of the stiffnesses of bending and torsion [-].
+    shear : float
+        Relative change of the shear flexibility, where it counts and is not uncertain already
+        (:class:`~fem.effects.section_shear.SectionShear`). Formulas for it differ most of flats: that of one
+        five times as wide as thick is by Hutchinson (2001) a seventh of Cowper's (1966) [-].
+    sheared : bool
+        Whether that may change.
     parts : Recent
         Derivatives of the members' matrices, by frame and mesh; effects with other values share them.
     """
@@ -47,8 +54,9 @@ class SectionForm(HoldsFrame):
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.STIFFNESS | Role.MASS
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`A` [-], `Iy` [-], `Iz` [-], `J` [-]",
-        meaning="mass per length, bending and torsional stiffness of one section, relative to the model's",
+        quantities="`A` [-], `Iy` [-], `Iz` [-], `J` [-], `shear` [-]",
+        meaning="mass per length, stiffness of bending and torsion and shear flexibility of one section, "
+        "relative to the model's",
         places="all members of one section and length",
     )
     members: tuple[str, ...]
@@ -56,6 +64,8 @@ class SectionForm(HoldsFrame):
     Iy: Any = 0.0
     Iz: Any = 0.0
     J: Any = 0.0
+    shear: Any = 0.0
+    sheared: bool = True
     parts: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
@@ -65,12 +75,20 @@ class SectionForm(HoldsFrame):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the changes."""
-        return tuple(Parameter(key, "-", getattr(self, key), 0.0, -0.5, 1.0, linear=True) for key in _CHANGES)
+        return tuple(
+            Parameter(key, "-", getattr(self, key), 0.0, -0.9 if key == "shear" else -0.5, 1.0, linear=True)
+            for key in self.keys
+        )
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the changes."""
+        return tuple(key for key in _CHANGES if self.sheared or key != "shear")
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the contributions of the changes to K and M."""
         parts = self.parts_on(model)
-        return tuple(_scaled(c, getattr(self, key)) for key in _CHANGES for c in parts[key])
+        return tuple(_scaled(c, getattr(self, key)) for key in self.keys for c in parts[key])
 
     def parts_on(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
         """Return the derivatives of the members' matrices by each of the changes."""
@@ -82,7 +100,8 @@ class SectionForm(HoldsFrame):
     def _parts(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
         rows = np.concatenate([model.mesh.members[m] for m in self.members])
         out = {}
-        for key, change in _CHANGES.items():
+        for key in self.keys:
+            change = _CHANGES[key]
             changed = self.frame.contribution_of(model, rows, change)
             slopes = [(c.dofs, _slope(c.M if key == "A" else c.K)) for c in changed]
             some = [(dofs, X) for dofs, X in slopes if X is not None]
@@ -101,7 +120,7 @@ class SectionForm(HoldsFrame):
         if new is None:
             return self
         before, now = self.parts_on(model), new.parts_on(model)
-        values = {key: getattr(self, key) * _size(before[key]) / _size(now[key]) for key in _CHANGES}
+        values = {key: getattr(self, key) * _size(before[key]) / _size(now[key]) for key in self.keys}
         return replace(new, name=self.name, **values)
 
     @classmethod
@@ -128,8 +147,10 @@ def _sections(model: Model) -> Iterator[SectionForm]:
                 tuple(np.round(np.log([s.A, s.Iy, s.Iz, s.J, model.mesh.member_length(m)]), 3)), []
             ).append(m)
     for members in groups.values():
-        name = f"section_form:{members[0]}"
-        yield SectionForm(name=name, members=tuple(members), frame=sheared_frame(model))
+        name, p = f"section_form:{members[0]}", frame.members[members[0]]
+        known = p.theory == "timoshenko" and max(p.section.ky, p.section.kz) > 0
+        uncertain = known and not (p.section.estimated_k and p.section2 is None)
+        yield SectionForm(name=name, members=tuple(members), frame=sheared_frame(model), sheared=uncertain)
 
 
 def _slope(matrices: Any) -> Any:

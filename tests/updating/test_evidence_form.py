@@ -55,6 +55,25 @@ def test_a_section_that_is_stiffer_in_one_plane_gives_a_cantilever_that_is_so(ke
     assert before - after == pytest.approx(bending * (1 - 1 / 1.1), rel=2e-3)
 
 
+def test_a_section_that_gives_way_to_shear_gives_a_cantilever_that_does():
+    """w = F L³ / (3 E I) + F L / (k G A): the part of shear grows with 1 + x."""
+    L = 0.1
+    model = beam(16, L, theory="timoshenko").with_effect(fix(0))
+    (form,) = (e for e in form_of(model)[0] if isinstance(e, SectionForm))
+    axes = model.effect("frame").rotations(model.mesh)[0]
+    direction, G = int(np.argmax(np.abs(axes[1]))), STEEL.E / (2 + 2 * STEEL.nu)
+    before = tip_compliance(model, direction)
+    after = tip_compliance(model.with_effect(form.with_values(shear=0.01)), direction)
+    assert after - before == pytest.approx(0.01 * L / (FLAT.ky * G * FLAT.A), rel=0.03)
+
+
+def test_shear_that_is_uncertain_already_is_no_part_of_the_form():
+    for section, uncertain in ((FLAT, True), (Section.hollow_rectangle(0.04, 0.03, 0.002), False)):
+        model = beam(8, section=section, theory="timoshenko", effects=(fix(0),))
+        (form,) = (e for e in form_of(model)[0] if isinstance(e, SectionForm))
+        assert ("shear" in {p.name for p in form.parameters()}) == uncertain
+
+
 def test_a_heavier_section_lowers_the_frequencies_of_bending():
     """ω ~ √(E I / ρ A): a slender beam whose area alone is larger by x vibrates 1/√(1 + x) as fast."""
     model = beam(8, effects=(fix(0),))

@@ -10,8 +10,9 @@ from updating.inference.unknowns import ScaledUnknown
 
 DATA_PER_MODE = 4.0
 """Independent data that each mode of the band stands for: frequency, damping and a few of the shape [-]."""
-FORM_SECTION = {"A": 0.01, "Iy": 0.02, "Iz": 0.02, "J": 0.05}
-"""Standard deviations of mass, bending and torsional stiffness of members that are alike, relative [-]."""
+FORM_SECTION = {"A": 0.01, "Iy": 0.02, "Iz": 0.02, "J": 0.05, "shear": 0.5}
+"""Standard deviations of mass, bending and torsional stiffness, and shear flexibility of members that are
+alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "plane": 0.4, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, of that of bending in its plane
 besides, and of its mass, relative [-]."""
