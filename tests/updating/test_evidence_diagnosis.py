@@ -122,7 +122,7 @@ def test_of_two_hidden_effects_both_are_named(tmp_path):
 
 def test_a_law_that_does_the_same_is_named_as_a_twin(tmp_path):
     """A foundation with a little loss is nearly a soft support, which has a parameter less."""
-    told = with_hidden(tmp_path, 0.0, "foundation:foot.ry", stiffness=3e4, loss_factor=0.03)
+    told = with_hidden(tmp_path, 0.0, "foundation:foot.ry", stiffness=2e4, loss_factor=0.03)
     found = diagnose(*told, kinds=["support_flexibility", "foundation"], model_error=0.3)
     (finding,) = found.findings
     assert finding.effect.name == "support_flexibility:foot.ry"
