@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import Term
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,34 +59,48 @@ class DeviatingFRF(ParametricFRF):
     def __init__(self, deviations: Deviations, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         T, project = self.reduced.basis.T, self.reduced.project
-        stiff, lossy = ((T.T @ s)[self.active].T for s in (deviations.stiff, deviations.lossy))
-        self._first_loss = len(self.refs) + len(stiff)
-        alone = [_of_one(len(stiff), r) for r in range(len(stiff))]
-        self._linear += [
-            (len(self.refs) + r, 0.0, Term(stiff, K, None, None, None)) for r, K in enumerate(alone)
-        ]
-        self._together = self._linear_together()
-        along = [Term(lossy, None, None, None, _of_one(len(lossy), r)) for r in range(len(lossy))]
-        self._losses = [*along, *(self.restrict(project(parts)) for parts in deviations.elements)]
+        self._stiff, self._lossy = ((T.T @ s)[self.active] for s in (deviations.stiff, deviations.lossy))
+        self._elements = [self.restrict(project(parts)) for parts in deviations.elements]
+        ends = np.cumsum([len(self.refs), self._stiff.shape[1], self._lossy.shape[1], len(self._elements)])
+        self._own = [slice(first, last) for first, last in pairwise(ends)]
         self._dense: Floats | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
+    def matrices(self, values: Floats) -> tuple[dict[str, Any], list[Term]]:
+        """Return the sums of all matrices but losses, and single terms."""
+        total, alone = super().matrices(values)
+        size = values[self._own[0]]
+        if size.any():
+            total["K"] = total["K"] + (self._stiff * size) @ self._stiff.T
+        return total, alone
+
     def losses(self, values: Floats) -> Floats | None:
         """Return the sum of all losses, (r, r)."""
-        sizes = values[self._first_loss :]
-        if not sizes.any():
+        _, along, elements = self._own
+        if not values[along.start :].any():
             return None
-        if self._dense is None:
-            self._dense = np.stack([term.dense("D") for term in self._losses])
-        return np.tensordot(sizes, self._dense, axes=1)
+        out = (self._lossy * values[along]) @ self._lossy.T
+        if self._dense is None and self._elements:
+            self._dense = np.stack([term.dense("D") for term in self._elements])
+        return out if self._dense is None else out + np.tensordot(values[elements], self._dense, axes=1)
 
     def slopes(self, values: Floats, alone: Sequence[Term]) -> list[tuple[int, Term]]:
-        """Return the derivatives of the matrices, those by losses too."""
-        return [*super().slopes(values, alone), *enumerate(self._losses, self._first_loss)]
+        """Return the derivatives of the matrices, those by losses of elements too."""
+        return [*super().slopes(values, alone), *enumerate(self._elements, self._own[2].start)]
 
-    def read(
-        self, values: Floats, state: ModalSolution, Xi: NDArray[np.complex128]
-    ) -> NDArray[np.complex128]:
+    def _derivatives(
+        self, values: Floats, zeta: Floats, state: ModalSolution, Xi: Complexes, alone: Sequence[Term]
+    ) -> tuple[Complexes, Complexes]:
+        """Return dH by the parameters and deviations, and by ζ."""
+        dH, by_zeta = super()._derivatives(values, zeta, state, Xi, alone)
+        for own, S, factor in zip(self._own, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
+            if S.size:
+                P = state.V.T @ S
+                _, (Ho,) = state.read(self.outputs, Xi[:, :0], [P])
+                dH[own] = -np.einsum("fom,mif->mfoi", Ho, factor * times(P.T, Xi))
+        return dH, by_zeta
+
+    def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""
         H, losses = super().read(values, state, Xi), self.losses(values)
         if losses is None:
@@ -92,10 +108,3 @@ class DeviatingFRF(ParametricFRF):
         between = state.V.T @ losses @ state.V
         np.fill_diagonal(between, 0.0)
         return H - state.read(self.outputs, 1j * times(between, Xi), [])[0]
-
-
-def _of_one(n: int, r: int) -> Floats:
-    """Return a matrix (n, n) that is 1 at (r, r) and 0 elsewhere."""
-    X = np.zeros((n, n))
-    X[r, r] = 1.0
-    return X
