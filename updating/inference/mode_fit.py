@@ -56,7 +56,7 @@ class ModeProblem:
     mesh_level : float
         Relative error of frequencies that the mesh leaves [-].
     scatter : None
-        Small deviations by their slopes are those of FRFs.
+        Small deviations are those of FRFs.
     """
 
     reduced: ReducedModel

@@ -30,7 +30,7 @@ AROUND = (0.6, 1.0, 1.6)
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
 SETTLED, MOST_PASSES = 0.5, 4
-"""Deviations of modes are fitted again, with the slopes where the last fit ended, until the score changes by
+"""Deviations of modes are fitted again, of the modes where the last fit ended, until the score changes by
 less than so many nats, at most so often."""
 MOST_MOVES = 3
 """A fit to modes begins again at most so often on the basis of the places that it has found."""
@@ -196,7 +196,7 @@ class Fits:
         return h
 
     def scattered(self, problem: AnyProblem, h: Hypothesis, near: Hypothesis | None = None) -> Hypothesis:
-        """Return a hypothesis fitted on with the small deviations of its form, by their slopes there.
+        """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there.
 
         They begin with the size that they have near another one.
         """
