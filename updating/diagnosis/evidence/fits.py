@@ -29,9 +29,8 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
-SETTLED, MOST_PASSES = 0.5, 4
-"""Deviations of modes are fitted again, of the modes where the last fit ended, until the score changes by
-less than so many nats, at most so often."""
+MOST_PASSES = 3
+"""Deviations of modes are fitted again at most so often, where another size than the next one is the best."""
 MOST_MOVES = 3
 """A fit to modes begins again at most so often on the basis of the places that it has found."""
 AnyProblem = FitProblem | ModeProblem
@@ -205,10 +204,10 @@ class Fits:
             scatter = self.ranking.scatter(problem, h.fitted.result, size)
             if scatter is None:
                 break
-            own, before = replace(problem, scatter=scatter), h
+            own = replace(problem, scatter=scatter)
             fitted = fit(own, h.effects, values_of(h.effects), x_from=h.fitted.result, **way)
             h, size = replace(h, fitted=fitted), fitted.size
-            if before.fitted.size == size and abs(h.score - before.score) < SETTLED:
+            if size is None or 0.4 < size / scatter.eigenvalue < 2.5:
                 break
         return h
 
