@@ -8,6 +8,7 @@ import pytest
 
 from fem.effects.added_mass import PointMass
 from fem.effects.rigid_end_zone import RigidEndZone
+from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.support_shift import SupportShift
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
@@ -158,3 +159,15 @@ def test_an_effect_is_swapped_for_one_elsewhere_while_nothing_explains_the_data(
     search.workers = ALONE
     assert search.swapped(h) is h
     assert asked == [tried]
+
+
+def test_springs_side_by_side_at_one_constraint_are_no_hypothesis():
+    """Of two feet soft alike and one of them, the second says all where both would add up."""
+    both, one, other = (
+        SupportFlexibility(name="+".join(feet), supports=feet, direction="rx", stiffness=1e5)
+        for feet in (("S1", "S2"), ("S2",), ("S1",))
+    )
+    given = SimpleNamespace(candidates=(both, one, other))
+    assert Search.fit_beside(given, (one,)) == [other]
+    assert Search.fit_beside(given, (both,)) == []
+    assert Search.fit_beside(given, ()) == [both, one, other]

@@ -295,9 +295,8 @@ class Search:
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
-            near = [
-                c for c in self.candidates if c.name not in h.key and (anywhere or near_to(c) & near_to(e))
-            ]
+            beside = self.fit_beside(rest)
+            near = [c for c in beside if c.name != e.name and (anywhere or near_to(c) & near_to(e))]
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
@@ -324,11 +323,7 @@ class Search:
         ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
         if not base.effects:
             self.scanned = ranked
-        fields = {r for e in base.effects for r in e.released()}
-
-        def fits(effect: Effect) -> bool:
-            return effect.name not in base.key and not fields & set(effect.released())
-
+        beside = self.fit_beside(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
         now = self.fits.without_fixed(base)
@@ -338,7 +333,7 @@ class Search:
         screened = self.fits.ranking.screened(
             quick,
             now,
-            [c for c in self.candidates if fits(c)],
+            beside,
             lambda e: e.name in there,
             None if self.fits.is_far(base) else lambda effect, gain: self.may_win(base, (effect,), gain),
         )
@@ -350,7 +345,15 @@ class Search:
         chosen += [s for s in screened if s not in chosen][: max(0, N_FINAL - len(chosen))]
         first = held[0] if held else set[str]()
         out: list[Proposal] = [((s.effect,), s.starts, s.effect.name in first) for s in chosen]
-        return out + self.blocks(base, quick, now, ranked, fits)
+        return out + self.blocks(base, quick, now, ranked, key_of(beside))
+
+    def fit_beside(self, effects: Sequence[Effect]) -> list[Effect]:
+        """Return the candidates that may stand beside some effects.
+
+        Two that release one constraint are springs side by side there, and one of them says all.
+        """
+        taken, names = {r for e in effects for r in e.released()}, key_of(effects)
+        return [c for c in self.candidates if c.name not in names and not taken & set(c.released())]
 
     def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
         """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
@@ -365,15 +368,16 @@ class Search:
         quick: AnyProblem,
         now: FitResult,
         ranked: Sequence[Scanned],
-        fits: Callable[[Effect], bool],
+        beside: Set[str],
     ) -> list[Proposal]:
         """Return the springs of a connection in all directions, and of two connections.
 
-        At the first places of the scan, and where their small changes together explain the residuals best.
+        At the first places of the scan, and where their small changes together explain the residuals best. Of
+        the effects whose names fit ``beside`` the base.
         """
         springs: dict[str, tuple[Effect, ...]] = {}
         for p in self.places:
-            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and fits(e))
+            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in beside)
             if p.kind in CONNECTIONS and own:
                 springs[p.whole] = springs.get(p.whole, ()) + own
         order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
