@@ -171,3 +171,14 @@ def test_springs_side_by_side_at_one_constraint_are_no_hypothesis():
     assert Search.fit_beside(given, (one,)) == [other]
     assert Search.fit_beside(given, (both,)) == []
     assert Search.fit_beside(given, ()) == [both, one, other]
+
+
+def test_what_is_alike_at_several_places_is_tried_at_each():
+    feet = [
+        SupportFlexibility(name=f"{'+'.join(at)}.{axis}", supports=at, direction=axis, stiffness=1e5)
+        for at in (("S1", "S2"), ("S1",), ("S2",), ("S3",))
+        for axis in ("rx", "ry")
+    ]
+    given = SimpleNamespace(candidates=feet)
+    assert [e.name for e in Search.parts_of(given, feet[0])] == ["S1.rx", "S2.rx"]
+    assert Search.parts_of(given, feet[2]) == []

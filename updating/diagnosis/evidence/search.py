@@ -288,8 +288,9 @@ class Search:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
         Anywhere, if it does not explain the data: what is soft at one connection can stand for another one.
-        All that are nearly as probable are fitted fully: they are its credible set. With another effect in
-        the place of one, a third may not be needed any more.
+        What is alike at several places may differ there: each of them is tried by itself, too. All that are
+        nearly as probable are fitted fully: they are its credible set. With another effect in the place of
+        one, a third may not be needed any more.
         """
         result, free, anywhere = h.fitted.result, self.fits.free(h), not self.explains(h)
         others: list[tuple[Sequence[Effect], Values]] = []
@@ -300,6 +301,8 @@ class Search:
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
+            if parts := self.parts_of(e):
+                others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -354,6 +357,14 @@ class Search:
         """
         taken, names = {r for e in effects for r in e.released()}, key_of(effects)
         return [c for c in self.candidates if c.name not in names and not taken & set(c.released())]
+
+    def parts_of(self, effect: Effect) -> list[Effect]:
+        """Return the candidates that do at single places together what one does at several, if there are."""
+        places, direction = near_to(effect), getattr(effect, "direction", None)
+        alike = [c for c in self.candidates if c.kind == effect.kind and near_to(c) < places]
+        parts = [c for c in alike if len(near_to(c)) == 1 and getattr(c, "direction", None) == direction]
+        whole = len(places) == len(parts) and set[str]().union(*map(near_to, parts)) == places
+        return parts if whole else []
 
     def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
         """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
