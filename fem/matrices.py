@@ -186,7 +186,7 @@ class Matrices:
         if self.Q is not None:
             whole = np.zeros((self.Q.shape[0], 6))
             centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
-            whole[: 6 * len(self.points)] = np.vstack([lever_matrix(p - centre) for p in self.points])
+            whole[: 6 * len(self.points)] = lever_matrix(self.points - centre).reshape(-1, 6)
             return np.asarray(self.Q.T @ whole)
         if (self.direction == 0).any():
             row = int(np.argmax(self.direction == 0))
@@ -198,7 +198,7 @@ class Matrices:
             self.place_of(missing)  # says so
         at = np.array([index[int(p)] for p in self.node])
         centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
-        levers = np.array([lever_matrix(p - centre) for p in self.points])
+        levers = lever_matrix(self.points - centre)
         return levers[at, self.direction - 1]
 
     def scaled(self, units: str | tuple[float, float, float]) -> "Matrices":

@@ -581,17 +581,19 @@ def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:
     return tuple(e for e in effects if keys.issuperset(e.released()))
 
 
+_UNIT_SKEW = np.cross(np.eye(3), np.eye(3)[:, None])
+
+
 def skew(v: ArrayLike) -> NDArray[np.float64]:
-    """Return the matrix of the cross product, S(v) w = v × w, shape (3, 3)."""
-    x, y, z = np.asarray(v, dtype=float)
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """Return matrices of the cross product, S(v) w = v × w, shape (…, 3, 3), for vectors (…, 3)."""
+    return np.tensordot(np.asarray(v, dtype=float), _UNIT_SKEW, 1)
 
 
 def lever_matrix(arm: ArrayLike) -> NDArray[np.float64]:
-    """Return the rigid-body map from a point's six DOFs to a place at a lever arm from it, shape (6, 6).
+    """Return the rigid-body maps from a point's six DOFs to places at lever arms (…, 3), shape (…, 6, 6).
 
     u' = u + θ × arm, θ' = θ; arm [m].
     """
-    T = np.eye(6)
-    T[:3, 3:] = -skew(arm)
+    T = np.tile(np.eye(6), (*np.shape(arm)[:-1], 1, 1))
+    T[..., :3, 3:] = -skew(arm)
     return T

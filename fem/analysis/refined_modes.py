@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem.linalg.lanczos import TOLERANCE, RitzPairs
 from fem.linalg.solvers import Factor
 from fem.mesh import Mesh
+from fem.model import lever_matrix
 from fem.system import System
 
 Floats = NDArray[np.float64]
@@ -73,18 +74,11 @@ def _without_rigid(mesh: Mesh, lines: Any, K: Floats, u: Floats) -> Floats:
     Those of elements to which it is no rigid-body motion, as under compression, stay.
     """
     first, second = mesh.points[mesh.lines[lines]].transpose(1, 0, 2)
-    x, y, z = (second - first).T
-    moved = np.zeros((len(x), 12, 6))
-    moved[:, range(12), [*range(6)] * 2] = 1.0
-    for row, column, arm in ((6, 4, z), (6, 5, -y), (7, 3, -z), (7, 5, x), (8, 3, y), (8, 4, -x)):
-        moved[:, row, column] = arm
+    lever = lever_matrix(second - first)
+    moved = np.concatenate([np.broadcast_to(np.eye(6), lever.shape), lever], axis=1)
     size = np.abs(K) @ np.abs(moved)
     free = (np.abs(K @ moved) <= RIGID_FORCE * size.max(axis=1, keepdims=True)).all(axis=(1, 2))
     out = u.copy()
-    a, b, t = u[:, :6], u[:, 6:], u[:, 3:6]
-    arm = np.stack([x, y, z], axis=1)[..., None]
-    rest = b - a
-    rest[:, :3] -= np.cross(t, np.broadcast_to(arm, t.shape), axis=1)
     out[free, :6] = 0.0
-    out[free, 6:] = rest[free]
+    out[free, 6:] -= (lever @ u[:, :6])[free]
     return out

@@ -126,7 +126,7 @@ def without_rigid_resistance(
     if len(points) == 1:
         return np.zeros_like(K)
     places = mesh.points[list(points)]
-    R = np.vstack([lever_matrix(p) for p in places - places.mean(axis=0)])
+    R = lever_matrix(places - places.mean(axis=0)).reshape(-1, 6)
     weight = np.sqrt(before)
     Q, _ = np.linalg.qr(weight[:, None] * R)
     P = np.eye(len(K)) - Q @ Q.T
