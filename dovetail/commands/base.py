@@ -1,17 +1,21 @@
 """``dovetail base``: FRFs from a motion of the base to the sensors."""
 
 import argparse
-from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.argument_types import finite, positive
+from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.frf import add_lines, asked_lines
-from dovetail.commands.load_cases import check_png, require_sensors
+from dovetail.commands.load_cases import require_sensors
+from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.disk.output import Progress, write_json
+from dovetail.study import Study
 from fem.analysis.base_excitation import Motion, compute_base_frf
 from fem.analysis.frf import FRF
+from fem.analysis.selection import Selection
 from fem.io import write_csv, write_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
@@ -19,6 +23,13 @@ from updating.measurement.measurement import sensor_rows
 HELP = "compute FRFs from a motion of the base to the sensors"
 EXAMPLE = "dovetail base study.toml --motion z --out transmissibility.npz --picture base.png"
 KINDS = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
+WRITERS = {".npz": write_npz, ".csv": write_csv}
+RESULTS = Results(
+    table="the FRFs",
+    formats=tuple(WRITERS),
+    motions="displacements of the whole structure for 1 m or 1 rad of the base",
+    picture="the FRFs",
+)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -42,39 +53,36 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "transmissibility, which is also acceleration for acceleration)",
     )
     p.add_argument(
-        "--about", type=float, nargs=3, metavar="M", help="point about which the base turns (default: 0 0 0)"
+        "--about", type=finite, nargs=3, metavar="M", help="point about which the base turns (default: 0 0 0)"
     )
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write the FRFs: .npz or .csv")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the first four FRFs as .png")
+    p.add_argument(
+        "--at",
+        type=positive,
+        action="append",
+        default=[],
+        metavar="HZ",
+        help="frequency of the displacements of --vtu (default: that of the largest response); repeatable",
+    )
+    RESULTS.add_arguments(p)
     add_rpm(p)
     add_lines(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Compute FRFs from the base and write them."""
-    writers = {".npz": write_npz, ".csv": write_csv}
-    if options.out is not None and options.out.suffix.lower() not in writers:
-        msg = f"{options.out}: FRFs of the base are written as .npz or .csv, not '{options.out.suffix}'"
-        raise OutputError(msg)
-    check_png(options.picture)
-    check_places(options, Output("--out", options.out), Output("--picture", options.picture))
+    RESULTS.check(options)
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     frequency = asked_lines(study, options, len(study.sensors) * max(1, len(options.motion)))
     progress("computing FRFs")
-    found = compute_base_frf(
-        assemble(study.model, reciprocal=False),
-        frequency,
-        sensor_rows(study.model, study.sensors),
-        [_motion(text) for text in options.motion or ["z"]],
-        relative=options.relative,
-        about=options.about,
-        kind=KINDS[options.response],
-    )
+    kind = KINDS[options.response]
+    found = _frf(options, study, frequency, sensor_rows(study.model, study.sensors), _motions(options), kind)
     names = tuple(s.name for s in study.sensors)
+    if options.vtu is not None:
+        _write_shapes(options, study, found)
     found = FRF.from_arrays(frequency, found.H, found.kind, names, found.inputs)
     if options.out is not None:
-        writers[options.out.suffix.lower()](options.out, found)
+        WRITERS[options.out.suffix.lower()](options.out, found)
     if options.picture is not None:
         from viz.responses import plot_transmissibility
         from viz.style import save
@@ -113,10 +121,39 @@ def run(options: Options, progress: Progress) -> None:
     )
 
 
-def _motion(text: str) -> Motion:
-    """Return a direction of the whole base, or a support and its direction."""
-    name, colon, direction = text.rpartition(":")
-    return (name, direction) if colon else text
+def _motions(options: Options) -> list[Motion]:
+    """Return the motions asked for: directions of the whole base, or supports and their directions."""
+    pairs = [(text, *text.rpartition(":")) for text in options.motion or ["z"]]
+    return [(name, direction) if colon else text for text, name, colon, direction in pairs]
+
+
+def _frf(
+    options: Options,
+    study: Study,
+    frequency: ArrayLike,
+    outputs: Selection,
+    motions: list[Motion],
+    kind: str = "receptance",
+) -> FRF:
+    """Return the FRFs from motions of the base, with the options of the command."""
+    system = assemble(study.model, reciprocal=False)
+    about = options.about
+    return compute_base_frf(
+        system, frequency, outputs, motions, relative=options.relative, about=about, kind=kind
+    )
+
+
+def _write_shapes(options: Options, study: Study, found: FRF) -> None:
+    """Write displacements of all DOFs at the frequencies asked for, or where a sensor responds most."""
+    every = range(study.model.n_dof)
+    shapes: dict[str, ArrayLike] = {}
+    for j, motion in enumerate(_motions(options)):
+        largest = found.frequency[np.abs(found.H[:, :, j]).max(axis=1).argmax()]
+        at = options.at or [float(largest)]
+        whole = _frf(options, study, at, every, [motion])
+        names = (f"{found.inputs[j]}, {f:.6g} Hz" for f in at)
+        shapes |= dict(zip(names, whole.H[:, :, 0], strict=True))
+    write_motions(options.vtu, study, shapes)
 
 
 def _peak(frf: FRF, i: int, j: int) -> tuple[float, float]:

@@ -1,24 +1,22 @@
 """``dovetail buckling``: load factors at which the structure buckles, and the shapes."""
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import add_pictures, solved_case
-from dovetail.disk.output import Output, Progress, result_folder, write_json
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.load_cases import solved_case
+from dovetail.commands.results import Results, write_motions
+from dovetail.disk.output import Progress, result_folder, write_json
 from fem.analysis.buckling import SIGNS, solve_buckling
 from fem.analysis.modes import Modes
-from fem.elements.frame import Frame
-from fem.io import write_fields
 from fem.model import Model
 from fem.system import assemble
-from viz.offscreen import require_drawing
 
 HELP = "compute load factors and shapes of linear buckling"
 EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --pictures out/buckling"
+RESULTS = Results(motions="the shapes", pictures=("each shape", "buckling-01.png"))
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -37,19 +35,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         default="positive",
         help="factors of the load as it is, of its opposite, or both (default positive)",
     )
-    p.add_argument("--vtu", type=Path, metavar="FILE", help="also write the shapes: .vtu, .vtk or .xdmf")
-    add_pictures(p, "each shape")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print load factors; draw and write shapes."""
-    check_places(
-        options,
-        Output("--vtu", options.vtu),
-        Output("--pictures", options.pictures, ("buckling-01.png",)),
-    )
-    if options.pictures is not None:
-        require_drawing("--pictures")
+    RESULTS.check(options)
     study = loaded(options, ())
     progress("solving for load factors")
     solution = solved_case(study, options.case)
@@ -57,8 +48,7 @@ def run(options: Options, progress: Progress) -> None:
     found = solve_buckling(system, solution, options.number, sign=options.sign)
     if options.vtu is not None:
         names = [f"shape {k + 1}: factor {f:.6g}" for k, f in enumerate(found.factors)]
-        motions = dict(zip(names, found.shapes.T, strict=True))
-        write_fields(options.vtu, study.model.mesh, motions, frame=study.model.of_kind(Frame)[0])
+        write_motions(options.vtu, study, dict(zip(names, found.shapes.T, strict=True)))
     if options.pictures is not None:
         from viz.render import render_mode
 

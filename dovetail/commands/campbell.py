@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.argument_types import positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import check_png, check_suffix
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_speeds
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Progress, write_json
 from dovetail.file.rotation import RPM
 from fem.analysis.campbell import Campbell, CriticalSpeed, solve_campbell
 from fem.analysis.whirl import whirl_name
@@ -18,6 +18,11 @@ from fem.io.atomic import replacing
 
 HELP = "compute natural frequencies and damping of a rotor over its speed, and critical speeds"
 EXAMPLE = "dovetail campbell study.toml --speeds 0:6000:61 --order 1 --order 2 --picture campbell.png"
+RESULTS = Results(
+    table="frequencies and damping",
+    motions="the shapes at the critical speeds",
+    picture="the Campbell diagram",
+)
 
 _PRINTED = 11
 """Most speeds that are printed; --json and --out have all."""
@@ -41,15 +46,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="K",
         help="an excitation at K times the speed; repeatable (default 1, unbalance)",
     )
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write frequencies and damping as .csv")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the Campbell diagram as .png")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print critical speeds and modes over speed; draw and write them."""
-    check_png(options.picture)
-    check_suffix(options.out, "frequencies", ".csv")
-    check_places(options, Output("--out", options.out), Output("--picture", options.picture))
+    RESULTS.check(options)
     study = loaded(options, ())
     first, last, number = options.speeds
     rpm = np.linspace(first, last, number)
@@ -63,6 +65,12 @@ def run(options: Options, progress: Progress) -> None:
     )
     if options.out is not None:
         _write_table(options.out, rpm, found)
+    if options.vtu is not None:
+        names = (
+            f"critical speed {k + 1}: {c.speed / RPM:.6g} rpm, {c.order:g}X"
+            for k, c in enumerate(found.critical)
+        )
+        write_motions(options.vtu, study, dict(zip(names, found.critical_shapes.T, strict=True)))
     if options.picture is not None:
         from viz.rotors import plot_campbell
         from viz.style import save

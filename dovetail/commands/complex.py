@@ -1,25 +1,28 @@
 """``dovetail complex``: frequencies and damping ratios with all damping of the model."""
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import add_pictures
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.results import MOTION_FORMATS, Results
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder, write_json
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.whirl import whirl, whirl_name
 from fem.io import write_modes
 from fem.system import assemble
 from updating.correlation.complexity import modal_phase_collinearity
-from viz.offscreen import require_drawing
 
 HELP = "compute complex modes: frequencies and damping ratios with all damping"
 EXAMPLE = "dovetail complex study.toml --number 8 --out modes.uff"
-_FORMATS = (".uff", ".unv", ".npz", ".vtu", ".vtk", ".xdmf")
+RESULTS = Results(
+    table="the oscillating modes",
+    formats=(".uff", ".unv", ".npz", *MOTION_FORMATS),
+    motions="the oscillating modes",
+    pictures=("each oscillating mode", "mode-01.png"),
+)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -31,30 +34,20 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of modes besides rigid-body ones; overdamped ones count (default 10)",
     )
-    p.add_argument(
-        "--out", type=Path, metavar="FILE", help=f"also write the oscillating modes: {', '.join(_FORMATS)}"
-    )
     add_rpm(p)
-    add_pictures(p, "each oscillating mode")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print complex modes; draw and write them."""
-    if options.out is not None and options.out.suffix.lower() not in _FORMATS:
-        msg = f"{options.out}: modes are written as {', '.join(_FORMATS)}, not '{options.out.suffix}'"
-        raise OutputError(msg)
-    check_places(
-        options, Output("--out", options.out), Output("--pictures", options.pictures, ("mode-01.png",))
-    )
-    if options.pictures is not None:
-        require_drawing("--pictures")
+    RESULTS.check(options)
     study = at_asked_speed(loaded(options, ()), options)
     progress("solving for complex modes")
     model = study.model
     found = solve_complex_modes(assemble(model, reciprocal=False), options.number)
     modes = found.as_modes()
-    if options.out is not None:
-        write_modes(modes, study.model.mesh, options.out)
+    for path in filter(None, (options.out, options.vtu)):
+        write_modes(modes, study.model.mesh, path)
     if options.pictures is not None:
         from viz.render import render_mode
 

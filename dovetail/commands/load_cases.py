@@ -2,10 +2,8 @@
 
 import argparse
 import re
-from pathlib import Path
 
 from dovetail.commands.common import Options
-from dovetail.disk.output import OutputError
 from dovetail.file.table import StudyError
 from dovetail.study import Study
 from fem.analysis.statics import StaticSolution
@@ -20,12 +18,6 @@ def add_cases(p: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="a load case or combination of the study (default: all); repeatable",
     )
-
-
-def add_pictures(p: argparse.ArgumentParser, what: str) -> None:
-    """Add the options of a folder of pictures."""
-    p.add_argument("--pictures", type=Path, metavar="DIR", help=f"also draw {what} as PNG into this folder")
-    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
 
 def solved(study: Study, options: Options) -> StaticSolution:
@@ -52,20 +44,6 @@ def require_sensors(study: Study) -> None:
     if not study.sensors:
         msg = f"{study.path.name}: the study has no sensors, so that there is no response; give [[sensors]]"
         raise StudyError(msg)
-
-
-def check_png(path: Path | None) -> None:
-    """Refuse a picture that is not to be a PNG."""
-    if path is not None and path.suffix.lower() != ".png":
-        msg = f"{path}: the picture is written as .png"
-        raise OutputError(msg)
-
-
-def check_suffix(path: Path | None, what: str, *suffixes: str) -> None:
-    """Refuse a file that is not to have one of some suffixes; ``what`` is what it holds, in the plural."""
-    if path is not None and path.suffix.lower() not in suffixes:
-        msg = f"{path}: {what} are written as {' or '.join(suffixes)}, not '{path.suffix}'"
-        raise OutputError(msg)
 
 
 def place_of_point(study: Study, point: int) -> str:

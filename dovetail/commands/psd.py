@@ -5,14 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.excitations import driven_by
-from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.frf import MOST_VALUES
+from dovetail.commands.load_cases import require_sensors
+from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Progress, write_json
 from dovetail.file.histories import read_columns
 from dovetail.file.paths import InputFile
-from fem.analysis.random_vibration import RESPONSES, solve_random
+from fem.analysis.random_vibration import RESPONSES, RandomResponse, solve_random
+from fem.analysis.selection import Selection
 from fem.analysis.tabulated import Tabulated
 from fem.io.atomic import replacing
 from fem.system import assemble
@@ -20,6 +23,11 @@ from updating.measurement.measurement import sensor_rows
 
 HELP = "compute root mean squares and densities under random forces and motions of the base"
 EXAMPLE = "dovetail psd study.toml --psd vibration.csv --response acceleration --picture psd.png"
+RESULTS = Results(
+    table="the densities",
+    motions="root mean squares of the whole structure",
+    picture="the densities",
+)
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 
@@ -37,30 +45,31 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--response", choices=RESPONSES, default="acceleration", help="default acceleration")
     p.add_argument("--relative", action="store_true", help="responses relative to the base")
     add_rpm(p)
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write the densities as .csv")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the densities as .png")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print root mean squares; draw and write densities."""
-    check_png(options.picture)
-    check_suffix(options.out, "densities", ".csv")
-    read = [InputFile(options.psd, "the excitation's density")]
-    check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
+    RESULTS.check(options, InputFile(options.psd, "the excitation's density"))
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     table = read_columns(options.psd, ("frequency", "f"))
     driven = driven_by(study, table)
     progress("computing densities")
-    found = solve_random(
-        assemble(study.model, reciprocal=False),
-        sensor_rows(study.model, study.sensors),
-        loads=driven.loads.T,
-        forces=[Tabulated.of(table.x, table.values[:, k]) for k in driven.of_loads],
-        base={d: Tabulated.of(table.x, table.values[:, k]) for d, k in driven.base.items()},
-        response=options.response,
-        relative=options.relative,
-    )
+    system = assemble(study.model, reciprocal=False)
+
+    def solved(outputs: Selection) -> RandomResponse:
+        return solve_random(
+            system,
+            outputs,
+            loads=driven.loads.T,
+            forces=[Tabulated.of(table.x, table.values[:, k]) for k in driven.of_loads],
+            base={d: Tabulated.of(table.x, table.values[:, k]) for d, k in driven.base.items()},
+            response=options.response,
+            relative=options.relative,
+        )
+
+    found = solved(sensor_rows(study.model, study.sensors))
     names, unit = [s.name for s in study.sensors], UNITS[options.response]
     square = f"({unit})²/Hz"
     if options.out is not None:
@@ -70,6 +79,14 @@ def run(options: Options, progress: Progress) -> None:
             np.savetxt(
                 scratch, columns, fmt="%.9g", delimiter=",", header=header, comments="", encoding="utf-8"
             )
+    if options.vtu is not None:
+        progress("computing root mean squares of all points")
+        at_once = max(1, MOST_VALUES // (found.frequency.size * len(table.names)))
+        blocks = (
+            range(k, min(k + at_once, system.model.n_dof)) for k in range(0, system.model.n_dof, at_once)
+        )
+        rms = np.concatenate([solved(block).rms for block in blocks])
+        write_motions(options.vtu, study, {f"RMS {options.response}": rms})
     if options.picture is not None:
         from viz.responses import plot_densities
         from viz.style import save

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.argument_types import number_up_to, positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.excitations import BASE
-from dovetail.commands.load_cases import check_png
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.commands.results import Results, write_motions
+from dovetail.disk.output import Progress, write_json
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
 from dovetail.file.rotation import RPM
@@ -30,6 +30,10 @@ PER_OCTAVE = 24
 """Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
 half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
 EXAMPLE = "dovetail spectrum study.toml --spectrum design.csv --max 60 --json spectrum.json"
+RESULTS = Results(
+    motions="the largest displacements and section forces, and the peak of each mode",
+    picture="the spectrum with the modes",
+)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -58,14 +62,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--no-missing-mass", action="store_true", help="leave out the inertia that the modes do not have"
     )
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the spectrum with the modes, .png")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print combined responses."""
-    check_png(options.picture)
-    read = [InputFile(options.spectrum, "the spectrum")]
-    check_places(options, Output("--picture", options.picture), more=read)
+    RESULTS.check(options, InputFile(options.spectrum, "the spectrum"))
     study = loaded(options, ())
     refuse_rotors(study)
     table = read_columns(options.spectrum, (*FREQUENCY, *PERIOD, *TIME))
@@ -81,6 +83,8 @@ def run(options: Options, progress: Progress) -> None:
         missing_mass=not options.no_missing_mass,
         rigid_acceleration=rigid,
     )
+    if options.vtu is not None:
+        _write_peaks(options.vtu, study, found)
     if options.picture is not None:
         from viz.responses import plot_spectra
         from viz.style import save
@@ -126,6 +130,19 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     say(options, *_lines(study, found, share, reactions, members), *assumptions(study))
+
+
+def _write_peaks(path: Path, study: Study, found: SpectrumResponse) -> None:
+    """Write the largest displacements and section forces, and the peak of each mode in each direction."""
+    motions = {"largest": found.motion}
+    factors = np.sqrt(found.effective_mass) * found.acceleration_of_modes / found.modes.omega[:, None] ** 2
+    for k, (f, own) in enumerate(zip(found.modes.frequency, factors, strict=True)):
+        for direction, factor in zip(found.directions, own, strict=True):
+            name = f"mode {k + 1}: {f:.6g} Hz, {direction}"
+            motions[name] = factor * np.real(found.modes.shapes[:, k])
+    forces = np.abs(found.line_forces).max(axis=1)
+    lines = {f"largest {q}": forces[:, i] for i, q in enumerate(SECTION_FORCES)}
+    write_motions(path, study, motions, lines=lines)
 
 
 def refuse_rotors(study: Study) -> None:

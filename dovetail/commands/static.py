@@ -7,21 +7,24 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import add_cases, add_pictures, file_name, place_of_point, solved
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
+from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import StaticCases, factor_fields, factor_words
-from dovetail.disk.output import Output, Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder, write_json
 from dovetail.study import Study
 from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
-from fem.elements.frame import Frame
-from fem.io import write_fields
 from fem.model import DIRECTIONS
-from viz.offscreen import require_drawing
 
 HELP = "compute displacements, reactions and section forces under loads"
 EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/static --vtu out/static.vtu"
+
+RESULTS = Results(
+    motions="displacements and section forces",
+    pictures=("the deflection and the diagrams of section forces of each case", "01-load-deflection.png"),
+)
 
 _ROUNDING = 1e-10
 """Forces and moments below this part of the largest are printed as 0 [-]."""
@@ -47,24 +50,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="N",
         help="equal pieces of each member, at whose ends --json gives section forces (default 20)",
     )
-    p.add_argument(
-        "--vtu",
-        type=Path,
-        metavar="FILE",
-        help="also write displacements and section forces: .vtu, .vtk or .xdmf",
-    )
-    add_pictures(p, "the deflection and the diagrams of section forces of each case")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print static responses; draw and write them."""
-    check_places(
-        options,
-        Output("--vtu", options.vtu),
-        Output("--pictures", options.pictures, ("01-load-deflection.png",)),
-    )
-    if options.pictures is not None:
-        require_drawing("--pictures")
+    RESULTS.check(options)
     study = loaded(options, ())
     progress("solving for the load cases")
     if options.second_order:
@@ -273,7 +264,7 @@ def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:
     middle = solution.forces_on_lines(2)[:, 1]
     lines = {q: middle[:, i] for i, q in enumerate(SECTION_FORCES)}
     motions = dict(zip(solution.cases, solution.displacements.T, strict=True))
-    write_fields(path, study.model.mesh, motions, lines=lines, frame=study.model.of_kind(Frame)[0])
+    write_motions(path, study, motions, lines=lines)
 
 
 def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.argument_types import positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.excitations import driven_by
-from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.load_cases import require_sensors
+from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.disk.output import OutputError, Progress, write_json
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.paths import InputFile
 from dovetail.study import Study
@@ -23,6 +24,12 @@ from updating.measurement.measurement import sensor_rows
 HELP = "compute responses in time to forces, motions of the base, or the release of a load"
 EXAMPLE = "dovetail transient study.toml --excitation quake.csv --picture quake.png --out quake-out.csv"
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+RESULTS = Results(
+    table="the responses",
+    formats=(".csv", ".npz"),
+    motions="displacements of the whole structure at some times",
+    picture="the responses",
+)
 MOST_STEPS = 2_000_000
 """Most steps in time: more is a slip in --step or --duration."""
 
@@ -60,19 +67,23 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--relative", action="store_true", help="responses relative to the base")
     add_rpm(p)
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write the responses as .csv or .npz")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the responses as .png")
+    p.add_argument(
+        "--frames",
+        type=whole_up_to(10_000),
+        default=100,
+        metavar="N",
+        help="number of times, from the first to the last, whose displacements --vtu has (default 100)",
+    )
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Compute responses in time, print their peaks, draw and write them."""
-    check_suffix(options.out, "responses", ".csv", ".npz")
-    check_png(options.picture)
     if options.excitation is None and options.release is None:
         msg = "nothing acts: give --excitation FILE, --release CASE or both"
         raise OutputError(msg)
     read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
-    check_places(options, Output("--out", options.out), Output("--picture", options.picture), more=read)
+    RESULTS.check(options, *read)
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
     excitation = _excitation(study, options)
@@ -80,6 +91,8 @@ def run(options: Options, progress: Progress) -> None:
     if options.release is not None:
         held = study.static(options.release)
         initial = held.displacements[:, 0], np.zeros(study.model.n_dof)
+    n = excitation.time.size
+    frames = np.unique(np.linspace(0, n - 1, min(options.frames, n)).round().astype(int))
     progress("stepping in time")
     found = solve_transient(
         assemble(study.model, reciprocal=False),
@@ -91,10 +104,15 @@ def run(options: Options, progress: Progress) -> None:
         alpha=options.alpha,
         initial=initial,
         relative=options.relative,
+        snapshots=() if options.vtu is None else frames,
     )
     names = [s.name for s in study.sensors]
     if options.out is not None:
         _write(options.out, found, names)
+    if options.vtu is not None:
+        times = found.time[frames]
+        motions = dict(zip((f"{t:.6g} s" for t in times), found.snapshots.T, strict=True))
+        write_motions(options.vtu, study, motions, times=times)
     if options.picture is not None:
         from viz.responses import plot_histories
         from viz.style import save

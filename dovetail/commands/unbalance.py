@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
-from dovetail.commands.load_cases import check_png, check_suffix, require_sensors
+from dovetail.commands.common import Options, assumptions, loaded, say
+from dovetail.commands.load_cases import require_sensors
+from dovetail.commands.results import Results
 from dovetail.commands.speed import add_speeds
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Progress, write_json
 from dovetail.file.rotation import RPM
 from dovetail.file.table import StudyError
 from fem.analysis.unbalance import UnbalanceResponse, solve_unbalance
@@ -17,20 +18,18 @@ from updating.measurement.measurement import sensor_rows
 
 HELP = "compute responses of a rotor to its unbalance over its speed"
 EXAMPLE = "dovetail unbalance study.toml --speeds 0:6000:601 --picture unbalance.png"
+RESULTS = Results(table="amplitudes and phases", picture="the amplitudes")
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     add_speeds(p)
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write amplitudes and phases as .csv")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the amplitudes as .png")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print largest amplitudes; draw and write them over speed."""
-    check_png(options.picture)
-    check_suffix(options.out, "responses", ".csv")
-    check_places(options, Output("--out", options.out), Output("--picture", options.picture))
+    RESULTS.check(options)
     study = loaded(options, ("sensors",))
     require_sensors(study)
     if not study.unbalances:

@@ -16,7 +16,7 @@ from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.participation import rigid_motion_field
 from fem.analysis.planar import refuse_motion
-from fem.analysis.selection import Selection, dof_vectors
+from fem.analysis.selection import Selection, dof_columns
 from fem.analysis.statics import factor_held
 from fem.declarations import Role
 from fem.elements.frame import Frame
@@ -105,7 +105,7 @@ def compute_base_frf(
     place = np.zeros(3) if about is None else np.asarray(about, dtype=float)
     lines = np.array(frequency, dtype=float, ndmin=1)
     omega = 2 * np.pi * lines
-    out, out_labels = dof_vectors(model, outputs)
+    out, out_labels = dof_columns(model, outputs)
     columns, labels = [], []
     for motion in motions:
         r, forces, label = _followed(system, motion, place)
@@ -113,7 +113,7 @@ def compute_base_frf(
         response = np.zeros((lines.size, out.shape[1]), dtype=complex)
         if rows:
             H = compute_frf(
-                system, lines, out.T, np.array(rows), FRFKind.RECEPTANCE, method, tolerance=tolerance
+                system, lines, outputs, np.array(rows), FRFKind.RECEPTANCE, method, tolerance=tolerance
             ).H
             response = np.einsum("fok,kf->fo", H, np.array(weights))
         columns.append(response if relative else response + out.T @ r)

@@ -75,6 +75,8 @@ class Campbell:
         Likeness of a branch's shapes at a speed and the next: 1 of equal ones, 0 of orthogonal ones [-].
     critical : tuple of CriticalSpeed
         Rising.
+    critical_shapes : ndarray of complex (n_dof, n_critical)
+        Shapes of the modes that are met.
     converged : bool
         Whether all modes are.
     """
@@ -84,6 +86,7 @@ class Campbell:
     whirl: NDArray[np.float64]
     likeness: NDArray[np.float64]
     critical: tuple[CriticalSpeed, ...]
+    critical_shapes: NDArray[np.complex128]
     converged: bool
 
     __repr__ = fields_summary
@@ -125,6 +128,10 @@ class _Modes:
         """Return the likeness of these modes (rows) and another speed's (columns)."""
         product = self.y.T @ (K @ other.x) - np.outer(self.s, other.s) * (self.y.T @ (M @ other.x))
         return np.abs(product) / np.sqrt(np.outer(np.abs(self.b), np.abs(other.b)))
+
+
+_Crossing = tuple[CriticalSpeed, NDArray[np.complex128]]
+"""A critical speed, and the shape of its mode on the independent coordinates."""
 
 
 class _Shaft:
@@ -214,12 +221,15 @@ def solve_campbell(
     for branch in range(columns.shape[1]):
         for order in orders:
             critical += _crossings(shaft, speeds, each, columns[:, branch], branch, float(order))
+    critical.sort(key=lambda found: found[0])
+    shapes = np.array([x for _, x in critical]).reshape(-1, shaft.base.n_free).T
     return Campbell(
         speeds,
         poles,
         turning,
         likeness,
-        tuple(sorted(critical)),
+        tuple(speed for speed, _ in critical),
+        np.asarray(shaft.base.Q @ shapes),
         all(modes.converged for modes in each),
     )
 
@@ -276,8 +286,8 @@ def _crossings(
     column: NDArray[np.int64],
     branch: int,
     order: float,
-) -> list[CriticalSpeed]:
-    """Return the speeds at which an order meets one branch, between those where its sign changes."""
+) -> list[_Crossing]:
+    """Return where an order meets one branch, between the speeds at which its sign changes."""
     out = []
     for i in range(1, speeds.size):
         if column[i - 1] < 0 or column[i] < 0:
@@ -295,17 +305,16 @@ def _refined(
     above: list[float],
     branch: int,
     order: float,
-) -> CriticalSpeed:
+) -> _Crossing:
     """Return the speed between two others at which an order meets a mode, by regula falsi (Illinois)."""
     (low, _, _), (high, start, mine) = ends  # of the lower speed, if it is 0, shapes may be any of a plane
     first, second = above
-    speed, s, turning = high, start.s[mine], start.whirl[mine]
+    speed, here, k = high, start, mine
     for _ in range(_ROUNDS):
         speed = low + (high - low) * first / (first - second)
         here = shaft.modes(speed)
         k = int(start.likeness(here, shaft.K, shaft.base.M)[mine].argmax())
-        s, turning = here.s[k], here.whirl[k]
-        value = float(s.imag) - order * speed
+        value = float(here.s[k].imag) - order * speed
         if abs(value) <= _TOLERANCE * order * speed:
             break
         if value * second < 0:
@@ -315,4 +324,4 @@ def _refined(
         high, second = speed, value
         if abs(high - low) <= _TOLERANCE * speed:
             break
-    return CriticalSpeed(speed, order, branch, complex(s), float(turning))
+    return CriticalSpeed(speed, order, branch, complex(here.s[k]), float(here.whirl[k])), here.x[:, k]

@@ -117,6 +117,9 @@ class TimeResponse:
         Of the modal method; of Newmark's, those that modal damping ratios were given to.
     notes : tuple of str
         What was simplified, in sentences.
+    snapshots : ndarray (n_dof, k)
+        Displacements of all DOFs at the samples asked for, relative to the base or not as the responses
+        [m, rad].
     """
 
     time: NDArray[np.float64]
@@ -128,6 +131,7 @@ class TimeResponse:
     method: str
     n_modes: int
     notes: tuple[str, ...] = ()
+    snapshots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = fields_summary
 

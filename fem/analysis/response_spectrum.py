@@ -54,6 +54,8 @@ class SpectrumResponse:
     displacement, acceleration : ndarray (n_out,)
         Relative to the base, and absolute pseudo-acceleration [m, m/s²].
     outputs : tuple of str
+    motion : ndarray (n_dof,)
+        Largest displacement of each DOF relative to the base [m, rad].
     base_force : ndarray (n_dir,)
         Resultant of the inertia along each direction, of the motion in that direction [N, N·m].
     reactions : mapping of (str, str) to float
@@ -75,6 +77,7 @@ class SpectrumResponse:
     displacement: Floats
     acceleration: Floats
     outputs: tuple[str, ...]
+    motion: Floats
     base_force: Floats
     reactions: Mapping[Key, float]
     line_forces: Floats
@@ -180,7 +183,7 @@ def solve_spectrum(
         rest = np.asarray(system.Q.T @ (driven - M @ (phi @ gamma)))
         u = np.column_stack([phi * (gamma * sa / omega**2), rigid * (system.Q @ factor.solve(rest))])
         a = np.column_stack([phi * (gamma * sa), rigid * (r - phi @ gamma)])
-        found = {"u": rows.T @ u, "a": rows.T @ a, "lines": _line_forces(model, u, a)}
+        found = {"u": rows.T @ u, "a": rows.T @ a, "whole": u, "lines": _line_forces(model, u, a)}
         for key, peaks in found.items():
             own = combined(np.moveaxis(peaks, -1, 0), correlation) ** 2
             squares[key] = squares.get(key, np.zeros(own.shape)) + own
@@ -204,6 +207,7 @@ def solve_spectrum(
         np.sqrt(squares["u"]),
         np.sqrt(squares["a"]),
         labels,
+        np.sqrt(squares["whole"]),
         np.array(force),
         MappingProxyType({key: float(np.sqrt(value)) for key, value in at_supports.items()}),
         np.sqrt(squares["lines"]),

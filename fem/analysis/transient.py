@@ -47,6 +47,7 @@ def solve_transient(
     initial: tuple[ArrayLike, ArrayLike] | None = None,
     relative: bool = False,
     about: ArrayLike | None = None,
+    snapshots: ArrayLike = (),
 ) -> TimeResponse:
     """Compute responses in time.
 
@@ -76,6 +77,8 @@ def solve_transient(
         Whether responses are relative to the base.
     about : array_like (3,), optional
         Point about which the base turns, the origin unless given [m].
+    snapshots : array_like of int
+        Samples, counted from 0, at which displacements of all DOFs are kept.
 
     Raises
     ------
@@ -93,12 +96,17 @@ def solve_transient(
         msg = "elements that depend on frequency have no equation of motion in time here; leave them out"
         raise ModelError(msg)
     problem = _problem(system, excitation, outputs, method, n_modes, max_frequency, initial, about)
+    kept = np.asarray(snapshots, dtype=int)
     if method == "modal":
-        q, v, a = _by_modes(problem)
+        q, v, a, u = _by_modes(problem, kept)
     else:
-        q, v, a = _by_newmark(problem, alpha)
+        q, v, a, u = _by_newmark(problem, alpha, kept)
+    u = np.asarray(system.Q @ u)
     if not relative:
-        q, v, a = (x + y for x, y in zip((q, v, a), _base_motion(problem), strict=True))
+        for r, acceleration in problem.base:
+            moved = *twice_integrated(acceleration, excitation.step), acceleration
+            q, v, a = (x + np.outer(h, problem.rows @ r) for x, h in zip((q, v, a), moved, strict=True))
+            u += np.outer(r, moved[0][kept])
     return TimeResponse(
         excitation.time,
         q,
@@ -109,6 +117,7 @@ def solve_transient(
         method,
         problem.eigenvalues.size,
         problem.notes,
+        u,
     )
 
 
@@ -123,7 +132,8 @@ class _Problem:
     F: Floats  # (n_free, k): loads, then the inertia that motions of the base leave
     p: Floats  # (n_t, k)
     L: Floats  # (n_out, n_free)
-    base: tuple[tuple[Floats, Floats], ...]  # responses (n_out,) to a unit of the base, and its acceleration
+    rows: Floats  # (n_out, n_dof)
+    base: tuple[tuple[Floats, Floats], ...]  # motions (n_dof,) for a unit of the base, and its acceleration
     start: tuple[Floats, Floats]  # (n_free,) each
     ratios: Floats  # (n_modes,): viscous ratios beside C, α and β
     labels: tuple[str, ...]
@@ -154,7 +164,7 @@ def _problem(
         r, inertia = rigid_base_load(system, direction, about)
         loads.append(-inertia[:, None])
         histories.append(acceleration[:, None])
-        base.append((rows.T @ r, acceleration))
+        base.append((r, acceleration))
     notes = []
     omega = np.sqrt(eigenvalues)
     ratios = damping.ratio_at(omega / (2 * np.pi)) + damping.loss_factor / 2
@@ -180,6 +190,7 @@ def _problem(
         np.asarray(system.Q.T @ np.hstack(loads)),
         np.hstack(histories),
         np.asarray(rows.T @ system.Q),
+        rows.T,
         tuple(base),
         start,
         np.where(omega > 0, ratios, 0.0),
@@ -213,22 +224,14 @@ def _start(system: System, initial: tuple[ArrayLike, ArrayLike] | None) -> tuple
     return out[0], out[1]
 
 
-def _base_motion(problem: _Problem) -> tuple[Floats, Floats, Floats]:
-    """Return displacements, velocities and accelerations of the outputs with the base, (n_t, n_out)."""
-    shape = problem.p.shape[0], len(problem.L)
-    out = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    for response, acceleration in problem.base:
-        moved = *twice_integrated(acceleration, problem.excitation.step), acceleration
-        for total, history in zip(out, moved, strict=True):
-            total += np.outer(history, response)
-    return out
-
-
 # By modes ---------------------------------------------------------------------------------------------------
 
 
-def _by_modes(problem: _Problem) -> tuple[Floats, Floats, Floats]:
-    """Return displacements, velocities and accelerations of the outputs, (n_t, n_out)."""
+def _by_modes(problem: _Problem, kept: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return motions of the outputs (n_t, n_out), and of all coordinates at the kept samples (n_free, k).
+
+    Displacements, velocities and accelerations of the outputs; displacements of the coordinates.
+    """
     system, h = problem.system, problem.excitation.step
     phi, k, damping = problem.phi, problem.eigenvalues, system.model.damping
     own = damping.alpha + damping.beta * k + 2 * problem.ratios * np.sqrt(k)
@@ -245,18 +248,17 @@ def _by_modes(problem: _Problem) -> tuple[Floats, Floats, Floats]:
         C = C + np.diag(own)
         y, v = coupled(np.diag(k), C, B, problem.p, h, (start[0], start[1]))
         a = forces - v @ C.T - y * k
-    L = problem.L @ phi
-    return y @ L.T + problem.p @ _static_rest(problem).T, v @ L.T, a @ L.T
+    L, rest = problem.L @ phi, _static_rest(problem)
+    q = y @ L.T + problem.p @ (problem.L @ rest).T
+    return q, v @ L.T, a @ L.T, phi @ y[kept].T + rest @ problem.p[kept].T
 
 
 def _static_rest(problem: _Problem) -> Floats:
-    """Return the static responses (n_out, k) to loads that the modes lack; 0 of a free structure."""
+    """Return the static responses (n_free, k) to loads that the modes lack; 0 of a free structure."""
     system, phi = problem.system, problem.phi
     if system.rigid.shape[1] or not problem.F.shape[1]:
-        return np.zeros((len(problem.L), problem.F.shape[1]))
-    rest = problem.F - system.M @ (phi @ (phi.T @ problem.F))
-    x = factor_held(system).solve(rest)
-    return problem.L @ x
+        return np.zeros_like(problem.F)
+    return factor_held(system).solve(problem.F - system.M @ (phi @ (phi.T @ problem.F)))
 
 
 # By all DOFs ------------------------------------------------------------------------------------------------
@@ -301,16 +303,18 @@ def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: floa
         return factorise(sp.csc_array(M + _MASS * h**2 * K)).solve(force)
 
 
-def _by_newmark(problem: _Problem, alpha: float) -> tuple[Floats, Floats, Floats]:
-    """Return displacements, velocities and accelerations of the outputs, (n_t, n_out)."""
+def _by_newmark(
+    problem: _Problem, alpha: float, kept: NDArray[np.int64]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the same as :func:`_by_modes`."""
     system, h = problem.system, problem.excitation.step
     if not system.reciprocal:
         msg = "Newmark's method takes symmetric matrices here; use the modal method for gyroscopic effects"
         raise ModelError(msg)
     K, M, damping = system.K, system.M, system.model.damping
-    kept = np.flatnonzero(problem.ratios > 0)
-    phi, omega = problem.phi[:, kept], np.sqrt(problem.eigenvalues[kept])
-    W = np.asarray(M @ phi) * np.sqrt(2 * problem.ratios[kept] * omega)
+    damped = np.flatnonzero(problem.ratios > 0)
+    phi, omega = problem.phi[:, damped], np.sqrt(problem.eigenvalues[damped])
+    W = np.asarray(M @ phi) * np.sqrt(2 * problem.ratios[damped] * omega)
     C = _Damped(sp.csc_array(system.C + damping.alpha * M + damping.beta * K), W)
     beta, gamma, now = (1 - alpha) ** 2 / 4, 0.5 - alpha, 1 + alpha
     effective = _Effective.of(
@@ -321,6 +325,8 @@ def _by_newmark(problem: _Problem, alpha: float) -> tuple[Floats, Floats, Floats
     a = _first_acceleration(M, K, rest, h)
     out = np.empty((3, len(problem.p), len(problem.L)))
     out[:, 0] = np.stack([u, v, a]) @ problem.L.T
+    whole = np.zeros((u.size, kept.size))
+    whole[:, kept == 0] = u[:, None]
     for k in range(1, len(problem.p)):
         u_next = u + h * v + h**2 * (0.5 - beta) * a
         v_next = v + h * (1 - gamma) * a
@@ -329,6 +335,7 @@ def _by_newmark(problem: _Problem, alpha: float) -> tuple[Floats, Floats, Floats
         a = effective.solve(b)
         u, v = u_next + beta * h**2 * a, v_next + gamma * h * a
         out[:, k] = np.stack([u, v, a]) @ problem.L.T
+        whole[:, kept == k] = u[:, None]
         if alpha:
             rest = force - C @ v - K @ u
-    return out[0], out[1], out[2]
+    return out[0], out[1], out[2], whole

@@ -81,13 +81,14 @@ def write_fields(
     lines: Mapping[str, ArrayLike] | None = None,
     frame: Frame | None = None,
     subdivisions: int = 1,
+    times: ArrayLike | None = None,
 ) -> None:
     """Write motions of a mesh and values of its lines as ``.vtu``, ``.vtk`` or ``.xdmf``.
 
     A motion ``dead load`` becomes the vectors ``dead load`` and ``dead load, rotation`` of ``.vtu``; in
-    ``.xdmf`` it is the step of that name with the vectors ``displacement`` and ``rotation``, and its time
-    is its number from 1. A complex motion has each of these as ``…, real`` and ``…, imaginary``: it is the
-    real part of (real + i imaginary) e^{iωt}. Members are the integer array ``member``.
+    ``.xdmf`` it is the step of that name with the vectors ``displacement`` and ``rotation``. A complex motion
+    has each of these as ``…, real`` and ``…, imaginary``: it is the real part of (real + i imaginary)
+    e^{iωt}. Members are the integer array ``member``.
 
     Parameters
     ----------
@@ -101,6 +102,8 @@ def write_fields(
         Gives the beams' shape functions for ``subdivisions``.
     subdivisions : int
         Number of straight pieces that each line is written as, bent as its beam is.
+    times : array_like (n_motions,), optional
+        Times of the steps of ``.xdmf``; their numbers from 1 unless given [s].
 
     Raises
     ------
@@ -119,7 +122,8 @@ def write_fields(
     values = _line_values(mesh, lines or {}, len(columns))
     values = {name: np.repeat(v, subdivisions, axis=0) for name, v in values.items()}
     if file.suffix.lower() == ".xdmf":
-        _write_xdmf(file, fine, dict(zip(motions, columns, strict=True)), values)
+        at = np.arange(1.0, len(columns) + 1) if times is None else np.asarray(times, dtype=float)
+        _write_xdmf(file, fine, dict(zip(motions, columns, strict=True)), values, at)
         return
     points = {
         f"{name}{', rotation' * turned}{part}": vectors
@@ -181,7 +185,11 @@ def _subdivided(
 
 
 def _write_xdmf(
-    file: Path, mesh: Mesh, motions: dict[str, NDArray[Any]], lines: dict[str, NDArray[np.float64]]
+    file: Path,
+    mesh: Mesh,
+    motions: dict[str, NDArray[Any]],
+    lines: dict[str, NDArray[np.float64]],
+    times: NDArray[np.float64],
 ) -> None:
     """Write a series of steps with all numbers in the XML, which needs no h5py."""
     cells = member_arrays(mesh)
@@ -202,7 +210,7 @@ def _write_xdmf(
                 }
                 of_step = {key: [v[:, min(k, v.shape[1] - 1)]] for key, v in lines.items()}
                 members = {"member": [cells["member"]]}
-                out.write_data(k + 1, point_data=points, cell_data=members | of_step)
+                out.write_data(float(times[k]), point_data=points, cell_data=members | of_step)
                 out.collection[-1].set("Name", name)
 
 
