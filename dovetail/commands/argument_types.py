@@ -4,6 +4,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
+from fem.model import DIRECTIONS
+
 
 def whole_up_to(most: int, least: int = 1) -> Callable[[str], int]:
     """Return a reader of whole numbers up to a bound: more is a slip, and would take all memory."""
@@ -119,6 +121,19 @@ def speed_range(text: str) -> tuple[float, float, int]:
         )
         raise argparse.ArgumentTypeError(msg)
     return first, last, number
+
+
+def motion_at(text: str) -> tuple[str, str, float]:
+    """Read ``PLACE:DIRECTION=VALUE``: a motion of a place in a direction."""
+    where, equals, number = text.rpartition("=")
+    place, _, direction = where.rpartition(":")
+    if not (equals and place and direction in DIRECTIONS):
+        msg = (
+            f"'{text}' is not allowed; PLACE:DIRECTION=VALUE is needed, such as B:x=0.01, and directions are "
+            + ", ".join(DIRECTIONS)
+        )
+        raise argparse.ArgumentTypeError(msg)
+    return place, direction, finite(number)
 
 
 def values_by_name(text: str) -> dict[str, float]:

@@ -2,10 +2,12 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.argument_types import motion_at, positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import require_sensors
@@ -13,12 +15,14 @@ from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import OutputError, Progress, write_json
 from dovetail.file.histories import Columns, read_columns
+from dovetail.file.initial import InitialMotion, start_of
 from dovetail.file.paths import InputFile
+from dovetail.file.table import suggest
 from dovetail.study import Study
 from fem.analysis.excitation import Excitation, TimeResponse, interpolated
 from fem.analysis.transient import METHODS, solve_transient
 from fem.io.atomic import replacing
-from fem.system import assemble
+from fem.system import System, assemble
 from updating.measurement.measurement import sensor_rows
 
 HELP = "compute responses in time to forces, motions of the base, or the release of a load"
@@ -30,6 +34,8 @@ RESULTS = Results(
     motions="displacements of the whole structure at some times",
     picture="the responses",
 )
+Start = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Displacements and velocities of all DOFs."""
 MOST_STEPS = 2_000_000
 """Most steps in time: more is a slip in --step or --duration."""
 
@@ -46,6 +52,18 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--release", metavar="CASE", help="begin at rest under this load case, which is taken away at once"
     )
+    for option, unit, words in (
+        ("displacement", "m, rad", "of a point, held there until then with the rest in equilibrium"),
+        ("velocity", "m/s, rad/s", "of a point, or of a member or group as a rigid body"),
+    ):
+        p.add_argument(
+            f"--{option}",
+            type=motion_at,
+            action="append",
+            default=[],
+            metavar="PLACE:DIRECTION=VALUE",
+            help=f"initial {option} [{unit}] {words}, such as B:x=0.01; repeatable, besides [[initial]]",
+        )
     p.add_argument("--method", choices=METHODS, default="modal", help="default modal, which is exact")
     p.add_argument(
         "--alpha",
@@ -79,23 +97,18 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Compute responses in time, print their peaks, draw and write them."""
-    if options.excitation is None and options.release is None:
-        msg = "nothing acts: give --excitation FILE, --release CASE or both"
-        raise OutputError(msg)
     read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
     RESULTS.check(options, *read)
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
-    excitation = _excitation(study, options)
-    initial = None
-    if options.release is not None:
-        held = study.static(options.release)
-        initial = held.displacements[:, 0], np.zeros(study.model.n_dof)
+    system = assemble(study.model, reciprocal=False)
+    initial = _initial(study, system, options)
+    excitation = _excitation(study, options, initial)
     n = excitation.time.size
     frames = np.unique(np.linspace(0, n - 1, min(options.frames, n)).round().astype(int))
     progress("stepping in time")
     found = solve_transient(
-        assemble(study.model, reciprocal=False),
+        system,
         excitation,
         sensor_rows(study.model, study.sensors),
         method=options.method,
@@ -158,11 +171,41 @@ def run(options: Options, progress: Progress) -> None:
     )
 
 
-def _excitation(study: Study, options: Options) -> Excitation:
-    """Return the excitation of the file on the steps asked for, or none for a release."""
+def _initial(study: Study, system: System, options: Options) -> Start | None:
+    """Return the displacements and velocities at the first sample, None where the structure is at rest."""
+    mesh = study.model.mesh
+    asked = []
+    for key in ("displacement", "velocity"):
+        for place, direction, value in getattr(options, key):
+            own: dict[str, Any] = {key: {direction: value}}
+            if place in mesh.point_names:
+                own["point"] = mesh.point_names[place]
+            elif key == "velocity" and (place in mesh.members or place in mesh.groups):
+                own["members"] = mesh.groups.get(place, (place,))
+            else:
+                known = [*mesh.point_names, *([*mesh.members, *mesh.groups] if key == "velocity" else [])]
+                msg = f"--{key}: there is no place '{place}'; {suggest(place, known)}"
+                raise OutputError(msg)
+            asked.append(InitialMotion(**own))
+    motions = (*study.loads.initial, *asked)
+    start = start_of(system, motions)
+    if options.release is None:
+        return start
+    if any(each.displacement for each in motions):
+        msg = f"--release {options.release} and an initial displacement are given; give one of them"
+        raise OutputError(msg)
+    held = study.static(options.release).displacements[:, 0]
+    return held, np.zeros_like(held) if start is None else start[1]
+
+
+def _excitation(study: Study, options: Options, initial: Start | None) -> Excitation:
+    """Return the excitation of the file on the steps asked for, or none for an initial motion alone."""
     if options.excitation is None:
+        if initial is None:
+            msg = "nothing acts: give --excitation FILE, --release CASE, --displacement or --velocity"
+            raise OutputError(msg)
         if options.step is None or options.duration is None:
-            msg = "--release without --excitation needs --step and --duration"
+            msg = "a response without --excitation needs --step and --duration"
             raise OutputError(msg)
         table = Columns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
     else:

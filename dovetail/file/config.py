@@ -99,6 +99,7 @@ TABLES = (
     "loads",
     "combinations",
     "envelopes",
+    "initial",
     "effects",
     "damping",
     "sensors",

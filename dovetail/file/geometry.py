@@ -105,6 +105,27 @@ class Geometry:
             table.refuse(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
         return members[0]
 
+    def members(self, table: Table, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
+        """Return members from a name, the name of a group, or a list of both, at the key ``member``."""
+        if default is not None and "member" not in table:
+            return default
+        value = table.get("member")
+        names = [value] if isinstance(value, str) else value
+        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+            table.refuse(
+                "member", f"{value!r} is not allowed; a name of a member or group, or a list of them"
+            )
+        out: list[str] = []
+        for name in names:
+            found = self.mesh.groups.get(name, (name,))
+            if not all(m in self.mesh.members for m in found):
+                table.refuse("member", f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
+            out += found
+        twice = tuple(dict.fromkeys(m for m in out if out.count(m) > 1))
+        if twice:
+            table.refuse("member", f"{merge_names(twice)} would be counted twice by one entry")
+        return tuple(out)
+
     def position(self, table: Table, key: str, member: str) -> float:
         """Return an arc length along a member [m]."""
         length = self.mesh.member_length(member)

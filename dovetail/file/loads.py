@@ -1,18 +1,17 @@
-"""Read ``[[loads]]``, ``[[combinations]]`` and ``[[envelopes]]`` of a study file."""
+"""Read ``[[loads]]``, ``[[combinations]]``, ``[[envelopes]]`` and ``[[initial]]`` of a study file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from dovetail.file.geometry import Geometry
+from dovetail.file.initial import InitialMotion, read_initial
 from dovetail.file.table import Table, suggest
 from fem.analysis.combinations import combine_loads
 from fem.analysis.loads import InitialStrain, Key, LineLoad, LoadCase, MemberLoad
 from fem.effects.joint import Joint
 from fem.effects.support import Support
-from fem.mesh import merge_names
 from fem.model import DIRECTIONS, Effect, Model
 
 KINDS = ("point", "force_per_length", "temperature", "strain", "gravity", "settlement")
@@ -31,11 +30,14 @@ class Loads:
         Factors of load cases by the name of the combination.
     envelopes : mapping of str to tuple of str
         Names of load cases and combinations by the name of the envelope.
+    initial : tuple of InitialMotion
+        Motions at the first sample of responses in time.
     """
 
     cases: tuple[LoadCase, ...] = ()
     combinations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     envelopes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    initial: tuple[InitialMotion, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,7 +61,7 @@ class _Case:
 
 
 def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loads:
-    """Read the load cases, combinations and envelopes of a study.
+    """Read the load cases, combinations, envelopes and initial motions of a study.
 
     Parameters
     ----------
@@ -87,6 +89,7 @@ def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loa
         ),
         combinations,
         _envelopes(top, (*cases, *combinations)),
+        read_initial(top, geometry),
     )
 
 
@@ -146,33 +149,12 @@ def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
         t.refuse("settlement", "no direction is moved; give such as { z = -0.002 } [m, rad]")
 
 
-def _members(t: Table, geometry: Geometry, default: Any = None) -> tuple[str, ...]:
-    """Return members from a name, the name of a group, or a list of both; all where that is the default."""
-    mesh = geometry.mesh
-    if default is not None and "member" not in t:
-        return default
-    value = t.get("member")
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        t.refuse("member", f"{value!r} is not allowed; a name of a member or group, or a list of them")
-    out: list[str] = []
-    for name in names:
-        found = mesh.groups.get(name, (name,))
-        if not all(m in mesh.members for m in found):
-            t.refuse("member", f"there is no member '{name}'; {suggest(name, mesh.members)}")
-        out += found
-    twice = [m for m in out if out.count(m) > 1]
-    if twice:
-        t.refuse("member", f"{merge_names(tuple(dict.fromkeys(twice)))} would be loaded twice by one entry")
-    return tuple(out)
-
-
 def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:
     """Read a load along members: constant, or linear between two places."""
     first = t.vector("force_per_length", unit="N/m")
     last = t.vector("force_per_length2", None, unit="N/m")
     axes = t.text("axes", "global", ("global", "local"))
-    members = _members(t, geometry)
+    members = geometry.members(t)
     if len(members) > 1 and ("start" in t or "stop" in t):
         t.refuse("start" if "start" in t.values else "stop", "it is a place on one member; name one member")
     out: list[MemberLoad] = []
@@ -187,7 +169,7 @@ def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:
 
 def _strains(t: Table, geometry: Geometry, kind: str) -> list[MemberLoad]:
     """Read a change of temperature, or an initial strain."""
-    members = _members(t, geometry, tuple(geometry.mesh.members) if kind == "temperature" else None)
+    members = geometry.members(t, tuple(geometry.mesh.members) if kind == "temperature" else None)
     if kind == "strain":
         return [InitialStrain(member=m, axial=t.number("strain", unit="-")) for m in members]
     expansion = t.number("expansion", above=0, unit="1/K")

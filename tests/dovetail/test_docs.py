@@ -13,7 +13,7 @@ TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "rotation", "damping",
     "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "ambient", "identification", "update",
     "[supports]", "[joints]",
-    "[masses]", "[loads]", "[combinations]", "[envelopes]", "[effects]", "[update.parameters]",
+    "[masses]", "[loads]", "[combinations]", "[envelopes]", "[initial]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip
 
@@ -45,6 +45,7 @@ def test_every_key_that_is_taken_is_documented(root, tmp_path, table):
         "[loads]": "gravity = [0, 0, -9.81]",
         "[combinations]": 'name = "a"\nfactors = { load = 1.0 }\n[[loads]]\ngravity = [0, 0, -9.81]',
         "[envelopes]": 'of = "load"\n[[loads]]\ngravity = [0, 0, -9.81]',
+        "[initial]": 'velocity = { x = 1.0 }\nmember = "mast"',
         "[effects]": 'candidate = "crack:mast.ry"',
         "[sensors]": 'name = "a"\npoint = "tip"\ndirection = "x"',
         "[excitations]": 'name = "a"\npoint = "tip"\ndirection = "x"',

@@ -148,7 +148,7 @@ def test_an_envelope_names_the_cases_of_its_extremes(tmp_path):
         ('[[loads]]\ncase = "a"', "which one of point, .*names; none is given"),
         ('[[loads]]\npoint = "B"', r"needs force \[N\], moment \[N·m\] or both"),
         ('[[loads]]\nmember = "bat"\nforce_per_length = [0, 0, 1]', "did you mean 'bar'"),
-        ('[[loads]]\nmember = ["bar", "bar"]\nstrain = 1e-4', "would be loaded twice"),
+        ('[[loads]]\nmember = ["bar", "bar"]\nstrain = 1e-4', "would be counted twice"),
         (
             '[[loads]]\nmember = "bar"\nforce_per_length = [0, 0, 1]\nstart = 1\nstop = 0.5',
             "does not lie behind",
