@@ -1,4 +1,7 @@
-"""Sections by name: those of a study, of a table in a text file (CSV), and rolled shapes of EN 10365."""
+"""Sections by name: those of a study, of a table in a text file (CSV), and rolled shapes of EN 10365.
+
+The table is one's own, or the shapes database of AISC.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -7,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from dovetail.file import aisc
 from dovetail.file.sensor_table import Rows, cells_of
 from dovetail.file.table import StudyError, Table
 from fem.sections.section import OPTIONS, SHAPES, Section
@@ -52,12 +56,22 @@ class Sections(Mapping[str, Section]):
         if name in self.own:
             return self.own[name]
         if name not in self._known:
-            table = self.rows[name] if name in self.rows else rolled()[short_name(name)]
-            self._known[name] = self.read(table, name)
+            self._known[name] = self.read(self._row(name), name)
         return self._known[name]
 
+    def _row(self, name: str) -> Table:
+        """Return the row of a name, however it is spelt: of the study's table, or of the rolled shapes."""
+        if name in self.rows:
+            return self.rows[name]
+        short = short_name(name)
+        alike = [row for known, row in self.rows.items() if short_name(known) == short]
+        return alike[0] if len(alike) == 1 else rolled()[short]
+
     def __contains__(self, name: object) -> bool:
-        return name in self.own or name in self.rows or short_name(str(name)) in rolled()
+        try:
+            return name in self.own or bool(self._row(str(name)))
+        except KeyError:
+            return False
 
     def __iter__(self) -> Iterator[str]:
         yield from self.own
@@ -76,6 +90,8 @@ def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
         For a table that cannot be read; the message names file, row and column.
     """
     (_, head), body = cells_of(path, "section")
+    if aisc.is_database(head):
+        head, body = aisc.sections_of(head, body)
     keys, scales = [], []
     for title in head:
         key, scale = _column(path.name, title)
@@ -121,6 +137,12 @@ def _column(file: str, title: str) -> tuple[str, float | None]:
     key = (title[: unit.start()] if unit else title).strip()
     if key in ("name", "shape"):
         return key, None
+    if key == "Ix":
+        msg = (
+            f"{file}, column {title}: sections have the axes y and z; bending along the height has Iy, which "
+            "tables with Ix and Iy call Ix, and bending across it has Iz"
+        )
+        raise StudyError(msg)
     if key not in POWERS:
         return "", None
     if unit is None:

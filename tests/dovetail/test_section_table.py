@@ -82,6 +82,51 @@ def test_a_table_of_ones_own(tmp_path):
     assert "own.csv: the columns remark are not used" in notes
 
 
+AISC = """\
+Type,EDI_Std_Nomenclature,AISC_Manual_Label,T_F,W,A,d,Ht,OD,bf,B,b,tw,tf,t,tnom,tdes,x,y,Ix,Iy,J,\
+AISC_Manual_Label,A,Ix
+W,W8X24,W8X24,F,24,7.08,7.93,–,–,6.5,–,–,0.245,0.4,–,–,–,–,–,82.7,18.3,0.346,W200X35.9,4570,34.4
+C,C10X20,C10X20,F,20,5.87,10,–,–,2.74,–,–,0.379,0.436,–,–,–,0.606,–,78.9,2.8,0.368,C250X30,3790,32.8
+L,L8X6X1,L8X6X1,F,44.2,13.1,6,–,–,–,–,8,–,–,1,–,–,1.65,2.65,80.9,38.8,4.34,L203X152X25.4,8450,33.7
+HSS,HSS24X12X5/8,HSS24X12X5/8,F,144,39.6,–,24,–,–,12,10.3,–,–,–,0.625,0.581,–,–,2940,1000,2430,a,1,1
+HSS,HSS10X.5,HSS10X.500,F,50.8,13.9,–,–,10,–,–,–,–,–,–,0.5,0.465,–,–,159,159,317,b,1,1
+2L,2L8X8X1,2L8X8X1,F,102,30.2,8,–,–,–,–,8,–,–,1,–,–,–,2.36,178,322,–,c,1,1
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "A", "Iy", "Iz", "J"),
+    [
+        ("W8x24", 7.08, 82.7, 18.3, 0.346),
+        ("HSS24X12X5/8", 39.6, 2940, 1000, 2430),
+        ("HSS10X.500", 13.9, 159, 159, 317),
+    ],
+)
+def test_the_database_of_aisc(tmp_path, name, A, Iy, Iz, J):
+    """Rows as AISC's manual prints them."""
+    (tmp_path / "aisc.csv").write_text(AISC, encoding="utf-8")
+    found = section(tmp_path, name, 'sections = "aisc.csv"')
+    inch = 0.0254
+    assert (found.A / inch**2, found.Iy / inch**4) == pytest.approx((A, Iy))
+    assert (found.Iz / inch**4, found.J / inch**4) == pytest.approx((Iz, J))
+    assert found.outlines
+    assert found.ky > 0
+
+
+def test_channels_and_angles_of_aisc(tmp_path):
+    (tmp_path / "aisc.csv").write_text(AISC, encoding="utf-8")
+    inch = 0.0254
+    channel = section(tmp_path, "C10X20", 'sections = "aisc.csv"')
+    # AISC: x + eo; its flanges are thicker at the web than at the tips, ours of one thickness
+    assert -channel.shear_centre[0] / inch == pytest.approx(0.606 + 0.636, rel=0.06)
+    angle = section(tmp_path, "L8X6X1", 'sections = "aisc.csv"')
+    assert angle.A / inch**2 == pytest.approx(13.1)
+    # the sum of both moments does not depend on the axes
+    assert (angle.Iy + angle.Iz) / inch**4 == pytest.approx(80.9 + 38.8, rel=0.01)
+    with pytest.raises(StudyError, match="no section '2L8X8X1'"):
+        section(tmp_path, "2L8X8X1", 'sections = "aisc.csv"')
+
+
 def test_the_only_section_is_the_default(tmp_path):
     (tmp_path / "own.csv").write_text("name,shape,d\nrod,circle,0.02\n", encoding="utf-8")
     assert section(tmp_path, top='sections = "own.csv"').label
@@ -110,6 +155,7 @@ def test_the_table_is_an_input_file(tmp_path):
             r"own\.csv, row 3, column name: there is a section 'rod'",
         ),
         ("name,shape,d\nother,circle,1\n", "there is no section 'rod'"),
+        ("name,A,Ix,Iy,J\nrod,1,1,1,1\n", "bending along the height has Iy, which tables with Ix"),
     ],
 )
 def test_what_is_refused(tmp_path, text, message):
