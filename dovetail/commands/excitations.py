@@ -53,8 +53,9 @@ def driven_by(study: Study, columns: Columns) -> Driven:
     of_loads: list[int] = []
     base: dict[str, int] = {}
     for k, name in enumerate(columns.names):
-        if name.startswith(BASE) and name.removeprefix(BASE) in DIRECTIONS:
-            base[name.removeprefix(BASE)] = k
+        direction = name.lower().removeprefix(BASE)
+        if name.lower() == BASE + direction and direction in DIRECTIONS:
+            base[direction] = k
             continue
         if name in excitations:
             loads.append(sensor_rows(study.model, [excitations[name]])[0])

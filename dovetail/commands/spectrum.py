@@ -163,7 +163,7 @@ def _spectra(table: Columns, zeta: float) -> tuple[dict[str, Tabulated], dict[st
 
     Those of a record are its shock response spectra for a damping ratio.
     """
-    names = [name.removeprefix(BASE) for name in table.names]
+    names = [name.lower().removeprefix(BASE) for name in table.names]
     for name in names:
         if name not in DIRECTIONS:
             msg = f"{table.file}: '{name}' is no direction of the base; {suggest(name, DIRECTIONS)}"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.commands.argument_types import motion_at, positive, whole_up_to
+from dovetail.commands.argument_types import finite, motion_at, positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, loaded, say
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import require_sensors
@@ -67,7 +67,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--method", choices=METHODS, default="modal", help="default modal, which is exact")
     p.add_argument(
         "--alpha",
-        type=float,
+        type=finite,
         default=0.0,
         metavar="A",
         help="of newmark: -1/3 to 0, damps what a step cannot resolve (Hilber, Hughes and Taylor; default 0)",
@@ -216,6 +216,11 @@ def _excitation(study: Study, options: Options, initial: Start | None) -> Excita
     duration = options.duration or float(time[-1] - time[0])
     if duration / step > MOST_STEPS:
         msg = f"{duration:g} s in steps of {step:g} s are {duration / step:.3g} steps; at most {MOST_STEPS}"
+        raise OutputError(msg)
+    if step > duration:
+        msg = (
+            f"a step of {step:g} s is longer than the {duration:g} s that are computed; give a smaller --step"
+        )
         raise OutputError(msg)
     if options.step is not None:
         time, values = interpolated(time, values, step)

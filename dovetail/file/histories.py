@@ -37,8 +37,8 @@ class Columns:
 def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
     """Read a table whose first column is an abscissa.
 
-    Columns are separated by commas, semicolons or tabs. A unit in brackets behind a name is dropped; lines
-    that begin with # are comments.
+    Columns are separated by commas, semicolons or tabs; numbers may have decimal commas where commas are no
+    separators. A unit in brackets behind a name is dropped; lines that begin with # are comments.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def _numbers(file: str, n: int, line: str, separator: str, wanted: int) -> list[
     out = []
     for cell in cells:
         try:
-            value = float(cell)
+            value = float(cell if separator == "," else cell.replace(",", "."))
         except ValueError:
             value = np.nan
         if not np.isfinite(value):

@@ -419,6 +419,21 @@ def test_tables_that_cannot_be_meant_are_refused(column, tmp_path, capsys, text,
     assert message in refused(capsys, "transient", column, "--excitation", table)
 
 
+def test_tables_may_be_written_in_several_ways(column, tmp_path, capsys):
+    table = tmp_path / "e.csv"
+    every = []
+    for text in (
+        "time,base x\n0,0\n0.01,1.5\n0.02,0\n",
+        "Time [s];Base X [m/s²]\n0;0\n0,01;1,5\n0,02;0\n",
+    ):
+        table.write_text(text, encoding="utf-8")
+        every.append(printed(capsys, "transient", column, "--excitation", table, "--json", "-"))
+    assert every[0] == every[1]
+    assert every[0]["peaks"]["top"]["displacement"]["size"] > 0
+    step = ("--step", "5")
+    assert "is longer than the" in refused(capsys, "transient", column, "--excitation", table, *step)
+
+
 def test_spectrum(column, tmp_path, capsys):
     by_period, by_frequency = tmp_path / "t.csv", tmp_path / "f.csv"
     by_period.write_text("period [s],x\n0,3\n0.01,3\n0.1,7.5\n2,1.5\n", encoding="utf-8")
