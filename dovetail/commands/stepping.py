@@ -3,9 +3,11 @@
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress
+from dovetail.units.outcome import Unit
 from dovetail.units.work import Step
 
 SECONDS = 10.0
@@ -22,7 +24,12 @@ def said(options: Options, progress: Progress) -> Callable[[Step], None]:
         due = now - last[0] > SECONDS
         if not options.quiet and not sys.stderr.isatty() and (due or step.outcome.failure):
             last[0] = now
-            ended = f"; {step.outcome.unit}: {step.outcome.failure}" if step.outcome.failure else ""
+            ended = f"; {_name(step.outcome.unit)}: {step.outcome.failure}" if step.outcome.failure else ""
             sys.stderr.write(f"{step.words}{ended}\n")
 
     return say
+
+
+def _name(unit: Unit) -> str:
+    """Return a unit in words: a file by its name, without the size and time by which it is known again."""
+    return Path(unit[0]).name if isinstance(unit, tuple) else str(unit)

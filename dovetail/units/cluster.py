@@ -4,12 +4,14 @@ import hashlib
 import logging
 import pickle
 import threading
+import time
 import warnings
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from dovetail.units.outcome import PROCESS_ENDED, Function, Outcome, PoolError, Unit, failed, outcome_of
@@ -160,6 +162,16 @@ def _call(function: Function, payload: bytes, key: str, program: str, unit: Unit
         return outcome_of(function, _SHARED[key], unit)
 
 
+def _wait_for(file: Path) -> None:
+    """Wait for a file that a scheduler writes when it starts; raise a PoolError if it does not come."""
+    end = time.monotonic() + CONNECT_SECONDS
+    while not file.exists():
+        if time.monotonic() > end:
+            msg = f"--scheduler {file}: there is no such file; a scheduler writes it when it starts"
+            raise PoolError(msg)
+        time.sleep(0.1)
+
+
 @contextmanager
 def cluster_pool(scheduler: str) -> Iterator[ClusterPool]:
     """Give the pool of a running cluster; the cluster stays.
@@ -181,6 +193,8 @@ def cluster_pool(scheduler: str) -> Iterator[ClusterPool]:
         raise PoolError(msg) from None
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     where: dict[str, Any] = {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}
+    if "scheduler_file" in where:
+        _wait_for(Path(scheduler))  # Client would wait for it without end
     try:
         client = Client(**where, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as reason:

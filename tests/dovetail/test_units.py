@@ -153,3 +153,13 @@ def test_workers_that_cannot_be_had_are_refused():
 
 def test_time_left_is_said_in_its_unit():
     assert [duration(s) for s in (3.2, 125, 7200)] == ["3 s", "2 min", "2.0 h"]
+
+
+@needs_dask
+def test_a_scheduler_file_that_does_not_come_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("dovetail.units.cluster.CONNECT_SECONDS", 0.0)
+    with (
+        pytest.raises(PoolError, match="nowhere.json: there is no such file"),
+        pool_of(None, str(tmp_path / "nowhere.json")),
+    ):
+        pass
