@@ -159,7 +159,7 @@ def test_time_left_is_said_in_its_unit():
 def test_a_scheduler_file_that_does_not_come_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("dovetail.units.cluster.CONNECT_SECONDS", 0.0)
     with (
-        pytest.raises(PoolError, match="nowhere.json: there is no such file"),
+        pytest.raises(PoolError, match=r"nowhere\.json: there is no such file"),
         pool_of(None, str(tmp_path / "nowhere.json")),
     ):
         pass
