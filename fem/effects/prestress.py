@@ -1,6 +1,6 @@
 """The section forces of a static state, which stiffen or soften all members."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
-from fem.elements.geometric_stiffness import SectionForces, sample, stress_stiffness
+from fem.elements.geometric_stiffness import Samples, SectionForces, sample, stress_stiffness
 from fem.elements.levers import lever_stiffness
 from fem.mesh import Mesh
 from fem.model import (
@@ -27,6 +27,12 @@ from fem.recent import Recent
 
 _UNITS = 8
 """Frames and meshes whose geometric stiffness at a factor of 1 is kept."""
+
+_LINES = 4000
+"""Lines whose geometric stiffness is formed at once: some 10 kB of memory each."""
+
+_NO_LINES = np.zeros(0, dtype=np.int64)
+_NO_LINES.flags.writeable = False
 
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
@@ -185,12 +191,30 @@ class Prestress(Effect):
 
 def _unit_stiffness(effect: Prestress, frame: Frame, mesh: Mesh) -> Contribution:
     """Return the geometric stiffness of the lines at a load factor of 1."""
-    dofs, K, lines = [np.zeros((0, 12), dtype=np.int64)], [np.zeros((0, 12, 12))], []
-    for member in effect._members():
-        g, s = frame.lines(mesh, mesh.members[member]), mesh.member_positions(member)
-        dofs.append(g.dofs)
-        parts = [stress_stiffness(g, sample(g, s, course)) for course in effect.courses(member)]
-        K.append(np.sum(parts, axis=0))
-        lines.append(g.rows)
-    rows = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
-    return Contribution(np.concatenate(dofs), np.concatenate(K), lines=rows)
+    out = [Contribution(np.zeros((0, 12), dtype=np.int64), np.zeros((0, 12, 12)), lines=_NO_LINES)]
+    for members in _some_at_a_time(effect._members(), mesh):
+        g = frame.lines(mesh, np.concatenate([mesh.members[m] for m in members]))
+        parts, begins, first = [], [], 0
+        for member in members:
+            s = mesh.member_positions(member)
+            courses = effect.courses(member)
+            parts += [sample(g, s, course, first) for course in courses]
+            begins += [first] * len(courses)
+            first += len(s) - 1
+        K = stress_stiffness(g, Samples.joined(parts, begins, first))
+        out.append(Contribution(g.dofs, K, lines=g.rows))
+    dofs, K, lines = (np.concatenate([getattr(c, key) for c in out]) for key in ("dofs", "K", "lines"))
+    return Contribution(dofs, K, lines=lines)
+
+
+def _some_at_a_time(members: Sequence[str], mesh: Mesh) -> Iterator[list[str]]:
+    """Yield members in groups of a few thousand lines."""
+    group, n = [], 0
+    for member in members:
+        group.append(member)
+        n += len(mesh.members[member])
+        if n >= _LINES:
+            yield group
+            group, n = [], 0
+    if group:
+        yield group

@@ -14,6 +14,7 @@ Structures*, 1994, ch. 6).
 See docs/theory-fem.md for the derivation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,8 @@ from fem.model import Array
 FORCE_NODES, _WEIGHTS = gauss_points(4)
 """Fractions of a stretch at which section forces are given: a cubic through them has the moments of a load
 that is linear along the stretch, and products with the squares of slopes are integrated exactly."""
+
+_OTHERS = np.array([np.delete(FORCE_NODES, j) for j in range(4)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,11 +75,7 @@ class SectionForces:
 
 def _lagrange(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the cubics that are 1 at one of `FORCE_NODES` and 0 at the others, shape (n, 4)."""
-    out = np.ones((t.size, 4))
-    for j, x in enumerate(FORCE_NODES):
-        for y in np.delete(FORCE_NODES, j):
-            out[:, j] *= (t - y) / (x - y)
-    return out
+    return np.prod((t[:, None, None] - _OTHERS) / (FORCE_NODES[:, None] - _OTHERS), axis=2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,24 +102,42 @@ class Samples:
     forces: NDArray[np.float64]
     ends: NDArray[np.float64]
 
+    @classmethod
+    def joined(cls, parts: Sequence["Samples"], first: Sequence[int], n: int) -> "Samples":
+        """Return the samples of several members, whose lines begin at some numbers among n; forces add up."""
+        ends = np.zeros((n, 2, 6))
+        for part, k in zip(parts, first, strict=True):
+            ends[k : k + len(part.ends)] += part.ends
+        whole = (
+            np.concatenate([getattr(p, key) for p in parts]) for key in ("line", "xi", "weight", "forces")
+        )
+        line, xi, weight, forces = whole
+        return cls(line, xi, weight, forces, ends)
 
-def sample(g: Lines, s: NDArray[np.float64], forces: SectionForces) -> Samples:
-    """Return the section forces of one member's lines, which lie between arc lengths s (b + 1,)."""
-    span = np.diff(s)
-    zone = g.zone * (span / g.span)[:, None]  # offsets that change along a member lengthen its axis
-    inner = np.concatenate([forces.start, forces.stop, s[:-1] + zone[:, 0], s[1:] - zone[:, 1]])
-    cuts = np.unique(np.concatenate([s, inner[(inner > s[0]) & (inner < s[-1])]]))
+
+def sample(g: Lines, s: NDArray[np.float64], forces: SectionForces, first: int = 0) -> Samples:
+    """Return the section forces of one member's lines, which lie between arc lengths s (b + 1,).
+
+    They are those of ``g`` from number ``first`` on; the ends are theirs alone.
+    """
+    span, axis = np.diff(s), g.span[first : first + len(s) - 1]
+    # offsets that change along a member lengthen its axis
+    zone = g.zone[first : first + len(s) - 1] * (span / axis)[:, None]
+    breaks = np.concatenate([forces.start, forces.stop, s[:-1] + zone[:, 0], s[1:] - zone[:, 1]])
+    cuts = np.unique(np.concatenate([s, breaks[(breaks > s[0]) & (breaks < s[-1])]]))
     cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-12 * s[-1]])]
     middle, length = (cuts[:-1] + cuts[1:]) / 2, np.diff(cuts)
     line = np.clip(np.searchsorted(s, middle, side="right") - 1, 0, len(s) - 2)
     places = (cuts[:-1, None] + length[:, None] * FORCE_NODES).ravel()
-    each, inside = np.repeat(line, 4), np.repeat(middle, 4)
+    each, inside, between = np.repeat(line, 4), np.repeat(middle, 4), (s[:-1] + s[1:]) / 2
+    at = np.concatenate([places, s[:-1], s[1:]]), np.concatenate([inside, between, between])
+    inner, left, right = np.split(forces.at(*at), [len(places), len(places) + len(between)])
     return Samples(
-        each,
+        first + each,
         (places - s[each]) / span[each],
-        (length[:, None] * _WEIGHTS).ravel() * (g.span / span)[each],
-        forces.at(places, inside),
-        np.stack([forces.at(s[:-1], (s[:-1] + s[1:]) / 2), forces.at(s[1:], (s[:-1] + s[1:]) / 2)], axis=1),
+        (length[:, None] * _WEIGHTS).ravel() * (axis / span)[each],
+        inner,
+        np.stack([left, right], axis=1),
     )
 
 
