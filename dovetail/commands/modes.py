@@ -1,28 +1,21 @@
 """``dovetail modes``: natural frequencies and mode shapes."""
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from dovetail.commands.argument_types import positive, whole_up_to
-from dovetail.commands.common import (
-    Options,
-    assumptions,
-    check_places,
-    loaded,
-    notes_of_mesh,
-    say,
-    warn,
-)
-from dovetail.disk.output import Output, Progress, result_folder, write_json
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say, warn
+from dovetail.commands.results import Results
+from dovetail.disk.output import Progress, result_folder, write_json
 from fem.analysis.modes import first_modes, solve_modes
 from fem.analysis.warping import warped_modes
+from fem.io import write_modes
 from fem.system import assemble
-from viz.offscreen import require_drawing
 
 HELP = "compute natural frequencies and mode shapes"
 EXAMPLE = "dovetail modes study.toml --number 12 --pictures out/modes"
+RESULTS = Results(motions="the mode shapes", pictures=("each elastic mode", "mode-01.png"))
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -34,17 +27,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="number of modes besides rigid-body ones (default 10)",
     )
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
-    p.add_argument(
-        "--pictures", type=Path, metavar="DIR", help="also draw each elastic mode as a PNG into this folder"
-    )
-    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    RESULTS.add_arguments(p)
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print natural frequencies; draw mode shapes."""
-    check_places(options, Output("--pictures", options.pictures, ("mode-01.png",)))
-    if options.pictures is not None:
-        require_drawing("--pictures")
+    RESULTS.check(options)
     study = loaded(options, ())
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
@@ -55,6 +43,8 @@ def run(options: Options, progress: Progress) -> None:
     warped = warped_modes(study.model, found)
     warn(warped)
     zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
+    if options.vtu is not None:
+        write_modes(found, study.model.mesh, options.vtu)
     if options.pictures is not None:
         from viz.render import render_mode
 

@@ -106,8 +106,16 @@ def test_campbell(tmp_path, capsys):
     assert max(alike) == pytest.approx(1, abs=1e-6)
 
 
+def test_modes(tmp_path, capsys, corner):
+    found, mesh = written(capsys, tmp_path / "m.vtu", "modes", PORTAL / "study.toml", "--number", "3")
+    shapes = load_study(PORTAL / "study.toml").solve_modes(3).shapes
+    names = [f"mode {k + 1}: {mode['frequency_Hz']:.6g} Hz" for k, mode in enumerate(found["modes"])]
+    moved = np.abs([mesh[name][corner, 1] for name in names])
+    np.testing.assert_allclose(moved, np.abs(shapes[6 * corner + 1]), atol=1e-9)
+
+
 def test_other_formats_are_refused_before_anything_is_computed(tmp_path, capsys):
     path = tmp_path / "a.txt"
-    for command in ("static", "buckling", "complex", "base"):
+    for command in ("modes", "static", "buckling", "complex", "base"):
         assert main([command, str(PORTAL / "study.toml"), "--vtu", str(path)]) == 2
         assert "is written as .vtu, .vtk or .xdmf, not '.txt'" in capsys.readouterr().err
