@@ -93,7 +93,7 @@ def compute_base_frf(
     FRFError
         For an unknown ``mass_damping``, and as :func:`fem.analysis.frf_solver.compute_frf`.
     ModelError
-        For a motion of something that is not there or not held.
+        For a motion of something that is not there or not held, and for a structure that nothing holds.
     """
     if mass_damping not in ("relative", "absolute"):
         msg = f"mass_damping is '{mass_damping}'; allowed are relative, absolute"
@@ -159,6 +159,10 @@ def _followed(
             )
             raise ModelError(msg)
         refuse_motion(model, motion)
+        supports = (c for c in constraints if not c.everywhere and np.unique(c.dofs // 6).size == 1)
+        if next(supports, None) is None and not _grounded(model):
+            msg = "nothing holds the structure to the ground, so that no motion of the base reaches it"
+            raise ModelError(msg)
         base = rigid_motion_field(model, place)[:, DIRECTIONS.index(motion)]
         _check_rigid(system, base, motion)
         return base, _forces(model, base, base, None), f"base {motion.upper()}+"

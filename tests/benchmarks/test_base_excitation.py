@@ -8,6 +8,7 @@ from fem.analysis.frf import FRFError
 from fem.analysis.frf_solver import compute_frf
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
+from fem.effects.plane import Plane
 from fem.effects.viscoelastic import Viscoelastic
 from fem.laws import Zener
 from fem.materials import Material
@@ -167,3 +168,13 @@ def test_motions_of_nothing_are_refused():
         compute_base_frf(system, [1.0], [(4, "x")], [])
     with pytest.raises(ModelError, match="there are"):
         compute_base_frf(assemble(mounted()), [1.0], [(4, "x")], [("rubber", "z")])
+
+
+@pytest.mark.parametrize("more", [(), (Plane(name="plane", plane="xz"),)])
+def test_no_motion_of_the_base_reaches_a_free_structure(more):
+    model = beam(2, effects=more)
+    with pytest.raises(ModelError, match="nothing holds the structure to the ground"):
+        compute_base_frf(assemble(model), [1.0], [(0, "z")], ["z"])
+    spring = Joint(name="spring", point1=0, location=np.zeros(3), K=1e4 * np.eye(6))
+    held = beam(2, effects=(spring, *more))
+    assert np.abs(compute_base_frf(assemble(held), [1.0], [(0, "z")], ["z"]).H).min() > 0.5
