@@ -16,7 +16,6 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
-from updating.inference.scatter import Scatter
 
 QUICK_LINES, LOW_LINES = 40, 16
 """Lines of quick fits, and of those in the lowest band, which has few modes."""
@@ -81,14 +80,11 @@ class Fits:
             return free, free
         own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
         quick = replace(self.problem, nuisances=own)
-        return replace(quick, scatter=self._scatter(quick, self.without_fixed(base), base)), free
+        return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 
     def free(self, base: Hypothesis) -> AnyProblem:
         """Return the problem beside a hypothesis, with its form free."""
-        return replace(self.problem, scatter=self._scatter(self.problem, base.fitted.result, base))
-
-    def _scatter(self, problem: AnyProblem, result: FitResult, base: Hypothesis) -> Scatter | None:
-        return self.ranking.scatter(problem, result, base.fitted.size)
+        return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted.result))
 
     def fixed(self, base: Hypothesis) -> set[str]:
         """Return the names of effects that do not vary in short fits beside a hypothesis."""
@@ -178,7 +174,7 @@ class Fits:
         if near is not None:
             way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
         h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, self._where_it_is(problem, h, values), near)
+        return self.scattered(problem, self._where_it_is(problem, h, values))
 
     def _where_it_is(self, problem: AnyProblem, h: Hypothesis, values: Values) -> Hypothesis:
         """Return a fit to modes on a basis with the forces of effects at the places to which it moved them.
@@ -194,12 +190,12 @@ class Fits:
             h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **way)
         return h
 
-    def scattered(self, problem: AnyProblem, h: Hypothesis, near: Hypothesis | None = None) -> Hypothesis:
+    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there.
 
-        They begin with the size that they have near another one.
+        They begin with a size in the middle: a large one does instead of an effect.
         """
-        size, way = (near or h).fitted.size, {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
+        size, way = None, {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
         for _ in range(MOST_PASSES):
             scatter = self.ranking.scatter(problem, h.fitted.result, size)
             if scatter is None:

@@ -19,7 +19,7 @@ besides, and of its mass, relative [-]."""
 FORM_DAMPING = 0.1
 """Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]. That of
 joints is as uncertain as the study's damping."""
-FORM_MODES = 0.0005, 0.016
+FORM_MODES = 0.0005, 0.008
 """Least and largest standard deviation of the relative shift of each mode's eigenvalue that frame theory
 leaves: of any order between them, as the data say [-]."""
 EFFECT_ODDS = np.log(10.0)

@@ -24,7 +24,7 @@ LEAST_GRIDS = 3
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
-N_SIZES = 6
+N_SIZES = 5
 """Number of sizes of eigenvalues' shifts that are compared."""
 
 MayWin = Callable[[Effect, float], bool]
@@ -154,7 +154,7 @@ class FrfRanking:
         if problem.model_error == 0:
             return scatter_of(problem, result, damping, 0.0)
         sizes = self.form_share * np.geomspace(*FORM_MODES, N_SIZES)
-        middle = float(sizes[N_SIZES // 2 - 1])
+        middle = float(sizes[N_SIZES // 2])
         return scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes))
 
     def basis_for(
