@@ -31,7 +31,9 @@ SEEN_IN_MODES = (
     "support_translation", "support_rotation",
 )  # fmt: skip
 """Kinds that natural frequencies and shapes can show."""
-MODAL_SETS = ("modes", "frequencies", "states", "modes-null", "ambient", "ambient-null")
+MODAL_SETS = (
+    "modes", "frequencies", "states", "modes-null", "ambient", "ambient-null", "frequencies-null",
+)  # fmt: skip
 """Sets whose data are modes, not FRFs."""
 
 SETS: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -53,14 +55,15 @@ SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "ambient-null": (),
     "frf-states": (EFFECTS,),
     "frf-states-null": (),
+    "frequencies-null": (),
 }
 """Sets of cases, with the kinds that each thing in them is drawn from.
 
 One effect; nothing; one whose kind the search may not use; one ten times weaker; two; a fault of a sensor; a
 connection that gives way in two or three directions; two such; one and a mass; something that is mounted
-elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing; modes
-that are identified from the response to unknown forces, and nothing. Two states of one frame by FRFs, with
-a change as weak as in "weak", and two without a change.
+elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing, with
+shapes or without; modes that are identified from the response to unknown forces, and nothing. Two states of
+one frame by FRFs, with a change as weak as in "weak", and two without a change.
 """
 FRF_STATES = ("frf-states", "frf-states-null")
 """Sets of two states that are measured by FRFs."""

@@ -92,7 +92,7 @@ def _judged(
     noise = [float(np.exp(rng.uniform(*np.log(x)))) for x in (FREQUENCY_NOISE, SHAPE_NOISE)]
     if set_name == "states":
         noise = [STATE_NOISE * x for x in noise]
-    with_shapes = set_name != "frequencies"
+    with_shapes = not set_name.startswith("frequencies")
     model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
     nuisances = nuisances_of(settings, draft)
     if set_name.startswith("ambient"):

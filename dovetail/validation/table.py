@@ -57,7 +57,8 @@ RATES["modes"] = RATES["frequencies"] = RATES["states"] = RATES["ambient"] = (
     ("unexplained", lambda r: r["outcome"] == "unexplained"),
     ("not noticed", lambda r: r["outcome"] == "not noticed"),
 )
-RATES["modes-null"] = RATES["ambient-null"] = RATES["frf-states-null"] = RATES["null"]
+RATES["modes-null"] = RATES["frequencies-null"] = RATES["null"]
+RATES["ambient-null"] = RATES["frf-states-null"] = RATES["null"]
 RATES["connection"] = RATES["connections"] = RATES["mixed"] = (
     ("all right, nothing else", lambda r: r["outcome"] == "right"),
     ("all right", lambda r: r["outcome"] in ("right", "beside")),
