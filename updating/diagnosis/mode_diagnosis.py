@@ -22,6 +22,7 @@ from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
+from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
@@ -235,8 +236,10 @@ def formed_problem(
 
 
 def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
-    """Return a search by modes of a model that has ended."""
-    return searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
+    """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
+    done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
+    weigh_unfitted(search)
+    return done if search.best.score <= done.best.score else replace(done, best=search.polished(search.best))
 
 
 def candidates_for(

@@ -46,16 +46,20 @@ class ModeLevels:
 
     def _parts(self, v: Floats) -> tuple[Floats, Floats]:
         total = self.variance[:, None] + self.discrepancy
-        each = -0.5 * self.n[:, None] * np.log(total) - 0.5 * (self.size * v)[:, None] / total
+        each = -0.5 * self.n[:, None] * np.log(total) - 0.5 * (self.size * v)[..., None] / total
         return total, each
 
     def cost(self, v: Floats) -> float:
         """Return the negative log likelihood at mean squares (n_groups,)."""
+        return float(self.costs(v))
+
+    def costs(self, v: Floats) -> Floats:
+        """Return the negative log likelihoods at several sets of mean squares, (..., n_groups)."""
         _, each = self._parts(v)
-        return -float((np.logaddexp.reduce(each, axis=1) - np.log(each.shape[1])).sum())
+        return -(np.logaddexp.reduce(each, axis=-1) - np.log(each.shape[-1])).sum(axis=-1)
 
     def weight(self, v: Floats) -> Floats:
-        """Return twice its derivatives by the mean squares, (n_groups,)."""
+        """Return twice its derivatives by the mean squares, (..., n_groups)."""
         total, each = self._parts(v)
-        share = np.exp(each - np.logaddexp.reduce(each, axis=1)[:, None])
-        return self.size * (share / total).sum(axis=1)
+        share = np.exp(each - np.logaddexp.reduce(each, axis=-1)[..., None])
+        return self.size * (share / total).sum(axis=-1)

@@ -22,7 +22,7 @@ from fem.system import assemble
 from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.priors import EFFECT_ODDS
+from updating.diagnosis.evidence.priors import EFFECT_ODDS, EffectPrior, prior_of
 from updating.diagnosis.evidence.ranking import MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened
@@ -30,6 +30,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
 from updating.inference.preparation import fitted_model
 from updating.inference.scatter import Scatter
+from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24
 """So many of the best candidates by their slopes are looked at on their grids."""
@@ -83,17 +84,46 @@ class ModeLook:
         return np.sqrt((levels.weight(v) / size)[member])
 
     @cached_property
-    def _adapting(self) -> tuple[Floats, Floats]:
-        """Orthonormal directions of what varies, and the misfit without them."""
+    def _adapting(self) -> tuple[Floats, Floats, Floats]:
+        """Orthonormal directions of what varies, the misfit without them, and what varies, row by row."""
         function = self._function
         x, prior = self.current_x, priors_of(function)
         _, J = function(x, True)
         assert J is not None
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
-        behind = np.diag(known)
-        Q, _ = np.linalg.qr(np.hstack([self._plain(J), behind]).T)
+        rows = np.hstack([self._plain(J), np.diag(known)])
+        Q, _ = np.linalg.qr(rows.T)
         y = np.concatenate([self._plain(self._found[0][None])[0], known * (x - np.nan_to_num(prior.mean))])
-        return Q, y - Q @ (Q.T @ y)
+        return Q, y - Q @ (Q.T @ y), rows
+
+    def evidence(self, slopes: Floats, factor: Floats) -> tuple[Floats, Floats]:
+        """Return by how much changes of known size raise the log evidence, and how sharply they are known.
+
+        Of multiples ``factor`` (n,) of slopes (n, m), to the first order. The level of error is the one that
+        they leave, and what adapts to them is known as well as that level allows. The second result is one
+        over the standard deviation of the multiple, (n,).
+        """
+        levels, rows = self._function.mode_levels(), self._adapting[2]
+        n, member = len(self._scale), np.unique(self._function.groups, return_inverse=True)[1]
+        of_group = np.eye(member.max() + 1)[np.concatenate([member, member])]
+        level_weight = levels.weight(self._function.mean_by_group(np.abs(self._found[0]) ** 2))
+
+        def parts(r: Floats) -> tuple[Floats, Floats]:
+            return r[:, : 2 * n] ** 2 @ of_group, (r[:, 2 * n :] ** 2).sum(axis=1)
+
+        def posterior(r: Floats) -> tuple[Floats, Floats]:
+            """Return the log evidence up to a constant, and the weight of each group in parts of its own."""
+            squares, known = parts(r)
+            v = squares / level_weight
+            share = levels.weight(v) / level_weight
+            curvature = np.einsum("ng,gij->nij", share, each) + rows[:, 2 * n :] @ rows[:, 2 * n :].T
+            return -levels.costs(v) - known / 2 - np.linalg.slogdet(curvature)[1] / 2, share
+
+        each = np.einsum("im,mg,jm->gij", rows[:, : 2 * n], of_group, rows[:, : 2 * n], optimize=True)
+        now, _ = posterior(self.misfit[None])
+        then, share = posterior(self.misfit + factor[:, None] * slopes)
+        squares, known = parts(slopes)
+        return then - now, np.sqrt((share * squares).sum(axis=1) + known)
 
     def _plain(self, r: NDArray[np.complex128]) -> Floats:
         scaled = r * self._scale
@@ -101,7 +131,7 @@ class ModeLook:
 
     def adapted(self, changes: NDArray[np.complex128]) -> Floats:
         """Return changes (n, m) of the residuals without what adapts to them."""
-        Q, _ = self._adapting
+        Q = self._adapting[0]
         flat = np.hstack([self._plain(changes), np.zeros((len(changes), len(self.current_x)))])
         return flat - (flat @ Q) @ Q.T
 
@@ -272,6 +302,26 @@ def _power(n: int, omega: Floats) -> Floats:
     return (-(omega**2)) ** n
 
 
+@dataclass(frozen=True, slots=True)
+class Little:
+    """What the best multiple of a candidate's change does, to the first order.
+
+    Attributes
+    ----------
+    left : float
+        Squares of the misfit that it leaves [deviations²].
+    values, std : dict
+        Parameter values there, and their standard deviations.
+    evidence : float
+        By how much the candidate raises the log evidence, whatever its size; -∞ if the data do not see it.
+    """
+
+    left: float
+    values: dict[str, float]
+    std: dict[str, float]
+    evidence: float
+
+
 class ModeRanking:
     """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
 
@@ -329,6 +379,16 @@ class ModeRanking:
             Screened(grids[i].effect, tuple(s for tried in each for s in tried[i].starts), float(gain[i]))
             for i in there
         )
+
+    def looked(
+        self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]
+    ) -> list[tuple[Effect, Little]]:
+        """Return candidates that the data see, with what they do beside a fit to the first order."""
+        grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
+        grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
+        little = _by_slopes(ModeLook(problem, current), grids)
+        each = zip(grids, little, strict=True)
+        return [(g.effect.with_values(**x.values), x) for g, x in each if np.isfinite(x.evidence)]
 
     def blocks(self, problem: ModeProblem, current: FitResult) -> RankedBlocks:
         """Return what ranks nothing: modes say too little of several springs at once."""
@@ -402,14 +462,14 @@ def _tried(
     look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool]
 ) -> list[_Tried]:  # fmt: skip
     """Return candidates on their grids, of the best by their slopes and those listed."""
-    by_slopes, multiples = _by_slopes(look, grids)
-    chosen = {int(i) for i in np.argsort(by_slopes, kind="stable")[:N_LOOKED]}
+    little = _by_slopes(look, grids)
+    chosen = {int(i) for i in np.argsort([x.left for x in little], kind="stable")[:N_LOOKED]}
     now, out = float((look.misfit**2).sum()), []
-    for i, (grid, multiple) in enumerate(zip(grids, multiples, strict=True)):
+    for i, (grid, best) in enumerate(zip(grids, little, strict=True)):
         if i not in chosen and not listed(grid.effect):
             out.append(_Tried(-np.inf))
             continue
-        whole = replace(grid, points=(*grid.points, multiple))
+        whole = replace(grid, points=(*grid.points, best.values))
         left = look.left_by(whole)
         k = int(np.argmin(left))
         starts = (Start((whole.points[k],), look.current),) if np.isfinite(left[k]) else ()
@@ -424,29 +484,70 @@ def _independent_columns(A: Floats) -> Floats:
     return U[:, s > SAME_FORCE * s.max(initial=0.0)]
 
 
-def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> tuple[Floats, list[dict[str, float]]]:
-    """Return what the best multiple of each candidate's change leaves of the misfit, and its values there.
-
-    In deviations².
-    """
-    owner, most, points = [], [], []
-    for n, grid in enumerate(grids):
-        for point, factor in grid.slight_points():
-            owner.append(n)
-            most.append(factor)
-            points.append(point)
-    slopes = look.slopes([grids[n].effect.with_values(**p) for n, p in zip(owner, points, strict=True)])
+def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> list[Little]:
+    """Return what the best multiples of the candidates' changes do."""
+    points = [(n, *each) for n, grid in enumerate(grids) for each in grid.slight_points()]
+    owner = np.array([n for n, _, _ in points], dtype=int)
+    slopes = look.slopes([grids[n].effect.with_values(**p) for n, p, _ in points])
     slopes, y = np.nan_to_num(slopes), look.misfit
     size = (slopes**2).sum(axis=1)
     factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
-    one_sided = np.array([grids[n].one_sided() for n in owner])
-    limit = np.array(most)
+    one_sided = np.array([grids[n].one_sided() for n in owner], dtype=bool)
+    limit = np.array([most for _, _, most in points])
     factor = np.clip(factor, np.where(one_sided, 0.0, -limit), limit)
     left = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
-    out = np.full(len(grids), np.inf)
-    np.minimum.at(out, owner, left)
-    best = [min(np.flatnonzero(np.array(owner) == n), key=lambda k: left[k]) for n in range(len(grids))]
-    return out, [grids[n].scaled(points[k], float(factor[k])) for n, k in enumerate(best)]
+    gain, sharp = look.evidence(slopes, factor)
+    gain[np.sqrt(size) * limit < VISIBLE] = -np.inf
+    std, out = 1 / np.maximum(sharp, 1e-12), []
+    for n, grid in enumerate(grids):
+        own = np.flatnonzero(owner == n)
+        sizes = _Sizes.of(look.problem, grid)
+        each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in own]
+        k = min(own, key=lambda k: left[k])
+        evidence = float(np.logaddexp.reduce(each) - np.log(len(own)))
+        out.append(Little(float(left[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence))
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sizes:
+    """How probable the sizes of a candidate are before any data."""
+
+    grid: Grid
+    unknown: ScaledUnknown
+    prior: EffectPrior
+
+    @classmethod
+    def of(cls, problem: Any, grid: Grid) -> "_Sizes":
+        unknown = effect_unknowns((grid.effect,), (grid.points[0],))[0]
+        return cls(grid, unknown, prior_of(problem, grid.effect, unknown))
+
+    def log_prior(self, point: dict[str, float], factor: float, std: float) -> float:
+        """Return the log probability of multiples where a normal likelihood is as good as at its maximum.
+
+        They are as many as its integral over its height: √(2π) deviations, but no more than there are.
+        """
+        half = np.sqrt(np.pi / 2) * std
+        return float(
+            np.log(max(self.prior.mass(self._x(point, factor - half), self._x(point, factor + half)), 1e-300))
+        )
+
+    def around(
+        self, point: dict[str, float], factor: float, std: float
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the values at a multiple, and their deviations: of other parameters those of the grid.
+
+        Where the data ask for none of it, those of the slight change: nothing is known of a bound's effect.
+        """
+        name, factor = self.unknown.ref[1], factor or 1.0
+        values = self.grid.scaled(point, factor)
+        x, *ends = (self._x(point, a) for a in (factor, factor - std, factor + std))
+        wide = min(self.prior.std, abs(ends[1] - ends[0]) / 2)
+        deviation = {key: float(np.std([q[key] for q in self.grid.points])) for key in point}
+        return values, deviation | {name: self.unknown.deviation(x, wide)}
+
+    def _x(self, point: dict[str, float], factor: float) -> float:
+        return self.unknown.to_x(self.grid.scaled(point, factor)[self.unknown.ref[1]])
 
 
 def _left(look: ModeLook, slopes: Floats) -> float:

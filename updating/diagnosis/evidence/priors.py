@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from fem.model import Effect
 from updating.inference.fit import FitProblem
@@ -62,6 +63,16 @@ class EffectPrior:
     def width_at(self, x: float) -> float:
         """Return the standard deviation of a normal density that is as high at its mean as this is at x."""
         return max(abs(x), self.least) * self.range / float(np.sqrt(2 * np.pi))
+
+    def mass(self, low: float, high: float) -> float:
+        """Return the probability of values between two."""
+        x = np.array([low, high])
+        if not self.range:
+            F = ndtr((x - self.mean) / self.std)
+        else:
+            size = np.abs(x) / self.least
+            F = np.sign(x) * np.where(size < 1, size, 1 + np.log(np.maximum(size, 1.0))) / self.range
+        return abs(float(F[1] - F[0]))
 
 
 def prior_of(problem: FitProblem, effect: Effect, variable: ScaledUnknown) -> EffectPrior:

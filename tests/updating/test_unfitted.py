@@ -1,0 +1,77 @@
+"""The share of the posterior of candidates that no fit has tried."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from tests.updating.test_evidence_modes import E, cantilever, measured
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.hypothesis import values_of
+from updating.diagnosis.evidence.mode_ranking import ModeRanking
+from updating.diagnosis.evidence.priors import EffectPrior
+from updating.diagnosis.evidence.search import Search
+from updating.diagnosis.mode_diagnosis import diagnose_modes
+from updating.diagnosis.unfitted import weigh_unfitted
+from updating.inference.mode_preparation import build_mode_problem
+from updating.least_squares.mode_levels import ModeLevels
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [EffectPrior(0.3, 0.5), EffectPrior(0.0, 0.8, 0.01, 2 * np.log(80)), EffectPrior(0, 1, 0.01, 4.6)],
+)
+def test_the_mass_of_a_prior_is_the_integral_of_its_density(prior):
+    low, high = 0.05, 0.7
+    if prior.range:
+        exact = quad(lambda x: 1 / (np.sqrt(2 * np.pi) * prior.width_at(x)), low, high)[0]
+    else:
+        exact = quad(lambda x: np.exp(-(((x - prior.mean) / prior.std) ** 2) / 2), low, high)[0]
+        exact /= np.sqrt(2 * np.pi) * prior.std
+    assert prior.mass(low, high) == pytest.approx(exact, rel=1e-9)
+    assert prior.mass(high, low) == pytest.approx(exact, rel=1e-9)
+
+
+def test_costs_of_many_levels_are_those_of_each():
+    levels = ModeLevels.up_to(np.array([5.0, 7.0]), np.array([5.0, 8.0]), np.array([1e-6, 4e-6]), np.ones(2))
+    v = np.array([[1e-6, 3e-6], [5e-5, 1e-4], [2e-3, 1e-6]])
+    assert levels.costs(v) == pytest.approx([levels.cost(each) for each in v])
+    assert levels.weight(v) == pytest.approx(np.array([levels.weight(each) for each in v]))
+
+
+def begun(kinds, seed=0):
+    model = cantilever()
+    problem = build_mode_problem(model, measured(model, shapes=False, seed=seed), (E,), model_error=0.0)
+    search = Search(problem, (), propose(model, kinds), ranking=ModeRanking())
+    return search, search.full((), ())
+
+
+@pytest.mark.parametrize("kind", ["member_section", "support_flexibility", "point_mass", "stiffness_loss"])
+def test_evidence_by_slopes_is_that_of_a_fit_where_effects_are_weak(kind):
+    search, nothing = begun([kind])
+    looked = ModeRanking().looked(search.fits.problem, nothing.fitted.result, search.candidates)
+    assert looked
+    for effect, look in looked:
+        fit = search.full((effect,), values_of((effect,)), nothing).fitted
+        gain = fit.log_evidence - nothing.fitted.log_evidence
+        assert look.evidence == pytest.approx(gain, abs=0.4)
+
+
+def test_all_that_the_data_see_has_a_probability_beside_nothing():
+    search, _ = begun(["member_section", "member_density", "support_flexibility", "crack"])
+    weigh_unfitted(search)
+    names = {name for key in search.known for name in key}
+    # The density of all that there is does what Young's modulus does, and torsion moves no sensor.
+    unseen = {e.name for e in search.candidates} - names
+    assert names >= {e.name for e in search.candidates if e.kind in ("member_section", "crack")}
+    assert unseen >= {e.name for e in search.candidates if e.kind == "member_density"}
+
+
+def test_frequencies_alone_are_not_sure_of_nothing():
+    """Priors give one effect of each kind of place a tenth of "nothing": near the noise little changes that."""
+    model = cantilever()
+    kinds = ["member_section", "support_flexibility", "point_mass"]
+    found = diagnose_modes(model, measured(model, shapes=False), (E,), kinds=kinds, model_error=0.0)
+    first = found.explanations[0]
+    assert not first.effects
+    assert 0.75 < first.probability < 0.99
+    assert sum(e.probability for e in found.explanations) == pytest.approx(1.0)

@@ -1,0 +1,53 @@
+"""The share of the posterior of candidates that no fit has tried: their evidence to the first order."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fem.model import Effect
+from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of, values_of
+from updating.diagnosis.evidence.mode_ranking import Little, ModeRanking
+from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.diagnosis.evidence.search import Search
+from updating.inference.mode_fit import ModeProblem
+
+MOST_FITTED = 24
+"""At most so many candidates are fitted because they look as probable as the best hypothesis."""
+
+
+def weigh_unfitted(search: Search) -> None:
+    """Add every single effect that the search has not fitted, and that the data see, to the posterior.
+
+    A search fits the candidates that may win. All others together may be as probable as the winner: where the
+    data say little, "nothing" competes with many weak effects. Their evidence comes from their slopes beside
+    the model without effects. Those that look like a twin of the best hypothesis are fitted after all.
+    """
+    ranking, problem, nothing = search.fits.ranking, search.fits.problem, search.known[frozenset()]
+    if not (isinstance(ranking, ModeRanking) and isinstance(problem, ModeProblem)):
+        return
+    rest = [e for e in search.candidates if key_of((e,)) not in search.known]
+    looked = [
+        _estimated(search, nothing, e, x) for e, x in ranking.looked(problem, nothing.fitted.result, rest)
+    ]
+    looked.sort(key=lambda h: -h.score)
+    for h in looked[:MOST_FITTED]:
+        if h.score < search.best.score - TWIN_NATS:
+            break
+        try:
+            search.full(h.effects, values_of(h.effects), h)
+        except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+            continue
+    search.known.update({h.key: h for h in looked if h.key not in search.known})
+
+
+def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: Little) -> Hypothesis:
+    """Return a hypothesis with one effect, as its slopes have it."""
+    before = nothing.fitted
+    values = {(effect.name, name): value for name, value in look.values.items()}
+    std = {(effect.name, name): value for name, value in look.std.items()}
+    result = replace(
+        before.result, effects=(effect,), values={**before.result.values, **values},
+        std={**before.result.std, **std},
+    )  # fmt: skip
+    fitted = replace(before, result=result, log_evidence=before.log_evidence + look.evidence)
+    return Hypothesis(fitted, search.fits.odds.prior((effect,)))
