@@ -12,6 +12,7 @@ from updating.diagnosis.evidence.priors import EffectPrior
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.unfitted import weigh_unfitted
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_preparation import build_mode_problem
 from updating.least_squares.mode_levels import ModeLevels
 
@@ -48,7 +49,9 @@ def begun(kinds, seed=0):
 @pytest.mark.parametrize("kind", ["member_section", "support_flexibility", "point_mass", "stiffness_loss"])
 def test_evidence_by_slopes_is_that_of_a_fit_where_effects_are_weak(kind):
     search, nothing = begun([kind])
-    looked = ModeRanking().looked(search.fits.problem, nothing.fitted.result, search.candidates)
+    problem = search.fits.problem
+    assert isinstance(problem, ModeProblem)
+    looked = ModeRanking().looked(problem, nothing.fitted.result, search.candidates)
     assert looked
     for effect, look in looked:
         fit = search.full((effect,), values_of((effect,)), nothing).fitted
@@ -67,7 +70,7 @@ def test_all_that_the_data_see_has_a_probability_beside_nothing():
 
 
 def test_frequencies_alone_are_not_sure_of_nothing():
-    """Priors give one effect of each kind of place a tenth of "nothing": near the noise little changes that."""
+    """Priors give one effect of each kind of place a tenth of "nothing", and the data change little."""
     model = cantilever()
     kinds = ["member_section", "support_flexibility", "point_mass"]
     found = diagnose_modes(model, measured(model, shapes=False), (E,), kinds=kinds, model_error=0.0)
