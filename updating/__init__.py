@@ -1,7 +1,7 @@
 """From time data to an updated model: estimate, identify, compare, update, and find missing effects.
 
     time data ─ estimate_frf → EstimatedFRF ─ identify_modes → IdentifiedModes
-    responses alone ─ identify_ambient → AmbientModes
+    responses alone ─ identify_ambient → AmbientModes, … ─ merge_set_ups → MergedModes
     Measurement, Model ─ compare → Comparison
                        ─ update → Updated: the model, values with uncertainty, the path there
                        ─ build_problem → FitProblem ─ locate → Localisation
@@ -16,6 +16,7 @@ the other steps have pages of their own beside it.
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.identification import identify_ambient
 from updating.ambient.record import AmbientError
+from updating.ambient.set_ups import MergedModes, merge_set_ups
 from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
 from updating.correlation.complexity import (
     mean_phase,
@@ -131,6 +132,7 @@ __all__ = [
     "Localisation",
     "Measurement",
     "MeasurementError",
+    "MergedModes",
     "MissingExtraError",
     "ModeComparison",
     "ModePair",
@@ -184,6 +186,7 @@ __all__ = [
     "match_members",
     "mean_phase",
     "mean_phase_deviation",
+    "merge_set_ups",
     "modal_complexity_factor",
     "modal_phase_collinearity",
     "modal_scale_factor",

@@ -1,5 +1,8 @@
 """``dovetail identify-modes`` of responses to unknown forces: identify, draw, write and print."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
 from dovetail.commands.common import Options, say, write_with_nodes
@@ -13,10 +16,11 @@ from fem.io.arrays import MODE_STD
 from fem.io.atomic import replacing
 from updating.ambient.ambient_modes import AmbientModes, unexplained_words
 from updating.ambient.identification import identify_ambient
+from updating.ambient.set_ups import MergedModes, merge_set_ups
 from updating.modal.identified_modes import IdentifiedModes
 
 
-def std_of(found: AmbientModes | IdentifiedModes) -> dict[str, np.ndarray]:
+def std_of(found: AmbientModes | MergedModes | IdentifiedModes) -> dict[str, np.ndarray]:
     """Return relative standard deviations as a file with modes has them [-].
 
     Exact data have deviations of zero, and modes without damping no relative one: these are left out.
@@ -35,39 +39,55 @@ def identify_ambient_modes(options: Options, study: Study, progress: Progress) -
         raise StudyError(msg)
     for given, name in ((options.synthesis, "--synthesis"), (options.measurement, "--measurement")):
         if given is not None:
-            msg = f"{name} is for FRFs; the modes are identified from time data, {study.ambient.path.name}"
+            msg = f"{name} is for FRFs; the modes are identified from time data, {study.ambient.name}"
             raise OutputError(msg)
     progress("reading")
     test = study.ambient
     data = read_channels(test)
-    progress("identifying modes", 0.2)
-    names = tuple(s.name for s in data.sensors)
     band = None if options.band is None else (options.band[0], options.band[1])
+    set_ups = []
+    for k, each in enumerate(data):
+        progress("identifying modes", 0.2 + 0.7 * k / len(data))
+        names = tuple(s.name for s in each.sensors)
+        with test.table.at("file"):
+            set_ups.append(
+                identify_ambient(each.values, each.sample_rate, names, band or test.band or study.band)
+            )
     with test.table.at("file"):
-        found = identify_ambient(data.values, data.sample_rate, names, band or test.band or study.band)
+        found = set_ups[0] if len(set_ups) == 1 else merge_set_ups(set_ups)
     _write(options, study, found, data)
     if options.picture is not None:
-        from viz.ambient import plot_ambient
-        from viz.style import save
-
         progress("drawing", 0.9)
-        with replacing(options.picture) as scratch:
-            save(plot_ambient(found), scratch)
+        _draw(options.picture, set_ups)
     progress.close()
     write_json(options.json, _as_json(study, found, data))
     cycles = found.duration * float(found.modes.frequency.min(initial=np.inf))
+    parts = "" if len(set_ups) == 1 else f"{len(set_ups)} set-ups, "
     say(
         options,
-        f"{study.name}: {found.modes.n_modes} mode(s) identified from {test.path.name}, {len(names)} "
-        f"channels, {found.duration:.4g} s"
+        f"{study.name}: {found.modes.n_modes} mode(s) identified from {test.name}, {parts}"
+        f"{len(found.modes.labels)} channels, {found.duration:.4g} s"
         + (f" or {cycles:.3g} periods of the lowest mode" if np.isfinite(cycles) else ""),
         found.table(),
-        *(f"note: {text}" for text in data.notes),
+        *(f"note: {text}" for each in data for text in each.notes),
         *_key_lines(options, found),
     )
 
 
-def _write(options: Options, study: Study, found: AmbientModes, data: AmbientChannels) -> None:
+def _draw(path: Path, set_ups: Sequence[AmbientModes]) -> None:
+    """Draw each set-up; of several each has its number in the name of its picture."""
+    from viz.ambient import plot_ambient
+    from viz.style import save
+
+    for k, found in enumerate(set_ups, 1):
+        own = path if len(set_ups) == 1 else path.with_stem(f"{path.stem}-{k}")
+        with replacing(own) as scratch:
+            save(plot_ambient(found), scratch)
+
+
+def _write(
+    options: Options, study: Study, found: AmbientModes | MergedModes, data: Sequence[AmbientChannels]
+) -> None:
     """Write the modes as a study's [modes] reads them."""
     if options.out is None:
         return
@@ -75,11 +95,13 @@ def _write(options: Options, study: Study, found: AmbientModes, data: AmbientCha
         write_npz(options.out, found.modes, std_of(found))
         return
     nodes = NodeNumbers(study)
-    names = dict(zip(found.modes.labels, nodes.labels("outputs", data.sensors), strict=True))
+    by_name = {s.name: s for each in data for s in each.sensors}
+    sensors = tuple(by_name[name] for name in found.modes.labels)
+    names = dict(zip(found.modes.labels, nodes.labels("outputs", sensors), strict=True))
     write_with_nodes(options.out, nodes, modes=found.modes, dofs=names)
 
 
-def _key_lines(options: Options, found: AmbientModes) -> tuple[str, ...]:
+def _key_lines(options: Options, found: AmbientModes | MergedModes) -> tuple[str, ...]:
     """Return the table of a study that reads the modes; universal files hold no standard deviations."""
     if options.out is None or not found.modes.n_modes:
         return ()
@@ -90,28 +112,40 @@ def _key_lines(options: Options, found: AmbientModes) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _as_json(study: Study, found: AmbientModes, data: AmbientChannels) -> dict[str, object]:
-    zeta = np.zeros(0) if found.modes.zeta is None else found.modes.zeta
+def _as_json(
+    study: Study, found: AmbientModes | MergedModes, data: Sequence[AmbientChannels]
+) -> dict[str, object]:
+    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else found.modes.zeta
+    set_ups: tuple[AmbientModes, ...] = found.set_ups if isinstance(found, MergedModes) else (found,)
+    said = found.unexplained if isinstance(found, MergedModes) else unexplained_words(found.unexplained)
+    peaks = [p for s in set_ups for p in s.unexplained]
+
     return {
         "study": study.name,
-        "record": None if study.ambient is None else study.ambient.path.name,
+        "record": None if study.ambient is None else study.ambient.name,
         "duration_s": found.duration,
-        "band_Hz": found.band,
-        "order": found.order,
+        "band_Hz": set_ups[0].band,
+        "order": [s.order for s in set_ups] if len(set_ups) > 1 else set_ups[0].order,
         "modes": [
             {
                 "frequency_Hz": f, "frequency_std_Hz": found.frequency_std[k],
-                "damping_ratio": zeta[k], "damping_ratio_std": found.zeta_std[k],
-                "mpc": found.mpc[k], "mpd_deg": found.mpd[k], "spectra_mac": found.spectra_mac[k],
+                "damping_ratio": zeta[k], "damping_ratio_std": found.zeta_std[k], **_quality(found, k),
                 "shape": found.modes.shapes[:, k], "shape_std": found.shape_std[:, k],
             }
             for k, f in enumerate(found.modes.frequency)
         ],
         "outputs": found.modes.labels,
         "scaled": False,
-        "unexplained_peaks": [
-            {"frequency_Hz": p.frequency, "rise_dB": p.rise_db} for p in found.unexplained
-        ],
-        "notes": data.notes,
-        "warnings": (*unexplained_words(found.unexplained), *study.warnings),
+        "unexplained_peaks": [{"frequency_Hz": p.frequency, "rise_dB": p.rise_db} for p in peaks],
+        "notes": [text for each in data for text in each.notes],
+        "warnings": (*said, *study.warnings),
     }  # fmt: skip
+
+
+def _quality(found: AmbientModes | MergedModes, k: int) -> dict[str, object]:
+    """Return how well a mode's shape and its parts agree."""
+    if isinstance(found, MergedModes):
+        numbers = {str(s + 1): mode + 1 for s, mode in found.members[k].items()}
+        scatter, mac = found.scatter[k], found.agreement[k]
+        return {"set_ups": numbers, "frequency_scatter": scatter, "mac_of_set_ups": mac}
+    return {"mpc": found.mpc[k], "mpd_deg": found.mpd[k], "spectra_mac": found.spectra_mac[k]}

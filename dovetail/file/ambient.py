@@ -28,8 +28,8 @@ class AmbientTest:
     ----------
     table : Table
         Where it stands in the study.
-    path : Path
-        The file.
+    paths : tuple of Path
+        The file of each set-up.
     sample_rate : float or None
         Of a file that does not say it [Hz].
     band : (float, float) or None
@@ -41,11 +41,16 @@ class AmbientTest:
     """
 
     table: Table
-    path: Path
+    paths: tuple[Path, ...]
     sample_rate: float | None
     band: tuple[float, float] | None
     scale: Mapping[str, float]
     channels: tuple[Channel, ...]
+
+    @property
+    def name(self) -> str:
+        """Names of the files."""
+        return ", ".join(p.name for p in self.paths)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +68,11 @@ def read_ambient(top: Table, folder: Path, channels: Sequence[Channel]) -> Ambie
     t = top.table("ambient")
     if not t.values:
         return None
-    file = t.text("file")
+    given = t.get("file")
+    names = t.texts("file") if isinstance(given, list) else (t.text("file"),)
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        t.refuse("file", f"'{twice[0]}' is named twice; each set-up has a file of its own")
     rate = t.number("sample_rate", None, above=0, unit="Hz")
     band = t.vector("band", None, 2, "Hz")
     if band is not None and not 0 < band[0] < band[1]:
@@ -72,11 +81,11 @@ def read_ambient(top: Table, folder: Path, channels: Sequence[Channel]) -> Ambie
     scale = {key: float(as_vector(scales, key, [value], 1, "-")[0]) for key, value in scales.values.items()}
     t.finish()
     limits = None if band is None else (float(band[0]), float(band[1]))
-    return AmbientTest(t, folder / file, rate, limits, scale, tuple(channels))
+    return AmbientTest(t, tuple(folder / name for name in names), rate, limits, scale, tuple(channels))
 
 
-def read_channels(test: AmbientTest) -> AmbientChannels:
-    """Read the time data of an ambient test at the study's sensors, in one unit.
+def read_channels(test: AmbientTest) -> tuple[AmbientChannels, ...]:
+    """Read the time data of each set-up of an ambient test at the study's sensors, in one unit.
 
     Raises
     ------
@@ -84,14 +93,22 @@ def read_channels(test: AmbientTest) -> AmbientChannels:
         If there is no such file, it cannot be read, a factor is of no channel, fewer than two of its channels
         belong to sensors, or these measure motions of different kinds.
     """
-    t = test.table
-    if not test.path.is_file():
-        t.refuse("file", f"there is no file '{test.path}'")
-    with t.at("file"):
-        data = read_time_data(test.path, test.sample_rate)
+    t, every = test.table, []
+    for path in test.paths:
+        if not path.is_file():
+            t.refuse("file", f"there is no file '{path}'")
+        with t.at("file"):
+            every.append(read_time_data(path, test.sample_rate))
+    channels = list(dict.fromkeys(name for data in every for name in data.channels))
     for name in test.scale:
-        if name not in data.channels:
-            t.refuse("scale", f"{data.name} has no channel '{name}'; it has {', '.join(data.channels)}")
+        if name not in channels:
+            t.refuse("scale", f"{test.name} has no channel '{name}'; it has {', '.join(channels)}")
+    return tuple(_at_sensors(test, data) for data in every)
+
+
+def _at_sensors(test: AmbientTest, data: TimeData) -> AmbientChannels:
+    """Return the channels of a file that belong to sensors."""
+    t = test.table
     found = [(c.sensor, *got) for c in test.channels if (got := c.find(data.channels)) is not None]
     if len(found) < 2:
         t.refuse(

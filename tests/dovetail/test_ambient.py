@@ -161,3 +161,54 @@ def test_options_of_frfs_and_studies_without_a_record_are_refused(study, root, c
     other = root / "examples" / "three-storeys" / "study.toml"
     assert main(["identify-modes", str(other), "--ambient"]) == 2
     assert "it has no [ambient]" in capsys.readouterr().err
+
+
+SET_UPS = (("middle x", "middle y", "corner x", "tip y"), ("corner x", "corner y", "tip y", "tip z"))
+
+
+def two_set_ups(study, parts=SET_UPS):
+    """Cut the record into two halves with sensors of their own, and two that stay."""
+    with np.load(study.parent / "wind.npz") as file:
+        y, names, rate = file["acc"], file["channels"].tolist(), float(file["fs"])
+    for k, (own, half) in enumerate(zip(parts, np.array_split(y, 2), strict=True), 1):
+        columns = [names.index(name) for name in own]
+        np.savez(study.parent / f"part-{k}.npz", channels=np.array(own), acc=half[:, columns], fs=rate)
+    return edited(study, ('file = "wind.npz"', 'file = ["part-1.npz", "part-2.npz"]'))
+
+
+def test_two_set_ups_give_the_modes_of_the_model_at_all_sensors(study, capsys):
+    two_set_ups(study)
+    out, result = study.parent / "new.npz", study.parent / "r.json"
+    words = ["identify-modes", str(study), "--out", str(out), "--json", str(result)]
+    assert main([*words, "--picture", str(study.parent / "p.png")]) == 0
+    assert "2 set-ups, 6 channels" in capsys.readouterr().out
+    said = json.loads(result.read_text(encoding="utf-8"))
+    frequency, std = (
+        np.array([m[key] for m in said["modes"]]) for key in ("frequency_Hz", "frequency_std_Hz")
+    )
+    assert (np.abs(frequency - TRUE) < 3.5 * std).all()
+    assert all(m["set_ups"] == {"1": k, "2": k} for k, m in enumerate(said["modes"], 1))
+    assert {"p-1.png", "p-2.png"} <= {p.name for p in study.parent.iterdir()}
+    with np.load(study.parent / "modes.npz") as file:
+        whole, names = file["shapes"], file["labels"].tolist()
+    merged = read_modes(out)
+    merged_rows = [merged.labels.index(name) for name in names]
+    mac = [np.corrcoef(a, b)[0, 1] ** 2 for a, b in zip(whole.T, merged.shapes[merged_rows].T, strict=True)]
+    assert min(mac) > 0.97
+    assert load_study(edited(study, ("modes.npz", "new.npz"))).modes.modes.n_modes == 6
+
+
+@pytest.mark.parametrize(
+    ("parts", "file", "words"),
+    [
+        ((SET_UPS[0][:2], SET_UPS[1]), None, "set-up 2 (corner x, corner y, tip y, tip z) shares no sensor"),
+        (SET_UPS, '["part-1.npz", "part-1.npz"]', "ambient.file: 'part-1.npz' is named twice"),
+        (SET_UPS, '["part-1.npz", "part-3.npz"]', "ambient.file: there is no file"),
+    ],
+)
+def test_set_ups_that_cannot_be_merged_are_refused(study, capsys, parts, file, words):
+    two_set_ups(study, parts)
+    if file:
+        edited(study, ('["part-1.npz", "part-2.npz"]', file))
+    assert main(["identify-modes", str(study)]) == 2
+    assert words in capsys.readouterr().err

@@ -82,9 +82,7 @@ class AmbientModes:
         least_shape : float
             Of the latter: places and directions of sensors are not known better [-].
         """
-        size = np.sqrt((self.modes.shapes**2).mean(axis=0))
-        noise = np.sqrt((self.shape_std**2).mean(axis=0)) / size
-        return self.frequency_std / self.modes.frequency, np.maximum(noise, least_shape)
+        return relative_std(self.modes, self.frequency_std, self.shape_std, least_shape)
 
     def table(self) -> str:
         """Return the modes as lines of text, then peaks that they do not explain."""
@@ -98,6 +96,16 @@ class AmbientModes:
                 f"{self.spectra_mac[k]:16.3f}"
             )
         return "\n".join([*lines, *unexplained_words(self.unexplained)])
+
+
+def relative_std(
+    modes: Modes, frequency_std: Floats, shape_std: Floats, least_shape: float
+) -> tuple[Floats, Floats]:
+    """Return relative standard deviations of frequencies and of shapes without gaps, (n_modes,) each [-]."""
+    if not modes.n_modes:
+        return np.zeros(0), np.zeros(0)
+    size, noise = (np.sqrt(np.nanmean(x**2, axis=0)) for x in (np.real(modes.shapes), shape_std))
+    return frequency_std / modes.frequency, np.maximum(noise / size, least_shape)
 
 
 def unexplained_words(peaks: tuple[Peak, ...]) -> tuple[str, ...]:
