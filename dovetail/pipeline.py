@@ -31,9 +31,9 @@ from fem.io.atomic import replacing
 from fem.model import Model
 from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
+from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.evidence.carried import carried_over
 from updating.diagnosis.evidence.diagnosis import formed_problem
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem

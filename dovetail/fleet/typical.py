@@ -13,9 +13,9 @@ from dovetail.fleet.run import Triaged
 from dovetail.fleet.triage import PILOT, WIDER, Fleet
 from dovetail.pipeline import fit_settings, without_held_out
 from fem.analysis.frf import FRF
+from updating.diagnosis.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.evidence.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.evidence.priors import FORM_LEFT
 from updating.diagnosis.frf_states import calibrate_frfs
 from updating.inference.fit_result import FitResult

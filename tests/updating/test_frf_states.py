@@ -9,7 +9,7 @@ from dovetail import load_study
 from fem.effects.added_mass import PointMass
 from tests.frames import write_study
 from updating.correlation import log_ratio
-from updating.diagnosis.evidence.carried import Between, carried_over
+from updating.diagnosis.carried import Between, carried_over
 from updating.diagnosis.frf_states import ONE_STRUCTURE, calibrate_frfs, changed_frf_problem
 from updating.inference.fit_data import MODEL_ERROR
 from updating.inference.parameters import Nuisance

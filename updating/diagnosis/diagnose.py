@@ -16,6 +16,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
+from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.diagnosis import (
     CALIBRATED,
@@ -28,7 +29,6 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
-from updating.diagnosis.evidence.carried import Between, CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS

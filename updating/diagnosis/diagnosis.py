@@ -9,7 +9,7 @@ from fem.analysis.frf import FRF
 from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
-from updating.diagnosis.evidence.carried import CalibratedFrfs
+from updating.diagnosis.carried import CalibratedFrfs
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem

@@ -17,7 +17,7 @@ from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.begin import Progress
-from updating.diagnosis.evidence.carried import Between, CalibratedFrfs, carried_over
+from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.diagnosis import (
     Formed,
     Searched,

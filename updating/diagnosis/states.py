@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from updating.diagnosis.begin import Progress
-from updating.diagnosis.evidence.carried import CHANGED
+from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
