@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.measured import notes_of
+from dovetail.file.mode_table import TABLE_SUFFIXES, read_mode_table
 from dovetail.file.sensors import Channel, Nodes
 from dovetail.file.table import Table, suggest
 from fem.analysis.modes import Modes
@@ -177,10 +178,12 @@ def read_raw_modes(
             if uff.points is not None:
                 labels, xyz = uff.points.labels.tolist(), uff.points.coordinates
                 nodes = dict(zip(labels, xyz, strict=True))
+        elif path.suffix.lower() in TABLE_SUFFIXES:
+            modes, std = read_mode_table(path)
         else:
             modes = read_modes(path)
             std = read_npz_mode_std(path)
-    if not modes.labels:
+    if not modes.labels and len(modes.shapes):
         t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
     return RawModes(t, modes, nodes, Path(file).name, std)
 
