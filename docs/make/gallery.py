@@ -33,6 +33,7 @@ The folder `examples` has larger studies as well:
 | `tuned-absorber` | a planar mast with a tuned absorber, one and many |
 | `joint-study` | the numerical and the experimental study of the cross-beam paper, with their pictures |
 | `southampton-frame` | a study of a measured frame |
+| `garteur`, `three-storeys`, `four-storeys`, `eighteen-storeys` | [measured modes](../measured-frames.md) |
 """
 
 

@@ -1,10 +1,13 @@
 """Studies of measured frames: their nominal models against closed forms, and what held-out modes say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 from dovetail import load_study
+from dovetail.modes_pipeline import diagnose_study_modes
 from fem.analysis.modes import solve_modes
 from fem.system import assemble
 
@@ -31,3 +34,20 @@ def test_storeys_whose_floors_do_not_turn_are_masses_on_springs(root, name, freq
     np.testing.assert_allclose(modes.frequency[:3], frequency[:3], rtol=1e-3)
     assert study.modes is not None
     assert study.modes.modes.n_modes >= 3
+
+
+@pytest.mark.slow
+def test_two_modes_leave_the_storey_open_and_four_name_it(root):
+    """As docs/measured-frames.md says of the four storeys."""
+    study = load_study(root / "examples" / "four-storeys" / "study.toml")
+    open_ = diagnose_study_modes(study)
+    assert not open_.sure
+    assert open_.explanations[0].label == "member stiffness at member storey1"
+    m = open_.modes
+    assert m.errors(m.found, True) > m.errors(m.nominal, True)
+    assert study.modes is not None
+    named = diagnose_study_modes(replace(study, modes=replace(study.modes, held_out=())))
+    assert named.sure
+    (effect,) = named.found
+    assert effect.where == "member storey4"
+    assert effect.parameters()[0].value == pytest.approx(0.747, abs=0.03)
