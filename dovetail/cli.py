@@ -23,6 +23,7 @@ from dovetail.commands import (
     fleet,
     frf,
     frf_estimate,
+    history,
     identify_joint,
     identify_modes,
     locate,
@@ -47,7 +48,7 @@ from viz.offscreen import DrawingError
 COMMANDS = (
     new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
     buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
-    identify_modes, match, update, identify_joint, fleet, validate,
+    history, identify_modes, match, update, identify_joint, fleet, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 

@@ -38,11 +38,13 @@ from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_ou
 from dovetail.file.measured_modes import (
     MeasuredModes,
     RawModes,
+    State,
     UpdatePlan,
     match_modes,
     read_plan,
     read_raw_modes,
     read_shape_limits,
+    read_states,
 )
 from dovetail.file.parts import (
     note_one_sided,
@@ -108,6 +110,7 @@ TABLES = (
     "faults",
     "modes",
     "baseline",
+    "states",
     "ambient",
     "identification",
     "update",
@@ -382,7 +385,15 @@ class _Reader:
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
+            states=self._states(sensors),
         )
+
+    def _states(self, sensors: Sequence[Channel]) -> tuple[State, ...]:
+        """Read ``[[states]]``: the modes of states after the baseline."""
+        states: tuple[State, ...] = ()
+        with self._attempt("measurements"):
+            states = read_states(self.top, self.path.parent, self.measured_notes, sensors)
+        return states
 
     def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
         """Read ``[baseline]``: the modes of an earlier state."""

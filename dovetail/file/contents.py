@@ -11,6 +11,7 @@ from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ShapeLimits,
+    State,
     UpdatePlan,
 )
 from fem.analysis.frf import WITHOUT_PHASE
@@ -77,6 +78,8 @@ class Study:
         FRFs of an earlier state, where the study has these.
     changes : tuple of str
         Names of effects of the model that have come since the baseline.
+    states : tuple of State
+        Modes of later states, where their history is asked for.
     plan : UpdatePlan
         Plan of :command:`dovetail update`.
     warnings : tuple of str
@@ -134,6 +137,7 @@ class Study:
     ambient: AmbientTest | None = None
     baseline_frfs: Measurement | None = None
     changes: tuple[str, ...] = ()
+    states: tuple[State, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
 
     @property

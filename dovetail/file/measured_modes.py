@@ -64,6 +64,14 @@ class MeasuredModes:
     held_out: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """The modes of one of several states of a structure, and its name."""
+
+    name: str
+    modes: MeasuredModes
+
+
 @dataclass(frozen=True, slots=True)
 class ShapeLimits:
     """How complex the shapes of identified modes may be.
@@ -138,7 +146,22 @@ def read_raw_modes(
 
     Another table may have the same keys, with others ``beside`` them.
     """
-    t = top.table(key)
+    return _raw_modes_of(top.table(key), folder, said, beside)
+
+
+def read_states(top: Table, folder: Path, said: list[str], sensors: Sequence[Channel]) -> tuple[State, ...]:
+    """Read ``[[states]]``: the modes of later states, in their order; ``said`` gains notes."""
+    out: list[State] = []
+    for k, t in enumerate(top.tables("states"), 1):
+        name = t.text("name", f"state {k}")
+        modes = match_modes(_raw_modes_of(t, folder, said, ()), sensors, said)
+        if modes is None:
+            t.refuse("", "it has no modes; give file or frequency")
+        out.append(State(name, modes))
+    return tuple(out)
+
+
+def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]) -> RawModes | None:
     for one in MODE_STD:
         if not isinstance(t.get(one, None), list):
             t.number(one, None, above=0)

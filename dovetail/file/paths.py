@@ -23,6 +23,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("modes", "file"): "the measured modes",
     ("ambient", "file"): "the record of an ambient test",
     ("baseline", "file"): "the modes of the baseline",
+    ("states", "file"): "the modes of a state",
     ("sections",): "the table of sections",
     ("sections", "file"): "the table of sections",
     ("baseline", "measurements", "file"): "a measurement of the baseline",

@@ -12,7 +12,7 @@ from fem.system import assemble
 TABLES = (
     "study", "mesh", "defaults", "materials.steel", "sections.tube", "members.mast", "rotation", "damping",
     "uncertain", "candidates", "fit", "frequency", "modes", "baseline", "ambient", "identification", "update",
-    "[supports]", "[joints]",
+    "[states]", "[supports]", "[joints]",
     "[masses]", "[loads]", "[combinations]", "[envelopes]", "[initial]", "[effects]", "[update.parameters]",
     "[sensors]", "[excitations]", "[measurements]",
 )  # fmt: skip

@@ -67,7 +67,7 @@ def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
     zeta, zeta_std = after.zeta.copy(), after.zeta_std.copy()
     psi, psi_std = np.array(after.shapes), after.shape_std.copy()
     alike = after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
-    for i, k in enumerate(_partners(before, after, alike)):
+    for i, k in enumerate(partners(before, after, alike)):
         if k < 0 or not np.isfinite(computed.frequency[k]):
             continue
         f[i] *= computed.frequency[k] / before.frequency[k]
@@ -86,7 +86,7 @@ def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
     return out
 
 
-def _partners(before: ModeTargets, after: ModeTargets, alike: bool) -> NDArray[np.int64]:
+def partners(before: ModeTargets, after: ModeTargets, alike: bool) -> NDArray[np.int64]:
     """Return the mode of the first state that each of the second was, -1 for none."""
     if before.numbers is not None and after.numbers is not None:
         known = {int(n): k for k, n in enumerate(before.numbers)}

@@ -1,0 +1,45 @@
+"""``dovetail history``: what has changed since the first of several states, state by state."""
+
+import argparse
+from pathlib import Path
+
+from dovetail.commands.common import Options, check_places, loaded, say
+from dovetail.commands.load_cases import check_png
+from dovetail.disk.output import Output, Progress, write_json
+from fem.io.atomic import replacing
+
+HELP = "find what has changed in each of several states since the first one"
+EXAMPLE = "dovetail history study.toml --picture history.png"
+
+
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw what changed when as .png")
+
+
+def run(options: Options, progress: Progress) -> None:
+    """Diagnose each of a study's states against its baseline."""
+    from dovetail.modes_history import diagnose_history, history_dict, history_lines
+
+    check_png(options.picture)
+    check_places(options, Output("--picture", options.picture))
+    study = loaded(options)
+    history = diagnose_history(study, progress)
+    progress.close()
+    write_json(options.json, history_dict(study, history))
+    if options.picture is not None:
+        from viz.history import plot_history
+        from viz.style import save
+
+        assert study.baseline is not None
+        changes = [
+            [(e.kind.replace("_", " ") + f", {e.where}", s.probability) for e in s.diagnosis.found]
+            for s in history
+        ]
+        figure = plot_history(
+            [s.name for s in history], study.baseline.modes.frequency, [s.shift for s in history],
+            [s.std for s in history], changes,
+        )  # fmt: skip
+        with replacing(options.picture) as scratch:
+            save(figure, scratch)
+    say(options, *history_lines(study, history))

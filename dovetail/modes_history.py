@@ -1,0 +1,118 @@
+"""Several states of one structure: what has changed since the first one, state by state."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.file.contents import Study
+from dovetail.file.table import StudyError
+from dovetail.mode_result import mode_diagnosis_dict
+from dovetail.modes_pipeline import diagnose_study_modes, targets_of
+from dovetail.report.words import explanation_text
+from fem.summary import percent
+from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.diagnosis.states import partners
+from updating.inference.mode_targets import ModeTargets
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateChange:
+    """A state beside the baseline.
+
+    Attributes
+    ----------
+    name : str
+    shift, std : ndarray (n_modes,)
+        ln(f / f of the baseline) of the baseline's modes and its standard deviation; NaN where the state
+        lacks one [-].
+    diagnosis : ModeDiagnosis
+        Of the change since the baseline.
+    """
+
+    name: str
+    shift: Floats
+    std: Floats
+    diagnosis: ModeDiagnosis
+
+    @property
+    def answer(self) -> str:
+        """What has changed since the baseline, in words."""
+        d = self.diagnosis
+        if d.verdict == EFFECT:
+            return explanation_text(d.explanations[0])
+        return "nothing" if d.verdict == NOTHING else "not explained"
+
+    @property
+    def probability(self) -> float:
+        """Probability of the answer [-]."""
+        d = self.diagnosis
+        return d.explanations[0].probability if d.verdict in (EFFECT, NOTHING) else np.nan
+
+
+def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
+    """Return ln(f / f of the baseline) of the baseline's modes and its deviation, NaN without a partner."""
+    alike = after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
+    shift, std = np.full((2, before.n), np.nan)
+    for i, k in enumerate(partners(before, after, alike)):
+        if k >= 0:
+            shift[k] = np.log(after.frequency[i] / before.frequency[k])
+            std[k] = np.hypot(after.frequency_std[i], before.frequency_std[k])
+    return shift, std
+
+
+def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[StateChange, ...]:
+    """Find what has changed since the baseline in each of a study's states.
+
+    Raises
+    ------
+    StudyError
+        If the study has no modes of a baseline, or no states.
+    """
+    if study.baseline is None or not study.states:
+        missing = "[baseline] with modes" if study.baseline is None else "[[states]]"
+        msg = f"{study.path.name}: it has no {missing}; a history needs a baseline and later states"
+        raise StudyError(msg)
+    before, out = targets_of(study.baseline), []
+    for k, state in enumerate(study.states):
+
+        def told(text: str, done: float, first: int = k, name: str = state.name) -> None:
+            say(f"{name}: {text}", (first + done) / len(study.states))
+
+        found = diagnose_study_modes(replace(study, modes=state.modes), told)
+        out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
+    return tuple(out)
+
+
+def history_lines(study: Study, history: tuple[StateChange, ...]) -> list[str]:
+    """Return a history as lines of text."""
+    width = max(len("state"), *(len(s.name) for s in history))
+    lines = [f"{study.name}: {len(history)} states after the baseline", ""]
+    lines.append(f"{'state':{width}}  largest shift  probability  change since the baseline")
+    for s in history:
+        k = int(np.nanargmax(np.abs(s.shift))) if np.isfinite(s.shift).any() else -1
+        shift = f"{100 * s.shift[k]:+8.2f} %" if k >= 0 else f"{'-':>10}"
+        sure = percent(s.probability) if np.isfinite(s.probability) else "-"
+        lines.append(f"{s.name:{width}}  {shift:>13}  {sure:>11}  {s.answer}")
+    return lines
+
+
+def history_dict(study: Study, history: tuple[StateChange, ...]) -> dict[str, Any]:
+    """Return a history in plain types."""
+    assert study.baseline is not None
+    return {
+        "study": study.name,
+        "baseline_Hz": study.baseline.modes.frequency,
+        "states": [
+            {
+                "name": s.name, "shift": s.shift, "shift_std": s.std, "answer": s.answer,
+                **mode_diagnosis_dict(s.diagnosis),
+            }
+            for s in history
+        ],
+    }  # fmt: skip
