@@ -53,7 +53,7 @@ def plot_history(
             value, error = 100 * np.append(0.0, y[:, k]), 200 * np.append(0.0, s[:, k])
             colour, dash = style.MODELS[k % len(style.MODELS)]
             top.errorbar(
-                at + 0.16 * (k / max(1, n - 1) - 0.5), value, error, fmt="o", linestyle=dash, markersize=4,
+                at + 0.16 * (k / max(1, n - 1) - 0.5), value, error, fmt="os"[k // len(style.MODELS) % 2], linestyle=dash, markersize=4,
                 color=colour, linewidth=1.0, capsize=2, label=label,
             )  # fmt: skip
         top.set_ylabel("shift of frequency [%]\n± 2 std")

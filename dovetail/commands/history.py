@@ -7,6 +7,7 @@ from dovetail.commands.common import Options, check_places, loaded, say
 from dovetail.commands.load_cases import check_png
 from dovetail.disk.output import Output, Progress, write_json
 from fem.io.atomic import replacing
+from fem.model import Effect
 
 HELP = "find what has changed in each of several states since the first one"
 EXAMPLE = "dovetail history study.toml --picture history.png"
@@ -32,10 +33,7 @@ def run(options: Options, progress: Progress) -> None:
         from viz.style import save
 
         assert study.baseline is not None
-        changes = [
-            [(e.kind.replace("_", " ") + f", {e.where}", s.probability) for e in s.diagnosis.found]
-            for s in history
-        ]
+        changes = [[(_place(e), s.probability) for e in s.diagnosis.found] for s in history]
         figure = plot_history(
             [s.name for s in history], study.baseline.modes.frequency, [s.shift for s in history],
             [s.std for s in history], changes,
@@ -43,3 +41,8 @@ def run(options: Options, progress: Progress) -> None:
         with replacing(options.picture) as scratch:
             save(figure, scratch)
     say(options, *history_lines(study, history))
+
+
+def _place(effect: Effect) -> str:
+    """Return what an effect is and where, without its position, which differs a little between states."""
+    return f"{effect.kind.replace('_', ' ')}, {effect.where.split(' at ')[0]}"
