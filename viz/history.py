@@ -52,8 +52,9 @@ def plot_history(
             label = f"{f[k]:.4g} Hz"
             value, error = 100 * np.append(0.0, y[:, k]), 200 * np.append(0.0, s[:, k])
             colour, dash = style.MODELS[k % len(style.MODELS)]
+            mark = "os"[k // len(style.MODELS) % 2]
             top.errorbar(
-                at + 0.16 * (k / max(1, n - 1) - 0.5), value, error, fmt="os"[k // len(style.MODELS) % 2], linestyle=dash, markersize=4,
+                at + 0.16 * (k / max(1, n - 1) - 0.5), value, error, fmt=mark, linestyle=dash, markersize=4,
                 color=colour, linewidth=1.0, capsize=2, label=label,
             )  # fmt: skip
         top.set_ylabel("shift of frequency [%]\n± 2 std")
