@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dovetail.commands.common import Options, check_places, loaded, say
-from dovetail.commands.load_cases import check_png
+from  import check_png
 from dovetail.disk.output import Output, Progress, write_json
 from fem.io.atomic import replacing
 from fem.model import Effect
