@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 
 from dovetail.commands.common import Options, check_places, loaded, say
-from  import check_png
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Output, OutputError, Progress, write_json
 from fem.io.atomic import replacing
 from fem.model import Effect
 
@@ -22,7 +21,9 @@ def run(options: Options, progress: Progress) -> None:
     """Diagnose each of a study's states against its baseline."""
     from dovetail.modes_history import diagnose_history, history_dict, history_lines
 
-    check_png(options.picture)
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        msg = f"{options.picture}: the picture is written as .png"
+        raise OutputError(msg)
     check_places(options, Output("--picture", options.picture))
     study = loaded(options)
     history = diagnose_history(study, progress)
