@@ -124,8 +124,8 @@ def _as_json(
         "study": study.name,
         "record": None if study.ambient is None else study.ambient.name,
         "duration_s": found.duration,
-        "band_Hz": set_ups[0].band,
-        "order": [s.order for s in set_ups] if len(set_ups) > 1 else set_ups[0].order,
+        "band_Hz": next(iter(set_ups)).band,
+        "order": [s.order for s in set_ups] if isinstance(found, MergedModes) else found.order,
         "modes": [
             {
                 "frequency_Hz": f, "frequency_std_Hz": found.frequency_std[k],
