@@ -103,7 +103,7 @@ class SectionShear(Effect):
         for c, o in zip(new, old, strict=True):
             parts = ((getattr(c, X), getattr(o, X)) for X in ("K", "M", "D"))
             K, M, D = (None if a is None or b is None else a - b for a, b in parts)
-            out.append(Contribution(c.dofs, K, M, D=D))
+            out.append(Contribution(c.dofs, K, M, D=D, lines=c.lines))
         return tuple(out)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
