@@ -6,8 +6,9 @@ mesh. Nothing is left out, so that the FRFs are those of the whole model with an
 Members whose elements differ keep their points.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -53,12 +54,14 @@ class Condensed:
         From these to all DOFs; zero at the DOFs that are condensed.
     rest : tuple of sparse (n_kept, n_kept)
         K, M, C and D of all elements that are in no run.
-    count : ndarray of int (n_runs,)
-        Elements of each run.
-    elements : ndarray (4, n_runs, 12, 12)
-        K, M, C and D of one element of each run.
+    kind : ndarray of int (n_runs,)
+        Number of each run among those that differ in their elements or in how many they have.
+    count : ndarray of int (n_kinds,)
+        Elements of a run of each kind.
+    elements : ndarray (4, n_kinds, 12, 12)
+        K, M, C and D of one element of each kind.
     dofs : ndarray of int (n_runs, 12)
-        DOFs of its two ends.
+        DOFs of the two ends of each run.
     bending : ndarray (n_chains, 2)
         Phases of bending waves along each chain of elements in its two planes, over √ω [√s].
     """
@@ -67,6 +70,7 @@ class Condensed:
     kept: NDArray[np.int64]
     Q: Any
     rest: tuple[Any, ...]
+    kind: NDArray[np.int64]
     count: NDArray[np.int64]
     elements: Array
     dofs: NDArray[np.int64]
@@ -86,9 +90,12 @@ class Condensed:
         """
         b, c = (np.asarray((self.Q.T @ X).toarray()) for X in (inputs, outputs))
         H = np.empty((len(frequency), c.shape[1], b.shape[1]), dtype=complex)
-        solve = self._dense if len(self.kept) <= _DENSE else self._sparse
-        width = max(144 * len(self.count), len(self.kept) ** 2 if len(self.kept) <= _DENSE else 1, 1)
-        step = max(1, _CHUNK // width)
+        if len(self.kept) <= _DENSE:
+            solve, entries = self._dense, len(self.kept) ** 2
+        else:
+            pattern = _Pattern.of(self)
+            solve, entries = partial(self._sparse, pattern), len(pattern.row)
+        step = max(1, _CHUNK // max(144 * len(self.count), entries, 1))
         for start in range(0, len(frequency), step):
             lines = slice(start, start + step)
             H[lines] = solve(self._factors(frequency[lines]), b, c)
@@ -101,8 +108,8 @@ class Condensed:
         n = len(self.kept)
         if n <= _DENSE:
             return joints + _SECONDS_PER_FRONT + _SECONDS_PER_OPERATION * n**3
-        _, factors = self._factors(np.ones(1))
-        plan = plan_elimination(self._at_line(factors[0], self.elements[0], []))
+        (Z,) = _Pattern.of(self).matrices(*self._factors(np.ones(1)), self.elements[:1])
+        plan = plan_elimination(Z)
         own = np.array([front.last - front.first for front in plan.fronts], dtype=float)
         edge = np.array([len(front.boundary) for front in plan.fronts], dtype=float)
         operations = own**3 + 3 * own**2 * edge + 3 * own * edge**2
@@ -125,7 +132,7 @@ class Condensed:
         return omega, np.stack(factors, axis=1)
 
     def _runs(self, factors: Array) -> Array:
-        """Return the dynamic stiffness of the ends of each run, (n_freq, n_runs, 12, 12)."""
+        """Return the dynamic stiffness of the ends of a run of each kind, (n_freq, n_kinds, 12, 12)."""
         Z = np.einsum("fk,krij->frij", factors, self.elements)
         for n in np.unique(self.count):
             of = self.count == n
@@ -138,32 +145,19 @@ class Condensed:
         Z = np.einsum("fk,kij->fij", factors, np.stack([X.toarray() for X in self.rest]))
         for law, K in self.system.laws:
             Z += law_change(law, omega)[:, None, None] * K[self.kept][:, self.kept].toarray()
-        for run, dofs in zip(np.moveaxis(self._runs(factors), 1, 0), self.dofs, strict=True):
+        runs = self._runs(factors)
+        for kind, dofs in zip(self.kind, self.dofs, strict=True):
             at = np.flatnonzero(Q[dofs].any(axis=0))
             ends = Q[np.ix_(dofs, at)]
-            Z[:, at[:, None], at] += ends.T @ run @ ends
+            Z[:, at[:, None], at] += ends.T @ runs[:, kind] @ ends
         try:
             return c.T @ np.linalg.solve(Z, np.broadcast_to(b, (len(omega), n, b.shape[1])))
         except np.linalg.LinAlgError:  # at one of the lines
             return np.stack([self._one(sp.csc_array(each), b, c) for each in Z])
 
-    def _sparse(self, lines: tuple[Array, Array], b: Array, c: Array) -> Array:
-        omega, factors = lines
-        changes = [law_change(law, omega) for law, _ in self.system.laws]
-        out = []
-        for k, runs in enumerate(self._runs(factors)):
-            out.append(self._one(self._at_line(factors[k], runs, [f[k] for f in changes]), b, c))
-        return np.stack(out)
-
-    def _at_line(self, factors: Array, runs: Array, changes: Sequence[complex]) -> Any:
-        """Return Z at one line, sparse (n_kept, n_kept)."""
-        ends = sum_contributions((Contribution(self.dofs, runs),), self.Q.shape[0])[0]
-        Z = sum((f * X for f, X in zip(factors, self.rest, strict=True)), self.Q.T @ ends @ self.Q)
-        for change, (_, K) in zip(changes, self.system.laws, strict=False):
-            Z = Z + change * K[self.kept][:, self.kept]
-        Z = sp.csc_array(Z)
-        Z.sum_duplicates()
-        return Z
+    def _sparse(self, pattern: "_Pattern", lines: tuple[Array, Array], b: Array, c: Array) -> Array:
+        matrices = pattern.matrices(*lines, self._runs(lines[1]))
+        return np.stack([self._one(Z, b, c) for Z in matrices])
 
     def _one(self, Z: Any, b: Array, c: Array) -> Array:
         backend = None if self.system.reciprocal else "superlu"  # the one that does not rely on symmetry
@@ -171,6 +165,82 @@ class Condensed:
             return c.T @ factorise(Z, backend=backend).solve(b.astype(complex))
         except SingularMatrixError:
             return np.full((c.shape[1], b.shape[1]), np.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pattern:
+    """Entries of Z on the kept coordinates, column by column, as sums of those of its parts.
+
+    Attributes
+    ----------
+    n : int
+        Number of coordinates.
+    row, column : ndarray of int (n_entries,)
+    rest : sparse (n_entries, 4)
+        Entries of K, M, C and D of all elements that are in no run.
+    laws : tuple of (Law, sparse (n_entries, 1))
+        Entries of the stiffness that each law multiplies.
+    runs : sparse (n_entries, 144 n_kinds)
+        From the entries of runs of each kind.
+    """
+
+    n: int
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    rest: Any
+    laws: tuple[Any, ...]
+    runs: Any
+
+    @classmethod
+    def of(cls, condensed: Condensed) -> "_Pattern":
+        """Return the entries of a condensed system."""
+        n, kept = len(condensed.kept), condensed.kept
+        laws = [(law, K[kept][:, kept]) for law, K in condensed.system.laws]
+        row, column, source, weight = _run_entries(condensed)
+        given = [sp.coo_array(X) for X in (*condensed.rest, *(K for _, K in laws))]
+        keys = [np.int64(n) * X.col + X.row for X in given]
+        entries = np.unique(np.concatenate([n * column + row, *keys]))
+
+        def placed(key: Array, source: Array, values: Array, width: int) -> Any:
+            at = np.searchsorted(entries, key), source
+            return sp.csr_array(sp.coo_array((values, at), shape=(len(entries), width)))
+
+        values = [X.data for X in given]
+        part = [np.full(len(key), k) for k, key in enumerate(keys)]
+        rest = placed(*(np.concatenate(each[:4]) for each in (keys, part, values)), width=4)
+        by_law = tuple(
+            (law, placed(key, np.zeros(len(key), dtype=np.int64), X, width=1))
+            for (law, _), key, X in zip(laws, keys[4:], values[4:], strict=True)
+        )
+        runs = placed(n * column + row, source, weight, width=144 * len(condensed.count))
+        return cls(n, entries % n, entries // n, rest, by_law, runs)
+
+    def matrices(self, omega: Array, factors: Array, runs: Array) -> Iterator[Any]:
+        """Yield Z at each line, sparse (n, n), all with one pattern."""
+        values = self.rest @ factors.T + self.runs @ runs.reshape(len(omega), -1).T
+        for law, K in self.laws:
+            values = values + K @ law_change(law, omega)[None]
+        there = values.any(axis=1)  # frames along the axes of coordinates have many zeros
+        start = np.searchsorted(self.column[there], np.arange(self.n + 1))
+        row = self.row[there]
+        for each in values[there].T:
+            yield sp.csc_array((each, row, start), shape=(self.n, self.n))
+
+
+def _run_entries(condensed: Condensed) -> tuple[Array, Array, Array, Array]:
+    """Return row, column, number among the entries of all kinds, and weight of each entry of the runs."""
+    dofs = condensed.dofs
+    ends = sp.coo_array(condensed.Q.tocsr()[dofs.ravel()].tocsr())
+    order = np.argsort(ends.row, kind="stable")
+    place, to, q = ends.row[order], ends.col[order].astype(np.int64), ends.data[order]
+    run, local = np.divmod(place.astype(np.int64), 12)
+    size = np.bincount(run, minlength=len(dofs))
+    # each entry of Q meets all those of its run
+    first = np.repeat(np.arange(len(run)), size[run])
+    begins = np.cumsum(size[run]) - size[run]
+    second = (np.cumsum(size) - size)[run[first]] + np.arange(len(first)) - begins[first]
+    source = 144 * condensed.kind[run[first]] + 12 * local[first] + local[second]
+    return to[first], to[second], source, q[first] * q[second]
 
 
 def condense(system: System, *places: Array) -> Condensed:
@@ -206,7 +276,8 @@ def condense(system: System, *places: Array) -> Condensed:
         elements[:, k] = _as_passed(matrices[:, run.elements[0]], bool(run.turned[0]))
     ends = np.array([[run.points[0], run.points[-1]] for run in runs], dtype=np.int64).reshape(-1, 2)
     count = np.array([len(run.elements) for run in runs], dtype=np.int64)
-    return Condensed(system, kept, Q, summed, count, elements, _dofs_of(ends), bending)
+    first, kind = _kinds(elements, count)
+    return Condensed(system, kept, Q, summed, kind, count[first], elements[:, first], _dofs_of(ends), bending)
 
 
 def frf_function(
@@ -359,6 +430,25 @@ def _equal_parts(chain: _Chain, matrices: Array) -> Iterator[_Chain]:
     for a, b in pairwise(edges.tolist()):
         if b - a > 1:
             yield _Chain(chain.elements[a:b], chain.turned[a:b], chain.points[a : b + 1])
+
+
+def _kinds(elements: Array, count: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first run of each kind, and the kind of each: parallel members alike have one.
+
+    Entries count as equal that round to the same digits. Two that differ by rounding alone and fall to two
+    sides of a limit make two kinds of one, which costs time and nothing else.
+    """
+    n = len(count)
+    X = elements.transpose(1, 0, 2, 3)
+    size = np.sqrt(np.abs(np.diagonal(X, axis1=2, axis2=3)))
+    scale = size[..., :, None] * size[..., None, :]
+    relative = np.divide(X, scale, out=np.zeros(X.shape), where=scale > 0)
+    logarithm = np.log(size, out=np.zeros(size.shape), where=size > 0)
+    rounded = [np.rint(each / _EQUAL).astype(np.int64).reshape(n, -1) for each in (relative, logarithm) if n]
+    exact = np.where(scale > 0, 0.0, X).view(np.int64).reshape(n, 576)  # a gyroscopic C has no diagonal
+    keys = np.concatenate([count[:, None], exact, *rounded], axis=1)
+    _, first, kind = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return first, kind.reshape(-1)
 
 
 def _as_passed(X: Array, turned: bool) -> Array:

@@ -1,16 +1,18 @@
 """FRFs with runs of equal elements condensed, against solutions with the full matrices."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from fem.analysis.condensed import condense, frf_function
+from fem.analysis.condensed import _Pattern, condense, frf_function
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.analysis.selection import dof_columns
 from fem.effects.rotor import Rotor
+from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
@@ -96,9 +98,11 @@ def test_many_coordinates_are_solved_as_sparse_matrices():
     columns, _ = dof_columns(grid, at)
     condensed = condense(system, columns)
     assert len(condensed.kept) >= 16 * 6 - 18
+    assert len(condensed.kind) == 24
+    assert len(condensed.count) <= 4  # along x and along y, passed in either sense
     full = compute_frf(system, LINES, at, at, "receptance", method="direct").H
     for dense in (True, False):
-        solve = condensed._dense if dense else condensed._sparse
+        solve = condensed._dense if dense else partial(condensed._sparse, _Pattern.of(condensed))
         b = condensed.Q.T @ columns
         H = solve(condensed._factors(LINES), b.toarray(), b.toarray())
         assert (np.abs(H - full) / np.abs(full).max(axis=(1, 2), keepdims=True)).max() < 1e-7
@@ -146,13 +150,29 @@ def test_modes_and_lines_give_the_same(size, monkeypatch):
         assert (np.abs(H - exact).max(axis=0) < 1e-3 * np.abs(exact).max(axis=0).max()).all()
 
 
+def test_members_with_uncertain_shear_are_condensed_as_others():
+    mesh = Mesh.from_lines([[0, 0, 0], [0, 0, 1], [1, 0, 1]], [[0, 1], [1, 2]], {"a": [0], "b": [1]})
+    wall = MemberProperties(STEEL, Section.tube(0.03, 0.003))
+    plain = Model(mesh.split(8), (Frame(members={"a": wall, "b": wall}), fix(0)))
+    shear = SectionShear.of(plain)
+    model = plain.with_effect(shear.with_values(**{p.name: 0.7 * p.value for p in shear.parameters()}))
+    system = assemble(model.with_damping(Damping.structural(0.02)))
+    at = [(2, "x"), (2, "y")]
+    columns, _ = dof_columns(model, at)
+    condensed = condense(system, columns)
+    assert len(condensed.kept) == 12
+    full = compute_frf(system, LINES, at, at, "receptance", method="direct").H
+    H = condensed.receptance(LINES, columns, columns)
+    assert (np.abs(H - full) / np.abs(full).max(axis=(1, 2), keepdims=True)).max() < 1e-7
+
+
 def test_a_run_ends_where_a_force_acts():
     model = thin_portal(1.0)
     system = assemble(model)
     columns, _ = dof_columns(model, [(20, "x")])
     free, held = condense(system), condense(system, columns)
     assert len(held.kept) == len(free.kept) + 6
-    assert held.count.sum() == free.count.sum() == 180
+    assert held.count[held.kind].sum() == free.count[free.kind].sum() == 180
 
 
 def test_undamped_lines_at_a_resonance_are_infinite_or_large():
