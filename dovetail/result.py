@@ -30,13 +30,13 @@ NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
 """Files in the folder of a run."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
-CONNECTIONS_POWER = "its power of frequency"
+CONNECTIONS_POWER = "power of the frequency in that ratio"
 """How it calls the power of the frequency that their damping goes with."""
 
 
 _FORM = {
-    "u": "ln stiffness", "plane": "ln stiffness in its plane", "mass": "relative mass",
-    "A": "relative mass per length",
+    "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
+    "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
 }  # fmt: skip
 _QUANTITIES = {
     "rho": "density", "k": "shear coefficients",
@@ -82,7 +82,7 @@ class Uncertain:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
         effect, _, parameter = self.name.partition(".")
         if self.form_of:
-            return f"{_FORM.get(parameter, parameter)}, form of {self.form_of}"
+            return f"{self.form_of}: {_FORM.get(parameter, parameter)}"
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")

@@ -9,6 +9,7 @@ from dovetail.report.page import Markup, bullets, join, paragraph, section, tabl
 from dovetail.report.probable import probability_text
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
+from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 
@@ -36,7 +37,7 @@ def verdict_box(verdict: str, headline: str, values: Sequence[str], sure: str, r
         tag("p", headline, class_="sentence"),
         *(tag("p", value, class_="value") for value in values),
         tag("p", sure, class_="value probability") if sure else "",
-        tag("p", f"{reason[:1].upper()}{reason[1:]}.", class_="why"),
+        tag("p", f"{reason[:1].upper()}{words.directions(reason[1:])}.", class_="why"),
         class_=f"verdict {CLASS.get(verdict, 'unexplained')}",
     )
 
@@ -61,7 +62,8 @@ def _structure(result: RunResult, shown: Shown) -> Markup:
     d = result.diagnosis
     m = d.problem.data.measurement
     found = ", ".join(words.effect_label(f.effect.kind, f.effect.where) for f in d.findings)
-    alt = f"The structure with {len(m.sensors)} sensors and {len(m.excitations)} excitations"
+    many = f"{counted(len(m.sensors), 'sensor')} and {counted(len(m.excitations), 'excitation')}"
+    alt = f"The structure with {many}"
     if found:
         alt += f"; marked: {found}"
     caption = (

@@ -7,6 +7,7 @@ from dovetail.report.drawn import held_out_bands
 from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
+from fem.summary import counted
 from updating.inference.fit_data import TRANSVERSE, FitData
 
 
@@ -54,12 +55,13 @@ def compared(result: RunResult, shown: Shown) -> Markup:
                 ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
                 (
                     "model",
-                    f"{len(mesh.members)} members, {mesh.n_lines} beam elements, {mesh.n_points} points",
+                    f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points",
                 ),
             ]
         ),
         folded(
-            f"{len(study.sensors)} sensors and {len(study.excitations)} excitations", _sensor_places(result)
+            f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}",
+            _sensor_places(result),
         ),
     )
 
@@ -71,12 +73,12 @@ def gates(result: RunResult) -> Markup:
         return Markup()
     rows = [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in known.checks]
     return section(
-        "Gates first",
+        "Checks of the measurement",
         paragraph(
-            "Tests of the measurement before the search for effects. A failed one is set right, counted as "
+            "Made before the search for effects. What fails is set right, counted as "
             "noise, or stays a warning beside the verdict."
         ),
-        table(["gate", "outcome", "finding"], rows),
+        table(["check", "outcome", "finding"], rows),
     )
 
 

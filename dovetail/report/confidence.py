@@ -99,27 +99,28 @@ def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
     return rounds[-1][0] if rounds and rounds[-1] else None
 
 
-def rival_of(finding: Finding, ranked: Sequence[Ranked]) -> Ranked | None:
-    """Return the best candidate that is neither the effect nor one of its twins."""
-    same = {finding.effect.name, *(t.name for t in finding.twins)}
-    return next((r for r in ranked if r.name not in same), None)
-
-
-MORE_PROBABLE = "; it is more probable, as each band has an error level of its own, and laws have priors."
+MORE_PROBABLE = (
+    " The effect is more probable all the same: each band has an error level of its own, and parameters have "
+    "priors."
+)
 
 
 def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
-    subject = effect_label(finding.effect.kind, finding.effect.where) if len(d.findings) > 1 else "It"
+    label = effect_label(finding.effect.kind, finding.effect.where)
+    subject, it = (label[:1].upper() + label[1:], label) if len(d.findings) > 1 else ("It", "it")
     if finding.twins:
         listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
             " …" if len(finding.twins) > 4 else ""
         )
-        text = f"{subject} cannot be told by these data from {listed}."
+        text = f"These data cannot tell {it} from {listed}."
     else:
         text = replaced_text(d, subject, finding.effect.name)
-    rival = rival_of(finding, ranked)
+    rival = finding.rival
     own = next((r for r in ranked if r.name == finding.effect.name), None)
-    if rival and own:
-        text += f" The next one, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB, it {own.fit_db:.2f} dB"
-        text += MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "."
-    return text
+    if own is None:
+        return text
+    if rival is None:
+        return f"{text} No other candidate was promising enough to be fitted to all lines."
+    other = f"{ranked_label(rival)}, the next best of the other candidates"
+    text += f" With {other}, {rival.fit_db:.2f} dB are left instead of {own.fit_db:.2f} dB."
+    return text + (MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "")

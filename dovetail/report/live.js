@@ -71,16 +71,30 @@
     const meta = figure.layout.meta || {};
     const scene = figure.layout.scene;
     if (scene) {
+      scene.domain = { x: [0, 1], y: [Math.min(0.15 * bars, 0.3), 1] };
       const part = Math.min(1, width / (figure.layout.height - 60) / 1.3);
       for (const k of "xyz") scene.aspectratio[k] *= part;
       scene.annotations = (scene.annotations || []).filter((a) => a.name !== "instrument");
     }
     if (figure.layout.xaxis && figure.layout.xaxis.title) figure.layout.xaxis.title.font.size = 10;
-    if (meta.short) figure.layout.yaxis.ticktext = meta.short;
+    if (meta.short) namesAbove(figure.layout, meta.short);
+    if (figure.data.some((t) => t.type === "heatmap")) figure.layout.xaxis.tickangle = -90;
     if (figure.layout.title) figure.layout.title = undefined;
     if (figure.layout.margin.l > 40) figure.layout.margin.l = 44;
     figure.layout.legend = Object.assign({}, figure.layout.legend, { font: { size: 10 } });
     return figure;
+  }
+
+  // The names of bars lie above them, where there is no room on the left.
+  function namesAbove(layout, names) {
+    const font = { size: 11, color: (layout.font || {}).color };
+    layout.height += 24 * names.length;
+    layout.bargap = 0.62;
+    layout.yaxis.showticklabels = false;
+    layout.yaxis.range = [names.length - 0.5, -0.75];
+    layout.annotations = (layout.annotations || []).concat(names.map((text, k) => ({
+      xref: "paper", x: 0, xanchor: "left", yref: "y", y: k - 0.2, yanchor: "bottom", align: "left",
+      showarrow: false, text, font })));
   }
 
   async function prepared(name, width) {

@@ -3,13 +3,13 @@
 import math
 
 from dovetail.report import cells, words
-from dovetail.report.confidence import best_of, rival_of
+from dovetail.report.confidence import best_of
 from dovetail.report.drawn import ranking_caption
 from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.probable import hypotheses
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult
-from fem.summary import percent
+from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import Finding, Ranked
@@ -60,7 +60,9 @@ def _absent(finding: Finding, name: str) -> str:
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
-    known.append((rival_of(finding, ranked), "best other"))
+    if own is not None:
+        known += [(r, "contains it") for r in ranked if r.contains(own) and r not in finding.twins][:2]
+    known.append((finding.rival, "best other"))
     rows = [
         [cells.tagged(r, what), words.parameters_text(r.parameters), *cells.errors(r), f"{r.similarity:.2f}"]
         for r, what in known
@@ -69,7 +71,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
     twins = (
         "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
         if finding.twins
-        else "No candidate brings nearly the same reduction."
+        else "No candidate that does not contain it brings nearly the same reduction."
     )
     return join(
         [
@@ -87,7 +89,14 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
 def _decided(finding: Finding, picture: Markup) -> Markup:
     """Say which FRFs and bands prefer the effect to its rival."""
     against = finding.rival or (finding.twins[0] if finding.twins else None)
-    if against is None or not finding.decisive:
+    if against is None:
+        return join(
+            [
+                tag("h3", "Deciding evidence"),
+                paragraph("No other candidate was promising enough to be fitted and compared with it."),
+            ]
+        )
+    if not finding.decisive:
         return Markup()
     first = finding.decisive[0]
     lead = (
@@ -246,4 +255,4 @@ def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Mar
         )
     marked = [i for i, r in enumerate(ranked) if r.name == accepted]
     body = table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)
-    return folded(f"Round {k + 1} in numbers: {len(ranked)} candidates", body)
+    return folded(f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}", body)

@@ -24,6 +24,7 @@ from dovetail.report.drawn import (
 from dovetail.result import RunResult
 from fem.analysis.modes import Modes
 from fem.model import Model
+from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
 from updating.diagnosis.findings import Ranked
@@ -260,11 +261,12 @@ def _draw_structure(result: RunResult, album: Album) -> None:
     m = d.problem.data.measurement
     marks = [(place.point, place.label) for place in marked_places(result)]
     seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
+    many = f"{counted(len(m.sensors), 'sensor')} and {counted(len(m.excitations), 'excitation')}"
     album.add(
         "structure",
         lambda p: render.render_model(study.model, p, m.sensors, m.excitations, marks),
-        f"The structure with {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
-        f"The model with sections, {len(m.sensors)} sensors and {len(m.excitations)} excitation(s){seen}.",
+        f"The structure with {many}{seen}.",
+        f"The model with sections, {many}{seen}.",
     )
     points, directions = (np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction"))
     before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()

@@ -36,7 +36,7 @@ def frfs(result: RunResult, shown: Shown) -> Markup:
             "Amplitude and phase of one FRF, measured and computed; the lists above choose response and "
             "force.",
             f"Any of the {len(known.outputs) * len(known.inputs)} FRFs: measured, with the models of each "
-            "step, and with the effect's nearest rival. A click on a name in the legend hides its curve."
+            "step, and with the best other candidate. A click on a name in the legend hides its curve."
             + (f" Of the lines every {every}th is drawn." if every > 1 else ""),
             [name for name in shown.album.pictures if name.startswith("frf-") and name != "frf-error"],
             tools=tools,
@@ -159,7 +159,7 @@ def _parameter_row(u: Uncertain) -> list[object]:
     return [
         words.with_unit(u.nominal, u.unit),
         words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std),
-        f"{u.moved:+.1f}".replace("-", "−") if math.isfinite(u.moved) else "–",
+        f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−") if math.isfinite(u.moved) else "–",
         cells.percent(u.prior_std, u.nominal),
         flag,
     ]

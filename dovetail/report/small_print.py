@@ -46,7 +46,10 @@ def notes(result: RunResult | ModeRunResult, shown: Shown) -> Markup:
 
 def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Markup:
     """Return assumptions, the thresholds of the search, and the study file."""
-    rows = [[tag("code", name), words.number(value), text] for name, value, text in thresholds(modules)]
+    rows = [
+        [tag("code", name), words.number(value) if isinstance(value, float) else str(value), text]
+        for name, value, text in thresholds(modules)
+    ]
     study = result.study
     return section(
         "Assumptions and thresholds",
@@ -112,10 +115,11 @@ def _run(result: RunResult | ModeRunResult) -> list[tuple[str, str]]:
 
 def _mesh(study: Study) -> tuple[str, str]:
     mesh = study.model.mesh
+    least, most = (f"{1e3 * size:.3g}" for size in (mesh.lengths().min(), mesh.lengths().max()))
+    size = least if least == most else f"{least} to {most}"
     return (
         "mesh",
-        f"{mesh.n_lines} elements of {1e3 * mesh.lengths().min():.3g} to "
-        f"{1e3 * mesh.lengths().max():.3g} mm, {study.model.n_dof} degrees of freedom before constraints",
+        f"{mesh.n_lines} elements of {size} mm, {study.model.n_dof} degrees of freedom before constraints",
     )
 
 

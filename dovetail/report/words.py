@@ -16,6 +16,7 @@ from updating.quality.faults import Fault
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _DIRECTION = re.compile(r", (r?)([xyz])$")
+_DIRECTIONS = re.compile(r", (r?)([xyz])\b(?![\w.])")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
 
 
@@ -23,6 +24,11 @@ def place(where: str) -> str:
     """Return a place with its direction spelt out (``joint J, rx``: joint J, about x) and long lists cut."""
     where = _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
     return _MANY.sub(lambda m: f"{m[2].count(',') + 2} {m[1]} ({m[2].partition(',')[0]} … {m[3]})", where)
+
+
+def directions(text: str) -> str:
+    """Return a sentence with the directions of places spelt out, as :func:`place` does at its end."""
+    return _DIRECTIONS.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", text)
 
 
 def effect_label(kind: str, where: str) -> str:

@@ -385,7 +385,7 @@ def test_the_outline_tells_the_page(folder, found):
     assert outline.texts("kind") == ("Verdict: effect",)
     assert outline.texts("sentence") == (words.headline(found),)
     headings = [p.heading for p in outline.parts if p.level == 1]
-    assert headings[:4] == ["How sure", "Compared data", "Gates first", "Where it fails"]
+    assert headings[:4] == ["How sure", "Compared data", "Checks of the measurement", "Where it fails"]
     steps = next(b for b in outline.blocks() if isinstance(b, Table) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers

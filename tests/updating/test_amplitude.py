@@ -307,7 +307,7 @@ def test_a_study_finds_it_from_its_files_and_writes_a_study_that_can_be_read(tmp
     assert finding.effect.name == "joint_cubic:bolt.z"
     assert finding.parameters[0].value == pytest.approx(values["cubic"], rel=0.15)
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Gates first" in report
+    assert "Checks of the measurement" in report
     assert "joint cubic" in report
     assert "measured and computed" in report
     assert "shaded, what the standard deviations" in report

@@ -289,7 +289,8 @@ def _findings(
         twins = _twins(done, best, effect)
         final = next(e for e in last.effects if e.name == effect.name)
         known = {r.name: r for r in ranked}
-        rival = next((r for r in ranked[1:] if r.name not in twins), None)
+        others = (r for r in ranked[1:] if r.name not in twins and not r.contains(ranked[0]))
+        rival = next(others, None)
         same = tuple(known[t] for t in twins if t in known)
         against = rival or (same[0] if same else None)
         decisive: tuple[Decisive, ...] = ()

@@ -60,6 +60,11 @@ class Ranked:
     score: float
     result: FitResult
 
+    def contains(self, other: "Ranked") -> bool:
+        """Return whether it is a law at the same place with all parameters of another candidate, and more."""
+        own, theirs = ({(p.name, p.unit) for p in r.parameters} for r in (self, other))
+        return self.where == other.where and theirs < own
+
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""
         values = ", ".join(f"{p.name} {quantity(p.value, p.unit)}" for p in self.parameters)
@@ -79,7 +84,7 @@ class Finding:
     twins : tuple of Ranked
         Candidates that explain the data nearly as well.
     rival : Ranked or None
-        The best candidate that is no twin.
+        The best candidate that is no twin and does not contain the effect.
     decisive : tuple of Decisive
         The pieces of the data that speak most for the effect against the rival (without one, the first twin).
     proposals : tuple of tuple of Proposal

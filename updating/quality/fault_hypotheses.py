@@ -30,6 +30,7 @@ _TURN = 2.0
 """Misfit at which the loss turns from quadratic to linear, in standard deviations [-]."""
 
 _N_BLOCKS = 10
+"""Number of blocks of lines in which a fault must lower the misfit, each for itself."""
 
 _ZOOMS = 2
 """Number of times that the grid of a fault's values is refined around the best."""

@@ -175,8 +175,10 @@ def _floor_line(
 
 
 def _broken(text: str, width: int) -> str:
-    """Return a text with line breaks between words, made plain."""
-    return "<br>".join(plain(line) for line in textwrap.wrap(text, width)[:4]) or " "
+    """Return a text with line breaks between words, made plain: lines of even length, four at most."""
+    n = len(textwrap.wrap(text, width))
+    even = next(w for w in range(max(width // 2, 1), width + 1) if len(textwrap.wrap(text, w)) <= n)
+    return "<br>".join(plain(line) for line in textwrap.wrap(text, even)[:4]) or " "
 
 
 def ranking_figure(
@@ -277,8 +279,8 @@ def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str
 
 
 def _short(labels: Sequence[str]) -> list[str]:
-    """Return names for a narrow page, of two lines."""
-    return [_broken(shorten(s, 38), 20) for s in labels]
+    """Return names for a narrow page, of two lines, which lie above the bars."""
+    return [_broken(shorten(s, 96), 50) for s in labels]
 
 
 def _hatch(shape: str) -> dict[str, Any]:
@@ -290,10 +292,10 @@ def _candidate_word(k: int, accepted: int | None, twins: Collection[int]) -> str
     return accepted_ if k == accepted else twin if k in twins else other
 
 
-def _names_axis(labels: Sequence[str], width: int = 40) -> dict[str, Any]:
+def _names_axis(labels: Sequence[str]) -> dict[str, Any]:
     n = len(labels)
     return axis(
-        "", tickvals=list(range(n)), ticktext=[_broken(shorten(s, width), 40) for s in labels],
+        "", tickvals=list(range(n)), ticktext=[_broken(shorten(s, 96), 50) for s in labels],
         showgrid=False, range=[n - 0.5, -0.5], ticks="", showline=False,
     )  # fmt: skip
 
@@ -325,8 +327,10 @@ def probability_figure(
     look = layout(
         80 + 30 * len(shown), title, legend=False, bargap=0.35, showlegend=False,
         meta={"short": _short(names)},
-        xaxis=axis(f"probability{more}", range=[0, 1.12], tickformat=".0%"),
-        yaxis=_names_axis(names, 76),
+        xaxis=axis(
+            f"probability{more}", range=[0, 1.25], tickvals=np.linspace(0, 1, 6).tolist(), tickformat=".0%"
+        ),
+        yaxis=_names_axis(names),
     )  # fmt: skip
     return Figure([trace], look)
 
