@@ -195,6 +195,8 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
+    contains : tuple of str
+        Kinds of effect that it is the same as, at their place, where its further parameters are absent.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -211,6 +213,7 @@ class Effect(ABC):
     marker: ClassVar[Marker | None] = None
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
+    contains: ClassVar[tuple[str, ...]] = ()
     entry: ClassVar[Entry | None] = None
     name: str
 

@@ -64,6 +64,7 @@ class Foundation(_Foundation):
 
     kind: ClassVar[str] = "foundation"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    contains: ClassVar[tuple[str, ...]] = ("support_flexibility",)
     marker: ClassVar[Marker | None] = Marker("triangle_down", "vermilion")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
@@ -112,6 +113,7 @@ class FoundationDashpot(_Foundation):
 
     kind: ClassVar[str] = "foundation_dashpot"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    contains: ClassVar[tuple[str, ...]] = ("support_flexibility",)
     marker: ClassVar[Marker | None] = Marker("triangle_down", "purple")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `tau` [s]",

@@ -26,6 +26,7 @@ class JointComplexStiffness(JointStiffness):
 
     kind: ClassVar[str] = "joint_complex_stiffness"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    contains: ClassVar[tuple[str, ...]] = ("joint_stiffness",)
     marker: ClassVar[Marker | None] = Marker("diamond", "purple")
     statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates more"
     entry: ClassVar[Entry | None] = Entry(

@@ -61,9 +61,9 @@ class Ranked:
     result: FitResult
 
     def contains(self, other: "Ranked") -> bool:
-        """Return whether it is a law at the same place with all parameters of another candidate, and more."""
-        own, theirs = ({(p.name, p.unit) for p in r.parameters} for r in (self, other))
-        return self.where == other.where and theirs < own
+        """Return whether it does the same as another candidate at its place, and more."""
+        effect = next((e for e in self.result.effects if e.name == self.name), None)
+        return effect is not None and self.where == other.where and other.kind in effect.contains
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""
