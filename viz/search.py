@@ -59,9 +59,8 @@ def plot_ranking(
         ax = figure.add_subplot()
         ends = [*error[order], baseline] + ([floor] if floor is not None else [])
         low, high = float(min(ends)), float(max(ends))
-        pad = 0.14 * max(high - low, 1e-3)
         if floor is not None:
-            ax.axvspan(low - 10 * pad, floor, color=style.NOISE, linewidth=0, zorder=0)
+            ax.axvspan(-high, floor, color=style.NOISE, linewidth=0, zorder=0)
             ax.axvline(floor, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
         digits = digits_for(high - low)
         for y, k in enumerate(order):
@@ -78,7 +77,7 @@ def plot_ranking(
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75},
             )  # fmt: skip
         ax.axvline(baseline, color=style.INK, linewidth=1)
-        ax.set_xlim(low - pad, high + pad)
+        ax.set_xlim(-0.06 * high, 1.1 * high or 1.0)  # from 0: a small gain looks small
         ax.set_ylim(n - 0.4, -0.6)
         ax.set_yticks(range(n), [shorten(str(labels[k]), 52) for k in order])
         for tick, k in zip(ax.get_yticklabels(), order, strict=True):

@@ -121,6 +121,8 @@ def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
         return text
     if rival is None:
         return f"{text} No other candidate was promising enough to be fitted to all lines."
-    other = f"{ranked_label(rival)}, the next best of the other candidates"
-    text += f" With {other}, {rival.fit_db:.2f} dB are left instead of {own.fit_db:.2f} dB."
+    text += (
+        f" The best of the other candidates, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB instead of "
+        f"{own.fit_db:.2f} dB."
+    )
     return text + (MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "")

@@ -64,7 +64,7 @@
         if (!bar) continue;
         Object.assign(bar, { orientation: "h", x: 0.5, xanchor: "center", len: 0.9,
           y: solid3d(figure) ? 0.02 + 0.13 * bars : -0.28, yanchor: solid3d(figure) ? "bottom" : "top" });
-        bar.title.side = "top";
+        bar.title = Object.assign({}, bar.title, { side: "top", font: { size: 11 } });
         bars += 1;
       }
     }

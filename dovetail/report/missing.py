@@ -37,8 +37,9 @@ def missing(result: RunResult, shown: Shown) -> Markup:
         *_hypotheses(result, shown),
     ]
     for k, finding in enumerate(d.findings):
-        parts.append(_why(finding, d.rounds[k] if k < len(d.rounds) else ()))
-        parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
+        if k < len(d.rounds):  # not of effects that were added by hand
+            parts.append(_why(finding, d.rounds[k]))
+            parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
         parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
     parts.append(
         paragraph(

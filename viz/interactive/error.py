@@ -195,6 +195,8 @@ def ranking_figure(
 ) -> Figure:
     """Return the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
 
+    The axis begins at 0, so that a small gain looks small.
+
     Parameters
     ----------
     labels : sequence of str
@@ -242,15 +244,14 @@ def ranking_figure(
             "customdata": [names[k] for k in picked],
         })  # fmt: skip
     ends = [*levels[order].tolist(), baseline_db]
-    low, high = float(min(ends)), float(max(ends))
-    pad = 0.16 * max(high - low, 1e-3)
+    high = float(max(ends)) or 1.0
     line, note = _upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK)
     more = f"; {hidden} worse ones are not shown" if hidden else ""
     shown = [str(labels[k]) for k in order]
     look = layout(
         110 + 30 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
         annotations=[note], meta={"short": _short(shown)},
-        xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + 0.6 * pad]),
+        xaxis=axis(f"{plain(xlabel)}{more}", range=[-0.06 * high, 1.1 * high]),
         yaxis=_names_axis(shown),
     )  # fmt: skip
     look["margin"]["t"] += 24  # for the note above the bars
