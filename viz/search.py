@@ -58,9 +58,10 @@ def plot_ranking(
         figure = style.new_figure(height=1.25 + 0.25 * n + (0.2 if title else 0))
         ax = figure.add_subplot()
         ends = [*error[order], baseline] + ([floor] if floor is not None else [])
-        low, high = float(min(ends)), float(max(ends))
+        low, high = float(min(*ends, 0.0)), float(max(*ends, 0.0))  # from 0: a small gain looks small
+        pad = 0.08 * max(high - low, 1e-3)
         if floor is not None:
-            ax.axvspan(-high, floor, color=style.NOISE, linewidth=0, zorder=0)
+            ax.axvspan(low - pad, floor, color=style.NOISE, linewidth=0, zorder=0)
             ax.axvline(floor, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
         digits = digits_for(high - low)
         for y, k in enumerate(order):
@@ -77,7 +78,7 @@ def plot_ranking(
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75},
             )  # fmt: skip
         ax.axvline(baseline, color=style.INK, linewidth=1)
-        ax.set_xlim(-0.06 * high, 1.1 * high or 1.0)  # from 0: a small gain looks small
+        ax.set_xlim(low - pad, high + pad)
         ax.set_ylim(n - 0.4, -0.6)
         ax.set_yticks(range(n), [shorten(str(labels[k]), 52) for k in order])
         for tick, k in zip(ax.get_yticklabels(), order, strict=True):

@@ -55,7 +55,8 @@ def compared(result: RunResult, shown: Shown) -> Markup:
                 ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
                 (
                     "model",
-                    f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points",
+                    f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, "
+                    f"{mesh.n_points} points",
                 ),
             ]
         ),

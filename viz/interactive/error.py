@@ -244,14 +244,15 @@ def ranking_figure(
             "customdata": [names[k] for k in picked],
         })  # fmt: skip
     ends = [*levels[order].tolist(), baseline_db]
-    high = float(max(ends)) or 1.0
+    low, high = float(min(*ends, 0.0)), float(max(*ends, 0.0))
+    pad = 0.08 * max(high - low, 1e-3)
     line, note = _upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK)
     more = f"; {hidden} worse ones are not shown" if hidden else ""
     shown = [str(labels[k]) for k in order]
     look = layout(
         110 + 30 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
         annotations=[note], meta={"short": _short(shown)},
-        xaxis=axis(f"{plain(xlabel)}{more}", range=[-0.06 * high, 1.1 * high]),
+        xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + pad]),
         yaxis=_names_axis(shown),
     )  # fmt: skip
     look["margin"]["t"] += 24  # for the note above the bars
