@@ -3,8 +3,8 @@
 Which sensors and bands carry the misfit, and which members and joints could take it away.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect, applicable
+from fem.reduction.local_changes import Fields, LocalChanges
 from fem.summary import fields_summary
 from updating.correlation import compare
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+
+MOST_SOLVED = 2000
+"""Of more small changes the first-order estimate chooses one for each place."""
+N_LINES, LEAST_LINES = 80, 12
+"""Lines at which small changes are judged; and at least so many of them where there are very many changes."""
+MOST_RESPONSES = 20_000_000
+"""So many responses of all DOFs to sensors and forces at all lines are kept for the estimate at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +67,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
 
     Members, joints and supports are judged by a score test: the residual is projected on what a small change
     of each place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance
-    parameters have been taken out.
+    parameters have been taken out. Of very many changes one is solved for at each place: the one that explains
+    most to first order.
 
     Parameters
     ----------
@@ -73,20 +82,12 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     comparison = compare(m, problem.frf(result), n_bands, problem.data.mask)
     members: dict[str, float] = dict.fromkeys(problem.reduced.model.mesh.members, 0.0)
     places: dict[str, float] = {}
-    project = _Projection.of(problem, result)
-    classes = [effect_classes()[kind] for kind in candidate_kinds()]
-    for cls in (c for c in classes if not c.is_form):
-        proposed = cls.propose(problem.reduced.model)
-        for effect in applicable(proposed, problem.reduced.model):
-            if effect.amplitude_dependent:
-                continue
-            share = max((project.share(e, start) for e, start in _small(effect, problem)), default=0.0)
-            member = getattr(effect, "member", None)
-            if member is not None:
-                members[member] = max(members[member], share)
-            else:
-                label = effect.where.rpartition(",")[0] or effect.where
-                places[label] = max(places.get(label, 0.0), share)
+    changes = list(_changes(problem))
+    many = len(changes) > MOST_SOLVED
+    project = _Projection.of(problem, result, _few_lines(problem) if many else N_LINES)
+    for change in _most_telling(project, changes) if many else changes:
+        found = members if change.in_member else places
+        found[change.place] = max(found.get(change.place, 0.0), project.share(change))
     note = (
         "Shares come from a linear estimate: they say where a small change would help, not what is wrong. "
         "A large effect shows at places that move like it; only the fits of the candidates decide."
@@ -98,8 +99,31 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     )  # fmt: skip
 
 
-def _small(effect: Effect, problem: FitProblem) -> list[tuple[Effect, dict[str, float]]]:
-    """Return an effect at values where it is weak, at each of the places that its grid has."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Change:
+    """A weak effect at a place."""
+
+    effect: Effect
+    place: str
+    in_member: bool
+
+
+def _changes(problem: FitProblem) -> Iterator[_Change]:
+    """Yield each candidate where it is weak, at each of the places that its grid has."""
+    model = problem.reduced.model
+    classes = [effect_classes()[kind] for kind in candidate_kinds()]
+    for cls in (c for c in classes if not c.is_form):
+        for effect in applicable(cls.propose(model), model):
+            if effect.amplitude_dependent:
+                continue
+            member = getattr(effect, "member", None)
+            place = effect.where.rpartition(",")[0] or effect.where if member is None else member
+            for point in _weak_points(effect, problem):
+                yield _Change(effect.with_values(**point), place, member is not None)
+
+
+def _weak_points(effect: Effect, problem: FitProblem) -> list[dict[str, float]]:
+    """Return values at which an effect is weak, at each of the places that its grid has."""
     out: dict[tuple[float, ...], tuple[float, dict[str, float]]] = {}
     for point in effect.starts(problem.surroundings):
         place = tuple(round(v, 9) for k, v in point.items() if k == "position")
@@ -107,7 +131,29 @@ def _small(effect: Effect, problem: FitProblem) -> list[tuple[Effect, dict[str, 
         strength = sum(_distance(v, absent[k]) for k, v in point.items() if k != "position")
         if place not in out or strength < out[place][0]:
             out[place] = (strength, point)
-    return [(effect, point) for _, point in out.values()]
+    return [point for _, point in out.values()]
+
+
+def _few_lines(problem: FitProblem) -> int:
+    """Return at how many lines the responses of all DOFs are kept."""
+    frf = problem.data.measurement.frf
+    responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
+    return min(N_LINES, max(MOST_RESPONSES // responses, LEAST_LINES))
+
+
+def _most_telling(project: "_Projection", changes: Sequence[_Change]) -> list[_Change]:
+    """Return for each place the change that explains most to first order, and all that have none."""
+    fields = project.solved(()).fields()
+    best: dict[tuple[bool, str], tuple[float, _Change]] = {}
+    others = []
+    for change in changes:
+        if change.effect.released():
+            others.append(change)
+            continue
+        key, share = (change.in_member, change.place), project.first_order(change, fields)
+        if key not in best or share > best[key][0]:
+            best[key] = share, change
+    return [*(change for _, change in best.values()), *others]
 
 
 def _distance(value: float, absent: float) -> float:
@@ -125,9 +171,11 @@ class _Projection:
     weight: NDArray[np.float64]
     lines: NDArray[np.int64]
     before: NDArray[np.complex128]
+    # By released constraints: the model solved at the lines.
+    _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: FitProblem, result: FitResult, n_lines: int = 80) -> "_Projection":
+    def of(cls, problem: FitProblem, result: FitResult, n_lines: int) -> "_Projection":
         lines = problem.lines_up_to(np.inf, n_lines)
         before = problem.receptance(result, lines)
         keep = problem.data.mask[lines]
@@ -151,22 +199,45 @@ class _Projection:
         return cls(problem, result, flat - Q @ (Q.T @ flat), Q, weight, lines, before)
 
     def _column(self, changed: FitResult) -> NDArray[np.float64]:
-        after = self.problem.receptance(changed, self.lines)
-        d = np.where(
-            self.weight > 0, self.weight * np.log(np.where(self.weight > 0, after / self.before, 1.0)), 0.0
-        )
-        return _flat(self.problem.data.seen(d))
+        """Return what other values of the fit change."""
+        return self._seen(self.problem.receptance(changed, self.lines) / self._divisor)
 
-    def share(self, effect: Effect, start: dict[str, float]) -> float:
-        """Return the share of the residual that the direction of an effect explains."""
-        values = {**self.result.values, **{(effect.name, k): v for k, v in start.items()}}
-        try:
-            column = self._column(replace(self.result, values=values, effects=(*self.result.effects, effect)))
-        except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
+    @property
+    def _divisor(self) -> NDArray[np.complex128]:
+        return np.where(self.weight > 0, self.before, 1.0)
+
+    def _seen(self, ratio: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the weighted logarithm of a ratio of FRFs to those before."""
+        counts = self.weight > 0
+        return _flat(
+            self.problem.data.seen(np.where(counts, self.weight * np.log(np.where(counts, ratio, 1.0)), 0.0))
+        )
+
+    def solved(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
+        """Return the fitted model solved at the lines, without the constraints that an effect releases."""
+        if released not in self._solved:
+            p, fit = self.problem, self.result
+            f, refs = p.data.frequency[self.lines], list(fit.values)
+            engine, values = p.engine(f, refs, fit.effects, released), [fit.values[ref] for ref in refs]
+            self._solved[released] = LocalChanges.of(engine, np.array(values), p.damping.ratio(f, fit.zeta))
+        return self._solved[released]
+
+    def share(self, change: _Change) -> float:
+        """Return the share of the residual that a small change explains."""
+        (H,) = self.solved(change.effect.released()).receptances([change.effect])
+        if not np.isfinite(H).all():  # no structure: more mass taken away than there is
             return 0.0
+        return self._explained(self._seen(H / self._divisor))
+
+    def first_order(self, change: _Change, fields: Fields) -> float:
+        """Return the same for what -Hₒ ΔZ Hᵢ changes, with the change ΔZ of its own few element matrices."""
+        parts = self.problem.reduced.model.parts_of(change.effect)
+        slope = fields.slope(parts, change.effect.connection) / self._divisor
+        return self._explained(_flat(self.problem.data.seen(self.weight * slope)))
+
+    def _explained(self, column: NDArray[np.float64]) -> float:
         column = column - self.basis @ (self.basis.T @ column)
-        norm = np.linalg.norm(column)
-        total = np.linalg.norm(self.residual)
+        norm, total = np.linalg.norm(column), np.linalg.norm(self.residual)
         if norm == 0 or total == 0:
             return 0.0
         return float((column @ self.residual / (norm * total)) ** 2)
