@@ -37,6 +37,7 @@ CONNECTIONS_POWER = "power of the frequency in that ratio"
 _FORM = {
     "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
     "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
+    "shear": "shear flexibility (relative)",
 }  # fmt: skip
 _QUANTITIES = {
     "rho": "density", "k": "shear coefficients",

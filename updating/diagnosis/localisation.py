@@ -19,7 +19,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 
 MOST_SOLVED = 2000
-"""Of more small changes the first-order estimate chooses one for each place."""
+"""Of more small changes those are solved for that explain most to first order, and the best of each place."""
 N_LINES, LEAST_LINES = 80, 12
 """Lines at which small changes are judged; and at least so many of them where there are very many changes."""
 MOST_RESPONSES = 20_000_000
@@ -67,8 +67,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
 
     Members, joints and supports are judged by a score test: the residual is projected on what a small change
     of each place's stiffness, mass or damping does to the FRFs, after the directions of the nuisance
-    parameters have been taken out. Of very many changes one is solved for at each place: the one that explains
-    most to first order.
+    parameters have been taken out. Effects are solved for at their weakest start, all else as it was fitted;
+    of very many, those that explain most to first order.
 
     Parameters
     ----------
@@ -142,18 +142,25 @@ def _few_lines(problem: FitProblem) -> int:
 
 
 def _most_telling(project: "_Projection", changes: Sequence[_Change]) -> list[_Change]:
-    """Return for each place the change that explains most to first order, and all that have none."""
+    """Return the changes that explain most to first order, the best of each place, and all without one.
+
+    Effects that release a constraint have no first order. Nor is there much of one where uncertain parameters
+    do the same, as for a joint whose stiffness is uncertain: its second order is what is left.
+    """
     fields = project.solved(()).fields()
-    best: dict[tuple[bool, str], tuple[float, _Change]] = {}
-    others = []
+    small, shares, others = [], [], []
     for change in changes:
-        if change.effect.released():
+        share, left = (0.0, 0.0) if change.effect.released() else project.first_order(change, fields)
+        if left < 0.5:
             others.append(change)
             continue
-        key, share = (change.in_member, change.place), project.first_order(change, fields)
-        if key not in best or share > best[key][0]:
-            best[key] = share, change
-    return [*(change for _, change in best.values()), *others]
+        small.append(change)
+        shares.append(share)
+    ranked = [small[k] for k in np.argsort(-np.array(shares), kind="stable")]
+    best: dict[tuple[bool, str], int] = {}
+    for k, change in enumerate(ranked):
+        best.setdefault((change.in_member, change.place), k)
+    return [*ranked[:MOST_SOLVED], *(ranked[k] for k in best.values() if k >= MOST_SOLVED), *others]
 
 
 def _distance(value: float, absent: float) -> float:
@@ -229,11 +236,16 @@ class _Projection:
             return 0.0
         return self._explained(self._seen(H / self._divisor))
 
-    def first_order(self, change: _Change, fields: Fields) -> float:
-        """Return the same for what -Hₒ ΔZ Hᵢ changes, with the change ΔZ of its own few element matrices."""
+    def first_order(self, change: _Change, fields: Fields) -> tuple[float, float]:
+        """Return the same for -Hₒ ΔZ Hᵢ, and the share of it that no uncertain parameter does.
+
+        ΔZ is the change of the effect's own few element matrices.
+        """
         parts = self.problem.reduced.model.parts_of(change.effect)
         slope = fields.slope(parts, change.effect.connection) / self._divisor
-        return self._explained(_flat(self.problem.data.seen(self.weight * slope)))
+        column = _flat(self.problem.data.seen(self.weight * slope))
+        size, known = column @ column, self.basis.T @ column
+        return self._explained(column), float(1 - known @ known / size) if size > 0 else 1.0
 
     def _explained(self, column: NDArray[np.float64]) -> float:
         column = column - self.basis @ (self.basis.T @ column)
