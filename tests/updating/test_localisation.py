@@ -13,6 +13,7 @@ STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 
 
 def test_of_many_changes_the_first_order_chooses_those_that_are_solved_for(monkeypatch):
+    monkeypatch.setattr(localisation, "N_LINES", 20)
     problem = fit_problem(load_study(STUDY))
     every = locate(problem, problem.nominal())
     monkeypatch.setattr(localisation, "MOST_SOLVED", len(list(localisation._changes(problem))) // 4)

@@ -233,7 +233,7 @@ def _axes(frf: FRF, limits: tuple[float, float], *, coherence: bool) -> dict[str
             unifiedhovertitle={"text": "%{x:.5~g} Hz"},
         ),
         "yaxis": axis(
-            f"{frf.kind} [dB re 1 {frf.kind.unit}]", domain=[split + 0.03, 1], range=list(limits)
+            f"{frf.kind}<br>[dB re 1 {frf.kind.unit}]", domain=[split + 0.03, 1], range=list(limits)
         ),
         "yaxis2": axis(
             "phase [°]", domain=[low + (0.03 if coherence else 0), split - 0.02], range=[-190, 190],
