@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem.analysis.harmonic_balance import Receptances, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, parameter_values
+from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
@@ -91,8 +92,10 @@ class LevelProblem(FitProblem):
         refs: Sequence[ParameterRef] = (),
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
+        deviations: Deviations | None = None,
     ) -> ParametricFRF:
-        """Return the receptances at all levels as a function of parameters."""
+        """Return the receptances at all levels as a function of parameters; deviations are of one level."""
+        assert deviations is None
         return LevelEngine(self, frequency, refs, effects, release)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> Complexes:
