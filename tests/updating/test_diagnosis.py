@@ -139,6 +139,7 @@ def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
     assert re.search(reason, got[1])
 
 
+@pytest.mark.slow
 def test_without_the_right_candidate_the_verdict_is_unexplained():
     case = make_case(12)  # a strong tension in one member
     found = run(case, kinds=["point_mass", "member_density"])
