@@ -131,14 +131,6 @@ class ModalSolution:
         at = [self._undamped(R, P) - resisted @ self._undamped(U, P) for P in places]
         return moved[:, :n] - resisted @ moved[:, n:], at
 
-    def own_responses(self, modes: NDArray[np.int64]) -> NDArray[np.complex128]:
-        """Return the responses of some modal coordinates to unit forces on themselves, (n, n_freq)."""
-        inverse = self.inverse[modes, 0]
-        if self.U is None:
-            return inverse
-        U = self.U[modes]
-        return inverse - inverse**2 * np.einsum("rj,fjk,rk->rf", U, self.correct, U, optimize=True)
-
     def _undamped(self, A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return Aᵀ Z⁻¹ B without local damping, (n_freq, n, m); A (r, n), B (r, m) in modal coordinates."""
         each = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
