@@ -2,8 +2,10 @@
 
 import secrets
 import socket
+import time
 import webbrowser
 from collections.abc import Callable
+from threading import Thread
 
 from dovetail.desk.guard import Guard
 from dovetail.desk.session import Desk
@@ -40,6 +42,16 @@ def free_port(port: int = 0) -> int:
         return int(probe.getsockname()[1])
 
 
+def wait_for(port: int) -> None:
+    """Wait until a port of this machine answers."""
+    while True:
+        with socket.socket() as probe:
+            probe.settimeout(1.0)
+            if probe.connect_ex((HOST, port)) == 0:
+                return
+        time.sleep(0.05)
+
+
 def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bool = True) -> None:
     """Show the desk until it is interrupted.
 
@@ -65,12 +77,14 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
     def index() -> None:
         Page(desk).build()
 
-    def started() -> None:
+    def when_it_answers() -> None:
+        wait_for(port)
         announce(address)
         if browser:
             webbrowser.open(address)
 
-    app.on_startup(started)
+    # The server listens only after what is done at its start.
+    app.on_startup(Thread(target=when_it_answers, daemon=True).start)
     # a browser that draws in software may take seconds before it connects, and would have to load again
     ui.run(
         host=HOST, port=port, reload=False, show=False, show_welcome_message=False, tailwind=False,

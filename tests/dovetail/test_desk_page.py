@@ -4,11 +4,14 @@ import asyncio
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from dovetail import load_study
 from dovetail.cli import main
 from dovetail.desk.guard import Guard
 from dovetail.desk.scale import Scale
-from dovetail.desk.serve import MissingExtraError, free_port, require_nicegui
+from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
 from dovetail.pipeline import measured
 from fem.model import Parameter
 
@@ -146,6 +149,23 @@ def test_a_slider_reaches_every_value_and_comes_back(p, starts):
     np.testing.assert_allclose([scale.position(v) for v in values], at, atol=1e-9)
     if p.position:
         np.testing.assert_allclose(np.diff(values), np.diff(values)[0], rtol=1e-4)
+
+
+def test_the_address_is_told_once_the_desk_answers():
+    port, listened = free_port(), []
+    with socket.socket() as desk:
+
+        def listen():
+            time.sleep(0.3)
+            listened.append(time.monotonic())
+            desk.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            desk.bind((HOST, port))
+            desk.listen()
+
+        Thread(target=listen, daemon=True).start()
+        wait_for(port)
+        assert listened
+        assert time.monotonic() >= listened[0]
 
 
 # The walk ---------------------------------------------------------------------------------------------------
