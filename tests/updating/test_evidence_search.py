@@ -182,3 +182,44 @@ def test_what_is_alike_at_several_places_is_tried_at_each():
     given = SimpleNamespace(candidates=feet)
     assert [e.name for e in Search.parts_of(given, feet[0])] == ["S1.rx", "S2.rx"]
     assert Search.parts_of(given, feet[2]) == []
+
+
+def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
+    both, one, two, turned = (
+        SupportFlexibility(name="+".join(at) + axis, supports=at, direction=axis, stiffness=k)
+        for at, axis, k in (
+            (("A", "B"), "rx", 3e4),
+            (("A",), "rx", 1e5),
+            (("B",), "rx", 1e5),
+            (("A",), "ry", 2e5),
+        )
+    )
+    asked, tried = [], []
+    given = Search.__new__(Search)
+    given.candidates, given.known = (both, one, two, turned), {}
+    given.say, given.workers = (lambda text: None), ALONE
+    ranking = SimpleNamespace(
+        rivals=lambda problem, last, near, n: asked.append({c.name for c in near}) or ()
+    )
+    given.fits = SimpleNamespace(free=lambda h: None, ranking=ranking)
+
+    def on_few_lines(self, quick, h, others):
+        tried.extend(others)
+        return h, []
+
+    result = FitResult(*[None] * 8)
+    h = SimpleNamespace(
+        effects=(both, turned),
+        key=frozenset({both.name, turned.name}),
+        score=1.0,
+        fitted=SimpleNamespace(result=result),
+    )
+    given.known = {h.key: h}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module.Search, "on_few_lines", on_few_lines)
+        patch.setattr(module.Search, "explains", lambda self, h: False)
+        assert given.swapped(h) is h
+    assert asked == [{one.name, two.name}, set()]
+    ((effects, values),) = tried
+    assert [e.name for e in effects] == [turned.name, one.name, two.name]
+    assert [v["stiffness"] for v in values] == [2e5, 3e4, 3e4]

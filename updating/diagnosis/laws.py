@@ -42,7 +42,7 @@ class LevelRanking(FrfRanking):
     """Ranking for several levels of force, which are fitted together."""
 
     def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
-        """Return nothing: slopes of modes' errors are those of linear structures."""
+        """Return nothing: errors of modes are those of linear structures."""
         return None
 
 

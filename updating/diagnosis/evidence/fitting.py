@@ -194,8 +194,9 @@ def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fit
             off[k], std[k] = 0.0, own.width_at(float(x[k]))
     near = Quadratic.of(r, J, member, ROBUST, levels)
     v, worth, size = near.v, levels.weight(near.v), None
-    evidence = log_evidence(-levels.cost(v), off, std, near.normal(worth, std))
-    if scatter is not None and scatter.sizes:
+    if scatter is None or not scatter.sizes:
+        evidence = log_evidence(-levels.cost(v), off, std, near.normal(worth, std))
+    else:
         rows = len(x) - len(scatter.std) + scatter.shifts
         factors = np.array(scatter.sizes) / scatter.eigenvalue
         each = by_size(near, off, std, rows, factors)
