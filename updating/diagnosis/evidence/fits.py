@@ -13,9 +13,11 @@ from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
+from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
+from updating.least_squares.loss import pseudo_huber
 
 QUICK_LINES, LOW_LINES = 40, 16
 """Lines of quick fits, and of those in the lowest band, which has few modes."""
@@ -30,8 +32,9 @@ N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
 MOST_PASSES = 3
 """Deviations of modes are fitted again at most so often, where another size than the next one is the best."""
-MOST_MOVES = 3
-"""A fit to modes begins again at most so often on the basis of the places that it has found."""
+MOST_MOVES, BASIS_NATS = 5, 0.1
+"""A fit to modes begins again at most so often on the basis of the places that it has found, while its
+likelihood there differs by so much [nats]."""
 AnyProblem = FitProblem | ModeProblem
 Fit = TypeVar("Fit")
 
@@ -173,21 +176,30 @@ class Fits:
         way: dict[str, Any] = {}
         if near is not None:
             way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
-        return self.scattered(problem, self._where_it_is(problem, h, values))
+        return self.scattered(problem, self._where_it_is(problem, effects, values, **way))
 
-    def _where_it_is(self, problem: AnyProblem, h: Hypothesis, values: Values) -> Hypothesis:
-        """Return a fit to modes on a basis with the forces of effects at the places to which it moved them.
+    def _where_it_is(
+        self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **way: Any
+    ) -> Hypothesis:
+        """Return a fit; to modes on a basis with the forces of effects at the places to which it moves them.
 
         Frequencies know a place by the stiffness there alone, which is too high where the basis lacks them.
         """
-        for _ in range(MOST_MOVES if isinstance(problem, ModeProblem) else 0):
-            if not _has_moved(h, values):
+        h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
+        if not any(p.position for e in h.effects for p in e.parameters()):
+            return h
+        for _ in range(MOST_MOVES):
+            if not isinstance(problem, ModeProblem):
                 break
             values = values_of(h.effects)
-            problem = with_forces(problem, h.effects, values)
-            way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
-            h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **way)
+            problem = replace(problem, reduced=problem.reduced.with_forces_of(h.effects))
+            function = problem.function(h.effects, values, problem.targets.fitted)
+            r, _ = function(function.point_of(h.fitted.result), False)
+            misfit = function.mean_by_group(pseudo_huber(r, ROBUST))
+            if abs(h.fitted.levels.cost(misfit) - h.fitted.levels.cost(h.fitted.misfit)) < BASIS_NATS:
+                break
+            again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+            h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **again)
         return h
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
@@ -211,21 +223,11 @@ class Fits:
         """Return a hypothesis from the better of fits that begin at some values, staged and not."""
         problem = with_forces(self.problem, effects, values)
         ways = problem.stages, problem.stages[-1:]
-        fits = [self._fit(problem, effects, values, stages=way, n_lines=FULL_LINES) for way in ways]
+        fits = [self._where_it_is(problem, effects, values, stages=way) for way in ways]
         return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
 
     def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
         return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
-
-
-def _has_moved(h: Hypothesis, values: Values) -> bool:
-    """Whether a position is more than a deviation from where a fit began."""
-    std = h.fitted.result.std
-    return any(
-        p.position and abs(p.value - v[p.name]) > std[e.name, p.name]
-        for e, v in zip(h.effects, values, strict=True)
-        for p in e.parameters()
-    )
 
 
 def with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:
