@@ -14,6 +14,7 @@ from fem.summary import percent
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
+from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
 from updating.diagnosis.evidence.fitting import Fitted
 from updating.diagnosis.evidence.form import form_of
@@ -24,11 +25,12 @@ from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model, with_higher_mass
+from updating.least_squares.mode_levels import ModeLevels
 
 CREDIBLE = 0.9
 """Probability that the explanations of a credible set have together [-]."""
@@ -119,11 +121,24 @@ class Calibrated:
     problem : ModeProblem
         Of this state.
     fitted : Fitted
+    computed : ComputedModes
+        The model's partners of the measured modes.
     """
 
     model: Model
     problem: ModeProblem
     fitted: Fitted
+    computed: ComputedModes
+
+    @property
+    def form_share(self) -> NDArray[np.float64]:
+        """Share of the residuals that is the form's error: of frequencies, damping and shapes, (3,) [-]."""
+        levels = self.fitted.levels
+        assert isinstance(levels, ModeLevels)
+        function = self.problem.function((), (), self.problem.targets.fitted)
+        out = np.zeros(len(LARGEST_LEFT))
+        out[np.unique(function.groups)] = levels.discrepancy_share(self.fitted.misfit)
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,6 +254,7 @@ def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
     weigh_unfitted(search)
+    weigh_elsewhere(search)
     return done if search.best.score <= done.best.score else replace(done, best=search.polished(search.best))
 
 
@@ -303,7 +319,7 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
         Explanation(
             h.effects, tuple(parameters_of(e, h.fitted.result) for e in h.effects), done.probability(h)
         )
-        for h in search.known.values()
+        for h in done.hypotheses
     ]
     explanations.append(Explanation((), (), done.unknown_probability, known=False))
     explanations.sort(key=lambda e: -e.probability)
@@ -327,9 +343,9 @@ def _reported(done: Searched) -> Hypothesis:
 
 def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     """Return what would tell the first two explanations of the credible set apart."""
-    known = [e for e in d.credible if e.known][:2]
-    fitted = {h.key: h.fitted.result for h in d.searched.search.known.values()}
-    models = [fitted_model(d.searched.model, fitted[frozenset(x.name for x in e.effects)]) for e in known]
+    n = min(2, sum(e.known for e in d.credible))
+    likely = sorted(d.searched.hypotheses, key=lambda h: -h.score)[:n]
+    models = [fitted_model(d.searched.model, h.fitted.result) for h in likely]
     t = d.problem.targets
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 

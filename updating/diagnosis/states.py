@@ -1,7 +1,13 @@
 """What has changed between two states of one structure, by the modes of both.
 
-The model is calibrated on the first state. What it leaves there, the form's error, is common to both states:
-it is taken off the second one's data. Then only the difference is left to explain.
+The model is calibrated on the first state. Two errors are common to both states: that of the form, and that
+of the calibrated parameters. The first state's residuals are r = δ + J ε + n, with the form's error δ, the
+parameters' error ε and noise n. The form has the share k = τ² / (σ² + τ²) of their variance. Without a change
+the second state's residuals are
+
+    r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
+
+So k r is subtracted. ε remains uncertain as the first state has left it, and acts on all modes together.
 """
 
 import time
@@ -14,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
+from fem.summary import percent
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
@@ -28,8 +35,9 @@ from updating.diagnosis.mode_diagnosis import (
     formed_problem,
     searched_modes,
 )
+from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
-from updating.inference.mode_fit import ModeProblem, matched_modes
+from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
@@ -49,41 +57,52 @@ def calibrate(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
     fitted = fit(problem)
-    return Calibrated(fitted_model(formed, fitted.result), problem, fitted)
+    return Calibrated(fitted_model(formed, fitted.result), problem, fitted, problem.computed(fitted.result))
 
 
 def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
-    """Return the second state's modes without what the calibrated model leaves on the first.
+    """Return the second state's modes without the model's error of the first.
 
-    ln f and ln ζ are less by it, shapes by the difference of measured and computed ones, each of length 1;
-    variances of both states add. A mode that the first state has not keeps its values, and one that the model
-    does not have there, too.
+    ln f and ln ζ are less by its share of the first state's residuals, shapes by that of the difference of
+    measured and computed ones, each of length 1. Variances grow by the same shares of the first state's.
+    Modes that the first state or its model has not keep their values.
     """
     problem, fitted = calibrated.problem, calibrated.fitted
-    before = problem.targets
-    computed = problem.computed(fitted.result)
-    shapes = _computed_shapes(problem, fitted)
+    before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.form_share
+    computed, shapes = calibrated.computed, _computed_shapes(problem, fitted)
     f, f_std = after.frequency.copy(), after.frequency_std.copy()
     zeta, zeta_std = after.zeta.copy(), after.zeta_std.copy()
     psi, psi_std = np.array(after.shapes), after.shape_std.copy()
-    alike = after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
-    for i, k in enumerate(partners(before, after, alike)):
-        if k < 0 or not np.isfinite(computed.frequency[k]):
+    alike = same_sensors(before, after)
+    for i, k in enumerate(_common_modes(calibrated, after)):
+        if k < 0:
             continue
-        f[i] *= computed.frequency[k] / before.frequency[k]
-        f_std[i] = np.hypot(f_std[i], before.frequency_std[k])
+        f[i] *= (computed.frequency[k] / before.frequency[k]) ** of_f
+        f_std[i] = np.hypot(f_std[i], np.sqrt(of_f) * before.frequency_std[k])
         if np.isfinite(before.zeta[k]) and np.isfinite(zeta[i]) and computed.zeta[k] > 0:
-            zeta[i] *= computed.zeta[k] / before.zeta[k]
-            zeta_std[i] = np.hypot(zeta_std[i], before.zeta_std[k])
+            zeta[i] *= (computed.zeta[k] / before.zeta[k]) ** of_zeta
+            zeta_std[i] = np.hypot(zeta_std[i], np.sqrt(of_zeta) * before.zeta_std[k])
         if alike:
-            psi[:, i] += _left(before.shapes[:, k], shapes[:, k], psi[:, i])
-            psi_std[i] = np.hypot(psi_std[i], before.shape_std[k])
+            psi[:, i] += of_shape * _left(before.shapes[:, k], shapes[:, k], psi[:, i])
+            psi_std[i] = np.hypot(psi_std[i], np.sqrt(of_shape) * before.shape_std[k])
     out = ModeTargets.of(
         f, f_std, zeta=zeta, zeta_std=zeta_std, shapes=psi if after.has_shapes else None, shape_std=psi_std,
         sensors=after.sensors, plane=after.plane, held_out=np.flatnonzero(after.held_out).tolist(),
         numbers=None if after.numbers is None else after.numbers.tolist(), name=after.name,
     )  # fmt: skip
     return out
+
+
+def _common_modes(calibrated: Calibrated, after: ModeTargets) -> NDArray[np.int64]:
+    """Return the mode of the first state that each of the second was, -1 where that or the model has none."""
+    before = calibrated.problem.targets
+    out = partners(before, after, same_sensors(before, after))
+    return np.where(np.isfinite(calibrated.computed.frequency[out]), out, -1)
+
+
+def same_sensors(before: ModeTargets, after: ModeTargets) -> bool:
+    """Whether both states have shapes at the same sensors."""
+    return after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
 
 
 def partners(before: ModeTargets, after: ModeTargets, alike: bool) -> NDArray[np.int64]:
@@ -157,7 +176,28 @@ def changed_problem(
         problem.damping,
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
     )
-    return first, changed, replace(problem, damping=curve)
+    problem = replace(problem, damping=curve)
+    return first, changed, replace(problem, common=_parameters_error(first, problem))
+
+
+def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors | None:
+    """Return what uncertain calibrated parameters do to the second state's residuals, (1 - k) J ε."""
+    uncertain = replace(problem, nuisances=first.problem.nuisances)
+    function = uncertain.function((), (), problem.targets.fitted)
+    n = len(function.variables)
+    if not n:
+        return None
+    _, J = function(function.moved_to(first.fitted.result), True)
+    covariance = first.fitted.result.covariance
+    assert J is not None
+    assert covariance is not None
+    size, Q = np.linalg.eigh(covariance[:n, :n])
+    errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
+    known = _common_modes(first, problem.targets)[function.mode_of] >= 0
+    share = first.form_share[function.groups]
+    if not same_sensors(first.problem.targets, problem.targets):
+        share = np.where(function.groups == SHAPE, 0.0, share)
+    return CommonErrors.of(function.least_deviations, errors * np.where(known, 1 - share, 1.0))
 
 
 def diagnose_change(
@@ -175,8 +215,8 @@ def diagnose_change(
 ) -> ModeDiagnosis:
     """Find what has changed from one state to another.
 
-    Uncertain parameters have one value in both states. To the first order they do not matter to the
-    difference, so that they stay where the first state has put them.
+    Uncertain parameters have one value in both states. It stays where the first state has put it; how
+    uncertain it is there counts as an error that all modes of the second state have in common.
 
     Parameters
     ----------
@@ -198,7 +238,8 @@ def diagnose_change(
     out = concluded(searched_modes(search, changed, say), begun)
     level = 100 * first.fitted.level
     note = (
-        f"the calibrated model misses the first state's frequencies by {level:.2g} %; these residuals were "
-        "subtracted from the second state, so that only the change remains"
+        f"the calibrated model misses the first state's frequencies by {level:.2g} %; "
+        f"{percent(first.form_share[0])} of the variance is model error, and was subtracted from the second "
+        "state"
     )
     return replace(out, notes=(note, *out.notes), baseline=first)

@@ -14,6 +14,7 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, Pairs, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
+from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction
@@ -33,6 +34,9 @@ MIXED = 0.003
 """Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
 LEAST_MIXED = 1e-4
 """The same for a model that is right but for its mesh [-]."""
+
+BEFORE_FIT = 0.01
+"""Relative deviation of frequencies that a fair model has before a fit [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -57,6 +61,8 @@ class ModeProblem:
         Relative error of frequencies that the mesh leaves [-].
     scatter : None
         Small deviations are those of FRFs.
+    common : CommonErrors or None
+        Errors that the residuals of the fitted modes have in common.
     """
 
     reduced: ReducedModel
@@ -66,8 +72,22 @@ class ModeProblem:
     model_error: float = EXPLAINED_LEVEL
     mesh_level: float = 0.0
     scatter: None = None
-    stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_lines: int = 0
+    common: CommonErrors | None = None
+
+    @property
+    def stages(self) -> Floats:
+        """Factors by which the data are taken for less accurate one fit after the other, the last 1.
+
+        A precise test allows no step on which the modes of two neighbours change places: fits begin with
+        deviations that are no smaller than those of the model.
+        """
+        first = BEFORE_FIT / self.targets.noise_level
+        return np.array([first, 1.0] if first > 1 else [1.0])
+
+    def at_stage(self, factor: float) -> ModeProblem:
+        """Return the problem with deviations that are larger by a factor."""
+        return self if factor == 1 else replace(self, targets=self.targets.with_deviations(factor))
 
     @property
     def form_right(self) -> bool:
@@ -339,7 +359,12 @@ class ModeFunction(FitFunction):
             parts.append(np.array(off) * (zeta_std.min() / zeta_std))
         for i in range(len(modes)) if t.has_shapes else ():
             parts.append(self._of_shape(i, found[i], at)[0])
-        return np.concatenate(parts).astype(complex), found
+        return self._independent(np.concatenate(parts).astype(complex)), found
+
+    def _independent(self, r: Complexes) -> Complexes:
+        """Return residuals, or changes of them, (..., m), without the errors that they have in common."""
+        common = self._modes_problem.common
+        return r if common is None else common.removed(r)
 
     def _of_shape(
         self, i: int, mode: tuple[int, int, DampedMode] | None, at: ModesAt
@@ -403,7 +428,7 @@ class ModeFunction(FitFunction):
                 i = mode[0]
                 moved = shapes[c] if more is None else shapes[c] + more(mode[2])
                 J[:, ends[i] : ends[i + 1]] = self._of_moved_shape(at, mode, moved)
-        return J
+        return self._independent(J)
 
     def _of_eigenvalue(self, J: Complexes, mode: tuple[int, int, DampedMode], d: Complexes) -> None:
         """Write into J what changes d (n,) of an eigenvalue do to ln f and ln ζ."""
@@ -441,7 +466,18 @@ class ModeFunction(FitFunction):
             if mode is not None:
                 own = at.by_zeta(mode[0], mode[2]) * zeta[:, mode[0]]
                 self._of_eigenvalue(J, mode, own @ hats[:, mode[0]])
-        return J
+        return self._independent(J)
+
+    @property
+    def least_deviations(self) -> Floats:
+        """Standard deviation of each residual without a discrepancy: the least of its group, (m,)."""
+        return np.repeat([d.min() if len(d) else 1.0 for d in self._deviation], self._sizes)
+
+    @property
+    def mode_of(self) -> NDArray[np.int64]:
+        """Which of the measured modes each residual belongs to, (m,)."""
+        damped = self.lines[np.isfinite(self._data.zeta[self.lines])]
+        return np.concatenate([self.lines, damped, np.repeat(self.lines, self._known.sum(axis=1))])
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; the level is that of frequencies [-]."""

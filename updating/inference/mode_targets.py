@@ -1,7 +1,7 @@
 """Measured natural frequencies, damping and shapes as data of fits, and how computed modes meet them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,13 @@ class ModeTargets:
         return cls(
             f[order], each[0], np.where(each[1] > 0, each[1], np.nan), each[2], psi, each[3],
             tuple(sensors), own, plane, seen[order], name,
+        )  # fmt: skip
+
+    def with_deviations(self, factor: float) -> "ModeTargets":
+        """Return the same modes with standard deviations that are larger by a factor."""
+        return replace(
+            self, frequency_std=factor * self.frequency_std, zeta_std=factor * self.zeta_std,
+            shape_std=factor * self.shape_std,
         )  # fmt: skip
 
     @property

@@ -63,3 +63,9 @@ class ModeLevels:
         total, each = self._parts(v)
         share = np.exp(each - np.logaddexp.reduce(each, axis=-1)[..., None])
         return self.size * (share / total).sum(axis=-1)
+
+    def discrepancy_share(self, v: Floats) -> Floats:
+        """Return the share of the residuals that is discrepancy, E[τ² / (σ² + τ²)], (n_groups,) [-]."""
+        total, each = self._parts(v)
+        share = np.exp(each - np.logaddexp.reduce(each, axis=-1)[..., None])
+        return (share * self.discrepancy / total).sum(axis=-1)

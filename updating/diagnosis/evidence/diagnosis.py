@@ -97,9 +97,9 @@ class Searched:
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        """All that were fitted fully, by other readings of the data, too."""
+        """All that were fitted fully, at further positions and by other readings of the data, too."""
         others = self.otherwise.search.known.values() if self.otherwise else ()
-        return [*self.search.known.values(), *others]
+        return [*self.search.known.values(), *self.search.elsewhere, *others]
 
     @property
     def proposed_faults(self) -> tuple[Fault, ...]:

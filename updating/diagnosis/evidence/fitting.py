@@ -144,6 +144,8 @@ def fit(
 ) -> Fitted:
     """Find the most probable unknowns of a model with effects, band by band.
 
+    Modes are all fitted at once, first with larger deviations than they have.
+
     Parameters
     ----------
     problem : FitProblem or ModeProblem
@@ -151,7 +153,7 @@ def fit(
     starts : sequence of dict
         For each of them the parameter values to start from.
     stages : iterable of float, optional
-        Upper ends of the bands, the last the whole [Hz].
+        Upper ends of the bands, the last the whole [Hz]; of modes factors of their deviations, the last 1.
     n_lines : int, optional
     counted_as : int
         The lines count as so many: the evidence is then that of a fit to these.
@@ -163,8 +165,9 @@ def fit(
     x: Floats | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
-        lines = problem.lines_up_to(stage, n_lines or problem.n_lines)
-        function = with_modes(problem, problem.function(effects, starts, lines), stage)
+        own = problem.at_stage(stage) if isinstance(problem, ModeProblem) else problem
+        lines = own.lines_up_to(stage, n_lines or own.n_lines)
+        function = with_modes(own, own.function(effects, starts, lines), stage)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         solution = function.minimise(

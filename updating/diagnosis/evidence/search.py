@@ -167,6 +167,8 @@ class Search:
         What computes independent fits.
     beforehand : float
         Logarithm of how probable the data were read rightly.
+    elsewhere : list of Hypothesis
+        Further maxima of those in ``known``: the same effects at other positions.
     """
 
     problem: InitVar[AnyProblem]
@@ -181,6 +183,7 @@ class Search:
 
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
+    elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
     def __post_init__(

@@ -1,0 +1,86 @@
+"""Changes between two states of one structure by their modes: what the states have in common."""
+
+import numpy as np
+import pytest
+
+from fem.analysis.modes import first_modes
+from fem.effects.added_mass import AddedMass
+from fem.system import assemble
+from tests.frames import beam, fix
+from updating.diagnosis.states import calibrate, changed_problem, corrected
+from updating.inference.common_errors import CommonErrors
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.parameters import Nuisance
+
+NOISE, N_MODES = 1e-3, 6
+
+
+def cantilever(mass=0.0):
+    """Return a cantilever with two small masses that are uncertain, and one more at its end."""
+    masses = [AddedMass(name=f"m{p}", point=p, mass=m) for p, m in ((4, 0.2), (6, 0.2), (1, mass)) if m]
+    return beam(8, effects=(fix(0), *masses), theory="timoshenko")
+
+
+def frequencies(model, rng):
+    modes = first_modes(assemble(model), N_MODES)
+    f = modes.frequency[:N_MODES]
+    return ModeTargets.of(f * (1 + NOISE * rng.standard_normal(N_MODES)), NOISE)
+
+
+UNCERTAIN = (
+    Nuisance("frame", "E:steel", 0.02),
+    Nuisance("m4", "mass", 0.2),
+    Nuisance("m6", "mass", 0.2),
+)
+
+
+@pytest.mark.parametrize("turn", [1.0, np.exp(0.7j)])
+def test_residuals_with_errors_in_common_become_independent(turn):
+    rng = np.random.default_rng(0)
+    std = rng.uniform(0.5, 2.0, 7)
+    errors = rng.standard_normal((3, 7)) * turn
+    common = CommonErrors.of(std, errors)
+    # Real and imaginary parts are residuals of their own: the map is linear in both.
+    unit = np.vstack([np.eye(7), 1j * np.eye(7)])
+    mapped = common.removed(unit.astype(complex))
+    A = np.hstack([mapped.real, mapped.imag]).T
+    both = np.hstack([errors.real, errors.imag])
+    C = np.diag(np.tile(std, 2) ** 2) + both.T @ both
+    np.testing.assert_allclose(A @ C @ A.T, np.diag(np.tile(std, 2) ** 2), atol=1e-12)
+
+
+def test_of_a_model_that_fits_to_the_noise_nothing_is_subtracted():
+    rng = np.random.default_rng(1)
+    model = cantilever()
+    before, after = frequencies(model, rng), frequencies(model, rng)
+    first = calibrate(model, before, UNCERTAIN, model_error=0.0)
+    assert first.form_share.tolist() == [0.0, 0.0, 0.0]
+    np.testing.assert_array_equal(corrected(first, after).frequency, after.frequency)
+    np.testing.assert_array_equal(corrected(first, after).frequency_std, after.frequency_std)
+
+
+def test_what_no_parameter_explains_is_subtracted_from_both_states():
+    rng = np.random.default_rng(2)
+    true, model = cantilever(mass=0.3), cantilever()
+    before, after = frequencies(true, rng), frequencies(true, rng)
+    first = calibrate(model, before, UNCERTAIN)
+    assert first.form_share[0] > 0.9
+    left = np.log(corrected(first, after).frequency / first.computed.frequency)
+    assert np.abs(np.log(before.frequency / first.computed.frequency)).max() > 10 * NOISE
+    assert np.abs(left).max() < 5 * NOISE
+
+
+def test_without_a_change_the_second_state_is_as_near_as_noise_and_calibration_leave_it():
+    """Each whitened residual has the variance 1; without the parameters' errors it would be above 1.3."""
+    rng, model = np.random.default_rng(3), cantilever()
+    squares, plain = [], []
+    for _ in range(30):
+        before, after = frequencies(model, rng), frequencies(model, rng)
+        first, _, problem = changed_problem(model, before, after, UNCERTAIN, model_error=0.0)
+        function = problem.function((), (), problem.targets.fitted)
+        r, _ = function(function.start, False)
+        squares.append(np.abs(r / NOISE) ** 2)
+        plain.append(np.log(after.frequency / first.computed.frequency) / NOISE)
+    n = 30 * N_MODES
+    assert np.mean(squares) == pytest.approx(1.0, abs=3 * np.sqrt(2 / n))
+    assert np.mean(np.square(plain)) > 1.3
