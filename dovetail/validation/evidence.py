@@ -4,7 +4,7 @@ Cases of this package and those of other codes are judged alike.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, product
 from typing import Any
@@ -28,6 +28,8 @@ MOST_CREDIBLE = 3
 """Largest credible set that helps a reader."""
 SEARCH_LOSS = 0.5
 """A truth that scores more than this above the answer has been lost by the search [nats]."""
+COVERED, N_WITHIN = 2.0, 17
+"""A position is covered within so many standard deviations, looked at in so many places."""
 MOST_STARTS = 12
 """Largest number of combinations of candidates and values from which one way to state a truth is fitted."""
 RIGHT, LOST_BY_SEARCH, LOST_BY_DATA = "-", "search loss", "information loss"
@@ -161,7 +163,8 @@ def assess(
         ``probability`` is that of the answer, positions to within the tolerance by which it is judged;
         ``place_probability`` is that of its places. ``place_right`` says whether the truth is at these
         places, None where the library does not have it. ``credible`` is the credible set, and ``in_three``
-        whether it has at most three members of which one is right. ``truth`` is how much better the truth
+        whether it has at most three members of which one is right. ``covered`` says whether one is right with
+        its positions within ``COVERED`` of their standard deviations. ``truth`` is how much better the truth
         scores than the answer [nats], and ``loss`` its meaning.
     """
     best = done.best
@@ -188,11 +191,31 @@ def assess(
             {"name": UNKNOWN if h is None else h.name, "probability": p, "right": r}
             for (h, p), r in zip(members, right_ones, strict=True)
         ],
+        "covered": any(right_ones)
+        or any(h is not None and faults_right and any(map(is_right, within(h))) for h, _ in members),
         "truth": None if truth is None else truth.score - best.score,
         "loss": loss_of(right, faults_right, best.score, None if truth is None else truth.score),
         "residual_db": decibels(best.fitted.level),
         "floor_db": decibels(diagnosis.noise_limit),
     }
+
+
+def within(h: Hypothesis) -> Iterator[tuple[Effect, ...]]:
+    """Yield the effects of a hypothesis, their positions up to ``COVERED`` deviations from the fits'."""
+    std = h.fitted.result.std
+    shares = np.linspace(-COVERED, COVERED, N_WITHIN)
+    options = []
+    for e in h.effects:
+        p = next((p for p in e.parameters() if p.position), None)
+        options.append(
+            [e]
+            if p is None
+            else [
+                e.with_values(**{p.name: float(np.clip(p.value + s * std[e.name, p.name], p.lower, p.upper))})
+                for s in shares
+            ]
+        )
+    return product(*options)
 
 
 def decibels(level: float) -> float:

@@ -33,6 +33,7 @@ SEEN_IN_MODES = (
 """Kinds that natural frequencies and shapes can show."""
 MODAL_SETS = (
     "modes", "frequencies", "states", "modes-null", "ambient", "ambient-null", "frequencies-null",
+    "states-null",
 )  # fmt: skip
 """Sets whose data are modes, not FRFs."""
 
@@ -56,6 +57,7 @@ SETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "frf-states": (EFFECTS,),
     "frf-states-null": (),
     "frequencies-null": (),
+    "states-null": (),
 }
 """Sets of cases, with the kinds that each thing in them is drawn from.
 
@@ -63,7 +65,7 @@ One effect; nothing; one whose kind the search may not use; one ten times weaker
 connection that gives way in two or three directions; two such; one and a mass; something that is mounted
 elsewhere. Of modes: frequencies and shapes, frequencies alone, two states of one frame, and nothing, with
 shapes or without; modes that are identified from the response to unknown forces, and nothing. Two states of
-one frame by FRFs, with a change as weak as in "weak", and two without a change.
+one frame by FRFs, with a change as weak as in "weak", and two without a change, by FRFs or by modes.
 """
 FRF_STATES = ("frf-states", "frf-states-null")
 """Sets of two states that are measured by FRFs."""

@@ -63,7 +63,7 @@ def run_modal_case(settings: CaseSettings, set_name: str, index: int) -> Record:
         implants = drawn_implants(rng, settings, draft, truth, kinds)
         if implants is None:
             continue
-        if set_name == "states":
+        if set_name.startswith("states"):
             implants = tuple(replace(i, amplitude=i.amplitude / STATE_WEAKER) for i in implants)
         try:
             return _judged(settings, set_name, index, draft, truth, implants, rng)
@@ -90,7 +90,7 @@ def _judged(
     for i in implants:
         changed = i.hidden.change(changed, i.amplitude)
     noise = [float(np.exp(rng.uniform(*np.log(x)))) for x in (FREQUENCY_NOISE, SHAPE_NOISE)]
-    if set_name == "states":
+    if set_name.startswith("states"):
         noise = [STATE_NOISE * x for x in noise]
     with_shapes = not set_name.startswith("frequencies")
     model = build_model(draft.frame, draft.materials, draft.sensors, n_elements(draft.frame))
@@ -101,7 +101,7 @@ def _judged(
     else:
         after = _measured(changed, draft, noise, with_shapes, rng)
     begun = time.process_time()
-    if set_name == "states":
+    if set_name.startswith("states"):
         before = _measured(truth, draft, noise, with_shapes, rng)
         found = diagnose_change(model, before, after, nuisances, model_error=0.0)
     else:

@@ -52,12 +52,13 @@ RATES["weak"] = RATES["mounting"] = RATES["frf-states"] = RATES["single"]
 RATES["modes"] = RATES["frequencies"] = RATES["states"] = RATES["ambient"] = (
     ("right effect and place, nothing else", lambda r: r["outcome"] == "right"),
     ("right, or in a credible set of three", lambda r: r.get("evidence", {}).get("in_three", False)),
+    ("truth in the credible set of 90 %", lambda r: r.get("evidence", {}).get("covered", False)),
     ("sure and wrong", lambda r: r.get("evidence", {}).get("sure_and_wrong", False)),
     ("a wrong effect", lambda r: r["outcome"] == "wrong"),
     ("unexplained", lambda r: r["outcome"] == "unexplained"),
     ("not noticed", lambda r: r["outcome"] == "not noticed"),
 )
-RATES["modes-null"] = RATES["frequencies-null"] = RATES["null"]
+RATES["modes-null"] = RATES["frequencies-null"] = RATES["states-null"] = RATES["null"]
 RATES["ambient-null"] = RATES["frf-states-null"] = RATES["null"]
 RATES["connection"] = RATES["connections"] = RATES["mixed"] = (
     ("all right, nothing else", lambda r: r["outcome"] == "right"),

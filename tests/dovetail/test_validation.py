@@ -515,7 +515,7 @@ def test_sets_have_their_place_in_the_seed():
         "single", "null", "withheld", "weak", "two", "faults",
         "connection", "connections", "mixed", "mounting", "modes", "frequencies", "states", "modes-null",
         "ambient", "ambient-null", "frf-states", "frf-states-null",
-        "frequencies-null",
+        "frequencies-null", "states-null",
     )  # fmt: skip
     assert all(KINDS[k].found_as for k in KINDS)
 
