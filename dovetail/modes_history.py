@@ -57,9 +57,8 @@ class StateChange:
 
 def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
     """Return ln(f / f of the baseline) of the baseline's modes and its deviation, NaN without a partner."""
-    alike = after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
     shift, std = np.full((2, before.n), np.nan)
-    for i, k in enumerate(partners(before, after, alike)):
+    for i, k in enumerate(partners(before, after)):
         if k >= 0:
             shift[k] = np.log(after.frequency[i] / before.frequency[k])
             std[k] = np.hypot(after.frequency_std[i], before.frequency_std[k])

@@ -21,8 +21,9 @@ def included(posterior: Posterior, names: Collection[str]) -> float:
 
 
 def exactly(posterior: Posterior, names: Collection[str]) -> float | None:
-    """Return the probability of the hypothesis with these effects and no other; None if it is unknown [-]."""
-    return next((float(p) for known, p in posterior if set(known) == set(names)), None)
+    """Return the probability of these effects and no other, at all positions; None if it is unknown [-]."""
+    each = [float(p) for known, p in posterior if set(known) == set(names)]
+    return sum(each) if each else None
 
 
 def without(posterior: Posterior, name: str) -> tuple[Collection[str], float] | None:
@@ -54,6 +55,9 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
         text = f"Probability of each effect: {'; '.join(each)}; of exactly these: {percent(exact)}"
     if isinstance(d, ModeDiagnosis):  # the reason of a diagnosis by FRFs tells of the place
+        here = next(p for known, p in posterior if set(known) == {e.name for e in found})
+        if here < exact:
+            text += f"; at this position: {percent(here)}"
         text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
     return text
 

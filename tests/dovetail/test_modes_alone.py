@@ -17,9 +17,16 @@ from dovetail.found import mode_found_text
 from dovetail.modes_pipeline import mode_problem, targets_of
 from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
 from dovetail.report.outline import read_outline
-from fem.analysis.modes import Modes
+from dovetail.report.probable import probability_text
+from fem.analysis.modes import Modes, first_modes
 from fem.io import write_npz
+from fem.system import assemble
+from tests.frames import beam
+from updating.diagnosis.candidates import propose
+from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import sensor_rows
 
 LINES = """
@@ -336,3 +343,19 @@ def test_an_effect_added_to_a_study_with_a_baseline_is_saved_as_a_change(tmp_pat
     again = load_study(tmp_path / "better.toml")
     assert again.changes == ("known point_mass:mast",)
     assert again.compare().error == pytest.approx(better.compare().error, abs=1e-6)
+
+
+def test_a_mirrored_position_is_no_other_effect_but_another_position():
+    model = beam(8, theory="timoshenko")
+    (effect,) = propose(model, ["point_mass"])
+    f = first_modes(assemble(model.with_effect(effect.with_values(mass=0.2, position=0.3))), 5)
+    targets = ModeTargets.of(f.frequency[f.n_rigid :], 1e-3)
+    found = diagnose_modes(
+        model, targets, (Nuisance("frame", "E:steel", 0.02),), kinds=["point_mass"], model_error=0.0
+    )
+    text = probability_text(found)
+    shares = re.search(r"; alone: (.*); at this position: (\d+) %", text)
+    assert shares is not None, text
+    alone, here = shares.groups()
+    assert alone == "above 99 %"
+    assert 40 <= int(here) <= 60

@@ -96,7 +96,7 @@ def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
 def _common_modes(calibrated: Calibrated, after: ModeTargets) -> NDArray[np.int64]:
     """Return the mode of the first state that each of the second was, -1 where that or the model has none."""
     before = calibrated.problem.targets
-    out = partners(before, after, same_sensors(before, after))
+    out = partners(before, after)
     return np.where(np.isfinite(calibrated.computed.frequency[out]), out, -1)
 
 
@@ -105,14 +105,14 @@ def same_sensors(before: ModeTargets, after: ModeTargets) -> bool:
     return after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
 
 
-def partners(before: ModeTargets, after: ModeTargets, alike: bool) -> NDArray[np.int64]:
+def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
     """Return the mode of the first state that each of the second was, -1 for none."""
     if before.numbers is not None and after.numbers is not None:
         known = {int(n): k for k, n in enumerate(before.numbers)}
         return np.array([known.get(int(n), -1) for n in after.numbers])
     off = np.abs(np.log(after.frequency[:, None] / before.frequency[None]))
     cost = LIKENESS * off
-    if alike:
+    if same_sensors(before, after):
         cost = cost - mac_of(after.shapes, np.nan_to_num(before.shapes))
     rows, columns = linear_sum_assignment(np.where(off < FAR, cost, 1e3))
     out = np.full(after.n, -1)
