@@ -87,7 +87,10 @@ def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:
         square = max(square - step, 1e-6 * square)
         if abs(step) < CONVERGED * square:
             break
-        q = np.linalg.solve(Z(square * (1 + 1e-12)), D @ q)
+        try:
+            q = np.linalg.solve(Z(square * (1 + 1e-12)), D @ q)
+        except np.linalg.LinAlgError:  # singular to the last digit there, as it is at a zero
+            q = np.linalg.solve(Z(square * (1 + 1e-9)), D @ q)
         q = q / np.linalg.norm(q)
     return square, q
 
