@@ -105,7 +105,7 @@ def test_loads_beyond_buckling_are_refused():
 
 @pytest.mark.parametrize("part", [0.3, 0.6, 0.9])
 def test_displacements_balance_the_geometric_stiffness_of_their_own_forces(part):
-    """A portal whose sway changes the forces of its columns: several rounds, with and without a new factor."""
+    """A portal whose sway changes the forces of its columns: several rounds, some with a new factor."""
     model = portal(0.2)
     dead = {(int(p), "z"): -1.0 for p in model.mesh.member_points("beam")}
     side = (int(model.mesh.member_points("beam")[0]), "x")
