@@ -129,7 +129,8 @@ def test_a_table_of_the_book_states_reference_result_and_deviation(tmp_path):
     page = pages.expand("<!-- book textbooks -->\n", tmp_path / "page.md", ROOT)
     rows = [row for row in page.splitlines() if row.startswith("| ")]
     logan = next(row for row in rows if "Logan" in row)
-    assert "| 11.6877 | 11.6876" in logan or "| 11.6877 | 11.6877" in logan or "| 30 | 30.0" in logan
+    # rounding decides which of both horizontal reactions, alike in size, deviates most
+    assert any(part in logan for part in ("| 11.6877 | 11.687", "| -11.6877 | -11.687", "| 30 | 30.0"))
     assert "all digits" in logan
     kassimali = next(row for row in rows if "Kassimali" in row)
     assert "<del>" in kassimali
