@@ -268,6 +268,13 @@ class Mesh:
 
     def arc_fractions(self) -> NDArray[np.float64]:
         """Return where each line begins and ends along its member, 0 to 1 of its length, (n_lines, 2) [-]."""
+        out, (chains, member) = self.arc_lengths(), self.chains()
+        last = np.searchsorted(member, np.arange(len(self.members)), side="right") - 1
+        out[chains] /= out[chains[last], 1][member, None]
+        return out
+
+    def arc_lengths(self) -> NDArray[np.float64]:
+        """Return where each line begins and ends along its member, (n_lines, 2) [m]."""
         chains, member = self.chains()
         start = np.searchsorted(member, np.arange(len(self.members) + 1))
         length, count = self.lengths(), np.diff(start)
@@ -275,8 +282,8 @@ class Mesh:
         for n in np.unique(count):  # members of equally many lines together
             rows = chains[start[:-1][count == n][:, None] + np.arange(n)]
             s = np.cumsum(length[rows], axis=1)
-            out[rows, 1] = s / s[:, -1:]
-            out[rows[:, 1:], 0] = s[:, :-1] / s[:, -1:]
+            out[rows, 1] = s
+            out[rows[:, 1:], 0] = s[:, :-1]
         return out
 
     def nearest_point(self, xyz: ArrayLike) -> tuple[int, float]:

@@ -391,6 +391,48 @@ def _pattern(mesh: Mesh) -> _Pattern:
     return _Pattern(indptr, (blocks % n).astype(np.int32), place[:n], place[n:].reshape(2, -1), once)
 
 
+def full_matrices(model: Model) -> dict[str, Any]:
+    """Return sparse K, M, C and D on all DOFs by name, with the static K of frequency-dependent elements."""
+    return _full_matrices(model.mesh, model.n_dof, model.batches())[0]
+
+
+def sum_stiffness(model: Model, parts: Iterable[Contribution]) -> Any:
+    """Return the stiffness of some contributions on all DOFs, sparse (n_dof, n_dof)."""
+    return _full_matrices(model.mesh, model.n_dof, parts)[0]["K"]
+
+
+def stiffness_pattern(system: System) -> sp.csc_array:
+    """Return ones, sparse (n_free, n_free), at all entries of K and all that elements on lines may have.
+
+    An order of elimination of this pattern is one of K with any geometric stiffness.
+    """
+    mesh, n = system.model.mesh, system.Q.shape[0]
+    pattern = mesh.kept.get("pattern", lambda: _pattern(mesh))
+    whole = np.ones((len(pattern.indices), 6, 6))
+    X = sp.bsr_array((whole, pattern.indices, pattern.indptr)).tocsr()
+    X.resize((n, n))
+    own = sp.csc_array((np.ones(system.K.nnz), system.K.indices, system.K.indptr), shape=system.K.shape)
+    out = sp.csc_array(_on_q(X, abs(system.Q), _selection(system.Q)) + own)
+    out.sort_indices()
+    out.data[:] = 1.0
+    return out
+
+
+def on_pattern(X: Any, pattern: sp.csc_array) -> sp.csc_array:
+    """Return a sparse matrix with the entries of a wider pattern, those that it lacks being 0."""
+    out = sp.csc_array((np.zeros(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+    place = sp.csc_array((np.arange(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+    X = sp.csc_array(X)
+    X.sum_duplicates()
+    mask = sp.csc_array((np.ones(X.nnz, dtype=np.int64), X.indices, X.indptr), shape=X.shape)
+    shifted = place.copy()
+    shifted.data += 1  # a product drops entries that are 0
+    at = sp.csc_array(shifted.multiply(mask))
+    at.sort_indices()
+    out.data[at.data - 1] = X.data
+    return out
+
+
 def _full_matrices(
     mesh: Mesh, n: int, batches: Iterable[Contribution]
 ) -> tuple[dict[str, Any], list[tuple[Law, Any]]]:

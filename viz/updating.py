@@ -6,13 +6,14 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from updating.inference.regularisation import LCurve
 from updating.inference.updated import Updated
 from viz import style
 from viz.layout import shorten
 
-__all__ = ["plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
+__all__ = ["plot_bootstrap", "plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
 
 _COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY, style.GREY)
 
@@ -183,3 +184,42 @@ def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
 
 def _cycle(n: int) -> list[str]:
     return [_COLOURS[k % len(_COLOURS)] for k in range(n)]
+
+
+def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "") -> Figure:
+    """Draw the 5 to 95 % range of refits of each parameter beside the linearised interval.
+
+    Both are relative to the fitted value; of parameters fitted to zero, in their unit.
+
+    Parameters
+    ----------
+    updated : Updated
+    values : ndarray (n, n_par)
+        Of all parameters, of each refit [units].
+    title : str
+        Heading.
+    """
+    parameters = updated.parameters
+    with style.look():
+        figure = style.new_figure(height=1.3 + 0.32 * len(parameters))
+        ax = figure.add_subplot()
+        for y, (p, column) in enumerate(zip(parameters, values.T, strict=True)):
+            scale = 100 / abs(p.value) if p.value else 1.0
+            low, middle, high = (np.quantile(column, (0.05, 0.5, 0.95)) - p.value) * scale
+            ax.plot([low, high], [y - 0.14, y - 0.14], color=style.VERMILION, linewidth=2.5)
+            ax.plot(middle, y - 0.14, "o", color=style.VERMILION, markersize=5)
+            if np.isfinite(p.std):
+                first, last = ((v - p.value) * scale for v in p.interval(0.9))
+                ax.plot([first, last], [y + 0.14, y + 0.14], color=style.BLUE, linewidth=2.5)
+        ax.axvline(0.0, color=style.MUTED, linewidth=0.8, linestyle=":")
+        ax.set_yticks(range(len(parameters)), [shorten(p.name, 28) for p in parameters])
+        ax.set_ylim(len(parameters) - 0.5, -0.5)
+        ax.set_xlabel("from the fitted value [%]")
+        handles = [
+            Line2D([], [], color=colour, linewidth=2.5, label=label)
+            for colour, label in ((style.BLUE, "linearised, 90 %"), (style.VERMILION, "refits, 5 to 95 %"))
+        ]
+        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        if title:
+            figure.suptitle(title)
+    return figure

@@ -1,6 +1,7 @@
 """``dovetail static``: displacements, reactions and section forces under the study's loads."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,13 @@ from dovetail.commands.argument_types import whole_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
 from dovetail.commands.results import Results, write_motions
-from dovetail.commands.static_cases import StaticCases, factor_fields, factor_words
+from dovetail.commands.static_cases import STRESSES, StaticCases, factor_fields, factor_words
 from dovetail.disk.output import Progress, result_folder, write_json
 from dovetail.study import Study
 from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
+from fem.analysis.section_stress import SectionStresses
 from fem.model import DIRECTIONS
 
 HELP = "compute displacements, reactions and section forces under loads"
@@ -30,8 +32,8 @@ _ROUNDING = 1e-10
 """Forces and moments below this part of the largest are printed as 0 [-]."""
 
 Fields = dict[str, Any]
-Stresses = dict[str, np.ndarray]
-"""Least and largest normal stress of members with an outline, each (2, n, n_cases) [Pa]."""
+Stresses = dict[str, SectionStresses]
+"""Stresses of members with an outline."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -140,11 +142,12 @@ def _case_fields(study: Study, solution: StaticCases, members: Fields, stresses:
 
 
 def _stress_fields(stresses: Stresses, member: str, k: int) -> Fields:
-    """Return the normal stresses of a member in a load case, if it has an outline."""
+    """Return the stresses of a member in a load case: those that are known, and why others are not."""
     if member not in stresses:
-        return {}
-    low, high = stresses[member][..., k]
-    return {"stress_low": low, "stress_high": high}
+        return {"stress_missing": "the outline of the section is not given"}
+    found = stresses[member]
+    missing = {"stress_missing": found.missing} if found.missing else {}
+    return {f"stress_{name}": values[:, k] for name, values in found.by_name.items()} | missing
 
 
 def _largest(study: Study, solution: StaticCases, k: int) -> Fields:
@@ -186,12 +189,29 @@ def _case_lines(
                 f"  {q:2} from {values.min():12.5g} in {member[low]} to {values.max():12.5g} "
                 f"in {member[high]}"
             )
-    if stresses:
-        low = min(stresses, key=lambda m: stresses[m][0, :, k].min())
-        high = max(stresses, key=lambda m: stresses[m][1, :, k].max())
+    out += _stress_lines(study, stresses, k)
+    return out
+
+
+def _stress_lines(study: Study, stresses: Stresses, k: int) -> list[str]:
+    """Return what is printed of the stresses in a load case."""
+    if not stresses:
+        return []
+    low = min(stresses, key=lambda m: stresses[m].low[:, k].min())
+    high = max(stresses, key=lambda m: stresses[m].high[:, k].max())
+    out = [
+        f"  normal stress from {1e-6 * stresses[low].low[:, k].min():.5g} MPa in {low} to "
+        f"{1e-6 * stresses[high].high[:, k].max():.5g} MPa in {high}{_without_stress(study, stresses)}"
+    ]
+    for name in ("shear", "von_mises"):
+        largest = {m: float(s.by_name[name][:, k].max()) for m, s in stresses.items() if name in s.by_name}
+        if largest:
+            member = max(largest, key=lambda m: largest[m])
+            out.append(f"  {STRESSES[name]} {1e-6 * largest[member]:.5g} MPa in {member}")
+    bare = [m for m, s in stresses.items() if s.missing]
+    if bare:
         out.append(
-            f"  normal stress from {1e-6 * stresses[low][0, :, k].min():.5g} MPa in {low} to "
-            f"{1e-6 * stresses[high][1, :, k].max():.5g} MPa in {high}{_without_stress(study, stresses)}"
+            f"  shear and von Mises stress not known in {', '.join(bare)}: {stresses[bare[0]].missing}"
         )
     return out
 
@@ -227,10 +247,19 @@ def _envelope_fields(
         "reactions": reactions,
         "members": {
             member: {q: fields(on_lines[rows][:, :, i][..., columns]) for i, q in enumerate(SECTION_FORCES)}
-            | ({"stress": fields(stresses[member][..., columns])} if member in stresses else {})
+            | (_envelope_of_stresses(stresses[member], columns, fields) if member in stresses else {})
             for member, rows in study.model.mesh.members.items()
         },
     }
+
+
+def _envelope_of_stresses(
+    found: SectionStresses, columns: list[int], fields: Callable[[np.ndarray], Fields]
+) -> Fields:
+    """Return the envelopes of a member's normal, shear and von Mises stresses."""
+    normal = np.stack([found.low, found.high])
+    each = {"stress": normal} | {f"stress_{name}": found.by_name.get(name) for name in ("shear", "von_mises")}
+    return {name: fields(values[..., columns]) for name, values in each.items() if values is not None}
 
 
 def _envelope_lines(
@@ -256,13 +285,18 @@ def _envelope_lines(
         if "stress" in own
     ]
     rows += [f"  normal stress [MPa]: {', '.join(ranges)}"] if ranges else []
+    for key, words in (("stress_shear", STRESSES["shear"]), ("stress_von_mises", STRESSES["von_mises"])):
+        most = [f"{m} {1e-6 * own[key]['high']:.4g}" for m, own in found["members"].items() if key in own]
+        rows += [f"  {words} [MPa]: {', '.join(most)}"] if most else []
     return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", f"  {'':{width}} {head}", *rows]
 
 
 def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:
-    """Write displacements, and section forces in the middle of each element."""
+    """Write displacements, section forces in the middle of each element, and its extreme stresses."""
     middle = solution.forces_on_lines(2)[:, 1]
     lines = {q: middle[:, i] for i, q in enumerate(SECTION_FORCES)}
+    on_lines = solution.stresses_on_lines(4)
+    lines |= {f"stress_{name}": v for name, v in on_lines.items() if not np.isnan(v).all()}
     motions = dict(zip(solution.cases, solution.displacements.T, strict=True))
     write_motions(path, study, motions, lines=lines)
 

@@ -8,10 +8,19 @@ import numpy as np
 
 from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
-from fem.analysis.section_stress import normal_stresses
+from fem.analysis.section_stress import SectionStresses, section_stresses
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import Stations, forces_on_lines, stations
 from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+
+STRESSES = {
+    "low": "least normal stress",
+    "high": "largest normal stress",
+    "shear": "largest shear stress",
+    "von_mises": "largest von Mises stress",
+}
+"""Stresses of sections by their names in results."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,15 +105,31 @@ class StaticCases:
         )
         return Stations(each[0].positions, forces, moved)
 
-    def stresses(self, member: str, pieces: int) -> np.ndarray | None:
-        """Return the least and largest normal stress at these places, (2, pieces + 1, n_cases) [Pa].
+    def stresses(self, member: str, pieces: int) -> SectionStresses | None:
+        """Return the extremes of stresses at these places, each (pieces + 1, n_cases) [Pa].
 
         None for a section without an outline.
         """
-        own = next(f.members[member] for f in self.solutions[0].model.of_kind(Frame) if member in f.members)
         found = self.stations(member, pieces)
-        each = normal_stresses(own, found.positions / found.positions[-1], found.forces)
-        return None if each is None else np.stack(each)
+        return section_stresses(self._properties(member), found.positions / found.positions[-1], found.forces)
+
+    def stresses_on_lines(self, pieces: int) -> dict[str, np.ndarray]:
+        """Return the extremes of stresses of each line, each (n_lines, n_cases) [Pa]; NaN where unknown."""
+        mesh, forces = self.solutions[0].model.mesh, self.forces_on_lines(pieces)
+        along = mesh.arc_fractions()
+        out = {name: np.full((mesh.n_lines, forces.shape[-1]), np.nan) for name in STRESSES}
+        for member, rows in mesh.members.items():
+            x = along[rows, :1] + np.linspace(0, 1, pieces + 1) * np.diff(along[rows], axis=1)
+            own = forces[rows].reshape(-1, 6, forces.shape[-1])
+            found = section_stresses(self._properties(member), np.clip(x.ravel(), 0, 1), own)
+            for name, values in ({} if found is None else found.by_name).items():
+                each = values.reshape(len(rows), pieces + 1, -1)
+                out[name][rows] = each.min(axis=1) if name == "low" else each.max(axis=1)
+        return out
+
+    def _properties(self, member: str) -> MemberProperties:
+        model = self.solutions[0].model
+        return next(f.members[member] for f in model.of_kind(Frame) if member in f.members)
 
     def forces_on_lines(self, pieces: int) -> np.ndarray:
         """Return section forces along all lines, (n_lines, pieces + 1, 6, n_cases) [N, N·m]."""

@@ -1,22 +1,29 @@
 """``dovetail update``: uncertain parameters fitted to modes or FRFs."""
 
 import argparse
+import csv
+import io
 from pathlib import Path
 from typing import Any
 
+from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import (
     Options,
     check_places,
     loaded,
     say,
 )
+from dovetail.commands.stepping import said
 from dovetail.commands.update_report import REPORT, errors_before_and_after, write_update_report
-from dovetail.disk.output import Output, Progress, result_folder, write_json
+from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
+from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
+from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
 
 HELP = "update uncertain parameters to measured modes or FRFs, with their uncertainty"
 EXAMPLE = "dovetail update study.toml --out out/updated"
 STUDY, JSON = "study.toml", "update.json"
+REFITS = "bootstrap.csv"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -29,21 +36,45 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="folder for report.html, update.json, study.toml with the new values, and pictures/",
     )
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    p.add_argument(
+        "--bootstrap",
+        type=whole_up_to(1_000_000),
+        metavar="N",
+        help=f"fit N resamples too, at least {LEAST}, for standard deviations that are not linearised; "
+        "DIR-bootstrap keeps the refits, and a run that was stopped continues there",
+    )
+    p.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the resamples (default 0)")
+    add_pool(p, "refits")
 
 
 def run(options: Options, progress: Progress) -> None:
     """Update a study's model to its measurement; write a report and the study with the new values."""
-    check_places(options, Output("--out", options.out, (REPORT, STUDY, JSON, "pictures")))
+    if options.bootstrap is not None and options.bootstrap < LEAST:
+        msg = f"--bootstrap {options.bootstrap}: at least {LEAST} resamples are needed"
+        raise OutputError(msg)
+    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, "pictures"))]
+    folder = options.out.with_name(f"{options.out.name}-bootstrap")
+    if options.bootstrap is not None:
+        places.append(Output("--out", folder, (JOURNAL,)))
+    check_places(options, *places)
     study = loaded(options)
     progress("updating")
     result = update_study(study)
     text, unsaid = updated_text(study, result.updated, options.out)
-    data = _update_dict(result, unsaid)
+    refits = None
+    if options.bootstrap is not None:
+        with pool_of(options.processes, options.scheduler) as pool:
+            refits = run_bootstrap(
+                result.updated, options.bootstrap, options.seed, folder, pool, said(options, progress)
+            )
+    data = _update_dict(result, unsaid) | ({"bootstrap": as_dict(refits)} if refits is not None else {})
     with result_folder(options.out, options.force) as scratch:
         progress("drawing", 0.8)
         (scratch / STUDY).write_text(text, encoding="utf-8")
         write_json(scratch / JSON, data)
-        write_update_report(result, unsaid, scratch)
+        write_update_report(result, unsaid, scratch, refits)
+        if refits is not None:
+            (scratch / REFITS).write_text(_table_of(refits), encoding="utf-8")
     progress.close()
     write_json(options.json, data)
     u = result.updated
@@ -52,9 +83,19 @@ def run(options: Options, progress: Progress) -> None:
         f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
         u.table(),
         *errors_before_and_after(result),
+        *(lines_of(refits) if refits is not None else ()),
         *(f"note: {text}" for text in (*result.notes, *unsaid, *study.measured_notes)),
         f"{options.out / REPORT} and {options.out / STUDY} are written",
     )
+
+
+def _table_of(found: Bootstrap) -> str:
+    """Return the values of all refits as CSV."""
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow([f"{p.name} [{p.unit}]" for p in found.updated.parameters])
+    table.writerows([f"{value:.10g}" for value in row] for row in found.values)
+    return out.getvalue()
 
 
 def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]:

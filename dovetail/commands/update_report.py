@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dovetail.ensemble.bootstrap import Bootstrap, sentences
 from dovetail.update import StudyUpdate
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ def errors_before_and_after(result: StudyUpdate) -> list[str]:
     return out
 
 
-def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Path) -> None:
+def write_update_report(
+    result: StudyUpdate, unsaid: tuple[str, ...], folder: Path, refits: Bootstrap | None = None
+) -> None:
     """Write the report and its pictures into a folder."""
     from dovetail.report import page
     from updating.measurement.computed import computed_frf
@@ -37,7 +40,7 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
     from viz.curves import plot_frf
     from viz.modal import plot_stabilisation
     from viz.style import save
-    from viz.updating import plot_convergence, plot_correlation, plot_parameters
+    from viz.updating import plot_bootstrap, plot_convergence, plot_correlation, plot_parameters
 
     u, study = result.updated, result.study
     pictures = folder / "pictures"
@@ -64,6 +67,11 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
         }
         caption = "Measured FRFs, and those of the model at the start and at the end."
         shown.append(page.section("FRFs", picture("frfs", plot_frf(frf, models), caption)))
+    if refits is not None:
+        caption = "Refits of resamples (5 to 95 %, median) and the linearised interval of as many per cent."
+        drawn = picture("bootstrap", plot_bootstrap(u, refits.values), caption)
+        words = page.bullets(sentences(refits))
+        shown.append(page.section("Bootstrap", _bootstrap_table(refits), drawn, words))
     head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
     related = [_most_correlated(result, i) for i in range(len(u.parameters))]
     rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
@@ -105,6 +113,22 @@ def write_update_report(result: StudyUpdate, unsaid: tuple[str, ...], folder: Pa
         page.section("Assumptions", page.bullets(study.assumptions)) if study.assumptions else "",
     )
     (folder / REPORT).write_text(html, encoding="utf-8")
+
+
+def _bootstrap_table(found: Bootstrap) -> Any:
+    """Return the standard deviations of the refits beside the linearised ones."""
+    from dovetail.report import page
+
+    rows = [
+        (p.name, p.unit, f"{p.value:.5g}", f"{p.std:.3g}" if np.isfinite(p.std) else "-", f"{std:.3g}",
+         f"{bias:.2g} ± {error:.2g}", *(f"{v:.5g}" for v in q))
+        for p, std, bias, error, q in zip(
+            found.updated.parameters, found.std, found.bias, found.bias_error, found.quantiles.value.T,
+            strict=True,
+        )
+    ]  # fmt: skip
+    head = ["parameter", "unit", "value", "linearised std", f"std of {found.n} refits", "bias"]
+    return page.table([*head, "5 %", "median", "95 %"], rows, numbers=range(2, 9), at_most=60)
 
 
 def _cells(p: "UpdatedParameter") -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from fem.analysis.buckling_limits import limits
 from fem.analysis.initial_stress import prestressed
 from fem.analysis.modes import DENSE_LIMIT
 from fem.analysis.statics import StaticSolution, factor_held, solve_static
+from fem.linalg.solvers import Factor
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
@@ -114,10 +115,17 @@ def solve_buckling(
     return modes
 
 
-def lowest_factor(system: System, solution: StaticSolution, case: int | str = 0) -> float:
-    """Return the lowest positive load factor; infinite where a load does not make the structure buckle."""
+def lowest_factor(
+    system: System, solution: StaticSolution, case: int | str = 0, factor: Factor | None = None
+) -> float:
+    """Return the lowest positive load factor; infinite where a load does not make the structure buckle.
+
+    ``factor`` is that of the system's K, if it is known.
+    """
     K_G = _geometric(system, solution, case)[1]
-    mu = _largest(system, -K_G, 1, "positive")[0] if K_G.count_nonzero() else np.zeros(0)
+    if not K_G.count_nonzero():
+        return np.inf
+    mu = _largest(system, -K_G, 1, "positive", factor, repeated=False)[0]
     return float(1 / mu[0]) if mu.size else np.inf
 
 
@@ -129,10 +137,19 @@ def _geometric(system: System, solution: StaticSolution, case: int | str) -> tup
 
 
 def _largest(
-    system: System, A: sp.csc_array, n: int, sign: str
+    system: System,
+    A: sp.csc_array,
+    n: int,
+    sign: str,
+    factor: Factor | None = None,
+    *,
+    repeated: bool = True,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the eigenvalues of A x = μ K x of a sign that are largest in size, and their vectors."""
-    factor = factor_held(system)
+    """Return the eigenvalues of A x = μ K x of a sign that are largest in size, and their vectors.
+
+    Unless ``repeated``, one of each set of equal eigenvalues may be all that is found of it.
+    """
+    factor = factor_held(system) if factor is None else factor
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or 2 * n > n_free // 3:
         K = system.K.toarray()
@@ -162,6 +179,8 @@ def _largest(
             tol=1e-12,
         )
         more, found = _sorted(more, found, n_free, sign)
+        if not repeated:
+            return more[:n], found[:, :n]
         known = _sorted(mu, vectors, n, sign)[0]
         if not more.size or (known.size == n and abs(more[0]) < abs(known[-1]) * (1 - 1e-9)):
             return _sorted(mu, vectors, n, sign)

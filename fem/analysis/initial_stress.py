@@ -1,12 +1,14 @@
 """Geometric stiffness of a static state: section forces along members, and forces on rigid arms."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.line_loads import line_dofs
-from fem.analysis.section_forces import line_stiffness, section_forces
+from fem.analysis.section_forces import LineEquilibrium, line_stiffness, section_forces
 from fem.analysis.statics import StaticSolution
 from fem.declarations import ArmForce, Role, StaticState
 from fem.effects.joint import PointPair, forces_at
@@ -62,29 +64,67 @@ def prestressed(
             known = ", ".join(model.mesh.members)
             msg = f"the solution's member '{member}' is not in the model; it has {known}"
             raise ModelError(msg)
-    forces = MappingProxyType(section_courses(solution, column, _force_rounding(solution, column)))
-    levers = lever_forces(solution, column)
-    return model.with_effect(Prestress(name=name, forces=forces, levers=levers, factor=factor))
+    state = StressedState(
+        solution.model,
+        solution.displacements[:, [column]],
+        solution.equilibrium.case(column),
+        {key: float(value[column]) for key, value in solution.reactions.items()},
+    )
+    effect = stress_effect(state, line_stiffness(solution.model), factor=factor, name=name)
+    return model.with_effect(effect)
 
 
-def _force_rounding(solution: StaticSolution, column: int) -> NDArray[np.float64]:
+@dataclass(frozen=True, slots=True, eq=False)
+class StressedState:
+    """The static state under one load case.
+
+    Attributes
+    ----------
+    model : Model
+    displacements : ndarray (n_dof, 1)
+        [m, rad].
+    equilibrium : LineEquilibrium
+        Of this load case alone.
+    reactions : mapping of (str, str) to float
+        [N, N·m].
+    """
+
+    model: Model
+    displacements: NDArray[np.float64]
+    equilibrium: LineEquilibrium
+    reactions: Mapping[tuple[str, str], float]
+
+
+def stress_effect(
+    state: StressedState,
+    stiffness: NDArray[np.float64],
+    *,
+    factor: float = 1.0,
+    name: str = "prestress",
+) -> Prestress:
+    """Return the geometric stiffness of a static state as an effect.
+
+    ``stiffness`` of the lines (n_lines, 12, 12) gives the rounding of section forces.
+    """
+    forces = section_courses(state, _force_rounding(state, stiffness))
+    return Prestress(name=name, forces=MappingProxyType(forces), levers=lever_forces(state), factor=factor)
+
+
+def _force_rounding(state: StressedState, stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rounding of each section force of the lines, shape (n_lines, 6)."""
-    model = solution.model
-    u = abs(solution.displacements[line_dofs(model), column])
-    terms = np.einsum("bij,bj->bi", abs(line_stiffness(model)), u)
-    terms[:, :6] += abs(solution.equilibrium.fixed[:, :, column])
+    u = abs(state.displacements[line_dofs(state.model)])
+    terms = (abs(stiffness) @ u)[:, :, 0]
+    terms[:, :6] += abs(state.equilibrium.fixed[:, :, 0])
     largest = terms.reshape(-1, 2, 2, 3).max(axis=(1, 3))
     return _ROUNDING * np.repeat(largest, 3, axis=1)
 
 
-def section_courses(
-    solution: StaticSolution, column: int, rounding: NDArray[np.float64]
-) -> dict[str, SectionForces]:
+def section_courses(state: StressedState, rounding: NDArray[np.float64]) -> dict[str, SectionForces]:
     """Return the section forces along each member, in stretches between loads that are cubic at most.
 
     Forces below ``rounding`` (n_lines, 6) are zero.
     """
-    mesh, spread = solution.model.mesh, solution.equilibrium.loads
+    mesh, spread = state.model.mesh, state.equilibrium.loads
     every = np.arange(mesh.n_lines)
     breaks = np.concatenate([np.repeat([[0.0, 1.0]], mesh.n_lines, axis=0).ravel(), spread.xi.ravel()])
     line = np.concatenate([np.repeat(every, 2), np.repeat(spread.line, 2)])
@@ -92,28 +132,28 @@ def section_courses(
     first = np.flatnonzero((cuts[1:, 0] == cuts[:-1, 0]) & (np.diff(cuts[:, 1]) > 1e-12))
     line, lo, hi = cuts[first, 0].astype(np.int64), cuts[first, 1], cuts[first + 1, 1]
     xi = lo[:, None] + (hi - lo)[:, None] * FORCE_NODES
-    u, places = solution.displacements, (np.repeat(line, 4), xi.ravel())
-    values = section_forces(solution.model, solution.equilibrium, u, *places)[:, :, column].reshape(-1, 4, 6)
+    u, places = state.displacements, (np.repeat(line, 4), xi.ravel())
+    values = section_forces(state.model, state.equilibrium, u, *places).reshape(-1, 4, 6)
     values = np.where(abs(values) > rounding[line][:, None], values, 0.0)
-    out = {}
-    for member, rows in mesh.members.items():
-        s = mesh.member_positions(member)
-        at = np.full(mesh.n_lines, -1)
-        at[rows] = np.arange(len(rows))
-        mine = np.flatnonzero(at[line] >= 0)
-        mine = mine[np.lexsort((lo[mine], at[line[mine]]))]
-        k = at[line[mine]]
-        start, length = s[k], s[k + 1] - s[k]
-        out[member] = SectionForces(start + lo[mine] * length, start + hi[mine] * length, values[mine])
-    return out
+    ends, (chains, member) = mesh.arc_lengths()[line], mesh.chains()
+    rank = np.empty(mesh.n_lines, dtype=np.int64)
+    rank[chains] = np.arange(mesh.n_lines)
+    order = np.lexsort((lo, rank[line]))
+    length = ends[:, 1] - ends[:, 0]
+    start, stop = (ends[:, 0] + x * length for x in (lo, hi))
+    owner = np.empty(mesh.n_lines, dtype=np.int64)
+    owner[chains] = member
+    last = np.cumsum(np.bincount(owner[line], minlength=len(mesh.members))).tolist()
+    start, stop, values = start[order], stop[order], values[order]
+    parts = zip(mesh.members, [0, *last[:-1]], last, strict=True)
+    return {name: SectionForces(start[i:j], stop[i:j], values[i:j]) for name, i, j in parts}
 
 
-def lever_forces(solution: StaticSolution, column: int) -> LeverForces:
+def lever_forces(static: StressedState) -> LeverForces:
     """Return the forces on rigid arms: of elements between points, of rigid links, and of bodies' weight."""
-    model = solution.model
-    u, gravity = solution.displacements[:, column], solution.equilibrium.gravity[:, column]
-    reactions = {key: float(value[column]) for key, value in solution.reactions.items()}
-    state = StaticState(u, gravity, reactions)
+    model = static.model
+    u, gravity = static.displacements[:, 0], static.equilibrium.gravity[:, 0]
+    state = StaticState(u, gravity, static.reactions)
     place = {
         tuple(effect.relative(model)[0].tolist()): effect.location for effect in model.of_kind(PointPair)
     }

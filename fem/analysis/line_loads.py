@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, checked_vector
 from fem.elements import tapered
 from fem.elements.frame import Frame
+from fem.elements.layout import axes_and_arms, layout_of
 from fem.elements.quadrature import gauss_points
 from fem.mesh import Location
 from fem.model import Model, ModelError
@@ -46,6 +47,11 @@ class SpreadLoads:
     xi: NDArray[np.float64]  # (m, 2)
     force: NDArray[np.float64]  # (m, 2, 3): global; per length if distributed
     axes: LineAxes  # of all lines of the model, found once for the loads and for all cuts
+
+    def case_of(self, column: int) -> "SpreadLoads":
+        """Return the loads of one load case alone."""
+        own = np.flatnonzero(self.case == column)
+        return SpreadLoads(self.line[own], 0 * self.case[own], self.xi[own], self.force[own], self.axes)
 
 
 def loads_on_members(
@@ -122,15 +128,9 @@ def _pieces(
 def line_axes(model: Model) -> LineAxes:
     """Return the axes of a model's lines."""
     (frame,), mesh = model.of_kind(Frame), model.mesh
-    offset, zone = np.zeros((mesh.n_lines, 2, 3)), np.zeros((mesh.n_lines, 2))
-    for member, rows in mesh.members.items():
-        p, s = frame.members[member], mesh.member_positions(member)
-        at = p.offset1 + (s / s[-1])[:, None] * (p.offset2 - p.offset1)
-        offset[rows, 0], offset[rows, 1] = at[:-1], at[1:]
-        zone[rows[0], 0], zone[rows[-1], 1] = p.rigid1, p.rigid2
-    ends = mesh.points[mesh.lines] + offset
-    span = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return LineAxes(offset, zone / span[:, None], span, frame.rotations(mesh))
+    layout, rows = layout_of(frame.members, mesh), np.arange(mesh.n_lines)
+    R, _, span, _ = axes_and_arms(layout, mesh, rows)
+    return LineAxes(layout.offset, layout.zone / span[:, None], span, R)
 
 
 def axis_motion(
@@ -138,8 +138,7 @@ def axis_motion(
 ) -> NDArray[np.float64]:
     """Return the motion of places on the lines' axes from the lines' DOFs, global, shape (n, 6, 12)."""
     (frame,) = model.of_kind(Frame)
-    at = [Location(int(line), float(x)) for line, x in zip(lines, xi, strict=True)]
-    N = np.real(frame.interpolate(model.mesh, at)[1]).copy()
+    N = np.real(frame.motions_at(model.mesh, lines, xi)[1]).copy()
     N[:, :3] += np.cross(N[:, 3:], axes.offset_at(lines, xi)[:, :, None], axis=1)
     return N
 

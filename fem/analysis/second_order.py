@@ -4,24 +4,37 @@
 
 (K + K_G) u = f, K_G of the section forces of u, iterated from those of first order. Displacements and turns
 are small; the shortening of bent members (bowing) is left out.
+
+A round forms K_G of the last section forces and corrects u by the force out of balance. The factor of a
+former round's K + K_G serves again while section forces hardly change, and all factors have one order of
+elimination.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.analysis.buckling import lowest_factor
-from fem.analysis.initial_stress import prestressed
+from fem.analysis.initial_stress import StressedState, stress_effect
 from fem.analysis.loads import LoadCase
-from fem.analysis.statics import StaticSolution, solve_static
+from fem.analysis.modes import n_negative
+from fem.analysis.section_forces import line_stiffness
+from fem.analysis.statics import Loading, StaticSolution, factor_held
+from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Model, ModelError
+from fem.recent import Recent
 from fem.summary import fields_summary
-from fem.system import System, assemble
+from fem.system import System, assemble, full_matrices, on_pattern, stiffness_pattern, sum_stiffness
 
 TOLERANCE = 1e-10
-"""Relative change of the displacements, in the norm of the stiffness, at which the iteration ends [-]."""
+"""Relative error of the displacements, in the norm of the stiffness, at which the iteration ends [-]."""
 
 _ROUNDS = 100
+
+_SAME = 1e-3
+"""Relative change of the displacements from which on the factor of a round serves the next [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,19 +48,28 @@ class SecondOrder:
     solution : StaticSolution
         Of second order: displacements, reactions and section forces in the displaced state, in the axes of
         the structure at rest. Its model has the geometric stiffness, the effect ``"prestress"``.
-    factor : float
-        By which the load may grow until the structure buckles, of the forces of first order; infinite where
-        the load does not make it buckle [-].
     n_rounds : int
         Number of solutions beyond that of first order.
+    system : System
+        Of the structure without geometric stiffness.
     """
 
     first: StaticSolution
     solution: StaticSolution
-    factor: float
     n_rounds: int
+    system: System
+    _kept: Recent = field(default_factory=lambda: Recent(1), init=False, repr=False)
 
     __repr__ = fields_summary
+
+    @property
+    def factor(self) -> float:
+        """By which the load may grow until the structure buckles, of the forces of first order [-].
+
+        Infinite where the load does not make it buckle. Computed when first asked for.
+        """
+        value: float = self._kept.get("factor", lambda: lowest_factor(self.system, self.first))
+        return value
 
 
 def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
@@ -66,39 +88,94 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
         buckles, with its factor; and where the iteration does not converge.
     """
     system = model if isinstance(model, System) else assemble(model)
-    first = solve_static(system, case)
-    factor = lowest_factor(system, first)
-    if factor <= 1:
-        msg = (
-            f"load case '{case.name}' makes the structure buckle at {factor:.4g} times its size: "
-            "second-order displacements exist for factors above 1 only; reduce the load or stiffen the "
-            "structure"
-        )
-        raise ModelError(msg)
-    solution, change = first, np.inf
+    loading, K = Loading.of(system.model, case), full_matrices(system.model)["K"]
+    wide = replace(system, K=on_pattern(system.K, stiffness_pattern(system)))
+    b = loading.on_coordinates(system, K)
+    factor, q = None, b
+    if system.n_free:
+        factor = factor_held(wide)
+        q = factor.solve(b)
+        q += factor.solve(b - system.K @ q)
+    elastic = line_stiffness(system.model)
+    first = loading.response(system.model, K, loading.motion(system, q), elastic)
+    reactions = {key: float(value[0]) for key, value in first.reactions.items()}
+    state = StressedState(system.model, first.displacements, first.equilibrium, reactions)
+    change = before = np.inf
     for k in range(_ROUNDS):
-        try:
-            new = solve_static(assemble(prestressed(system.model, solution), reciprocal=False), case)
-        except ModelError as reason:
-            msg = (
-                f"load case '{case.name}': under its second-order forces the structure is not stable, though "
-                f"those of first order have the buckling factor {factor:.4g} ({reason})"
-            )
-            raise ModelError(msg) from reason
-        change = _change(system, new, solution)
-        solution = new
-        if change <= TOLERANCE:
-            return SecondOrder(first, solution, factor, k + 1)
+        effect = stress_effect(state, elastic)
+        loaded = system.model.with_effect(effect)
+        added = effect.contribute(loaded)
+        K_G = sum_stiffness(loaded, added)
+        on_lines = elastic.copy()
+        for c in added:
+            if c.lines is not None and c.K is not None:
+                on_lines[c.lines] += c.K
+        stressed = system.K + _on_q(system, K_G)
+        b = loading.on_coordinates(system, K + K_G)
+        new = q
+        if factor is not None:
+            if change > min(_SAME, 0.1 * before) or not k:
+                factor = _factor(system, wide, stressed, factor, case, first)
+            new = q + factor.solve(b - stressed @ q)
+        change, before = _change(system, new, q), change
+        q = new
+        # changes fall by a constant factor at least: the rest of them is a geometric series
+        ratio = change / before if k else 1.0
+        if change <= TOLERANCE or (ratio < 1 and change * ratio / (1 - ratio) <= TOLERANCE):
+            solution = loading.response(loaded, K + K_G, loading.motion(system, q), on_lines)
+            return SecondOrder(first, solution, k + 1, system)
+        state = _state(loading, loaded, K + K_G, on_lines, loading.motion(system, q))
     msg = (
         f"load case '{case.name}': second-order forces still change the displacements by {change:.1e} after "
-        f"{_ROUNDS} rounds; its buckling factor is {factor:.4g}"
+        f"{_ROUNDS} rounds; its buckling factor is {lowest_factor(system, first):.4g}"
     )
     raise ModelError(msg)
 
 
-def _change(system: System, new: StaticSolution, old: StaticSolution) -> float:
-    """Return the change of displacements relative to them, in the norm of the stiffness."""
-    u, before = (np.asarray(system.Q.T @ s.displacements[:, 0]) for s in (new, old))
+def _state(
+    loading: Loading, model: Model, K: Any, stiffness: NDArray[np.float64], u: NDArray[np.float64]
+) -> StressedState:
+    """Return the static state with displacements u under the stiffness of all DOFs and of lines."""
+    reactions = {key: float(value[0]) for key, value in loading.reactions(K @ u - loading.f).items()}
+    return StressedState(model, u, loading.equilibrium(model, stiffness, u), reactions)
+
+
+def _on_q(system: System, X: Any) -> Any:
+    return system.Q.T @ X @ system.Q
+
+
+def _factor(
+    system: System, wide: System, stressed: Any, like: Factor, case: LoadCase, first: StaticSolution
+) -> Factor:
+    """Factorise K + K_G; raises an error if it is not positive definite, so that the structure buckles.
+
+    K being so, K + λ K_G is for 0 ≤ λ ≤ 1 if it is for λ = 1: the least positive load factor is above 1.
+    """
+    A = on_pattern(stressed, wide.K)
+    try:
+        factor = factorise(A, like)
+        stable = not n_negative(A, factor)
+    except SingularMatrixError:
+        factor, stable = like, False
+    if stable:
+        return factor
+    least = lowest_factor(system, first)
+    if least > 1:
+        msg = (
+            f"load case '{case.name}': under its second-order forces the structure is not stable, though "
+            f"those of first order have the buckling factor {least:.4g}"
+        )
+        raise ModelError(msg)
+    msg = (
+        f"load case '{case.name}' makes the structure buckle at {least:.4g} times its size: "
+        "second-order displacements exist for factors above 1 only; reduce the load or stiffen the "
+        "structure"
+    )
+    raise ModelError(msg)
+
+
+def _change(system: System, new: NDArray[np.float64], old: NDArray[np.float64]) -> float:
+    """Return the change of coordinates (n_free, 1) relative to them, in the norm of the stiffness."""
+    u, step = new[:, 0], (new - old)[:, 0]
     size = float(u @ (system.K @ u))
-    step = u - before
     return float(np.sqrt(max(float(step @ (system.K @ step)), 0.0) / size)) if size > 0 else 0.0

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from fem.analysis.line_loads import (
     LineAxes,
     SpreadLoads,
-    axis_motion,
     force_at,
     line_dofs,
     lines_of_elements,
@@ -26,6 +25,9 @@ from fem.model import Model
 
 SECTION_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Forces [N] and moments [N·m] on the positive face of a section, in the member's axes."""
+
+_BALANCED = 1e-12
+"""Relative size below which the sum of the forces at a line's ends is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +56,13 @@ class LineEquilibrium:
     loads: SpreadLoads
     strain: NDArray[np.float64]
     gravity: NDArray[np.float64]
+
+    def case(self, column: int) -> "LineEquilibrium":
+        """Return the forces of one load case alone."""
+        ends, fixed, strain = (x[..., [column]] for x in (self.ends, self.fixed, self.strain))
+        return LineEquilibrium(
+            ends, fixed, self.initial, self.loads.case_of(column), strain, self.gravity[:, [column]]
+        )
 
 
 def line_stiffness(model: Model) -> NDArray[np.float64]:
@@ -100,13 +109,13 @@ def initial_forces(model: Model, axes: LineAxes, K: NDArray[np.float64]) -> NDAr
     points = model.mesh.points[model.mesh.lines]
     arm = points - points.mean(axis=1, keepdims=True)
     out = np.zeros((len(K), 2, 2, 3))
-    largest = np.zeros(len(K))
+    largest, size = np.zeros(len(K)), abs(K)
     for axis in np.eye(3):
         r = np.zeros((len(K), 2, 2, 3))
         r[:, :, 0], r[:, :, 1] = np.cross(axis, arm), axis
         r = r.reshape(-1, 12)
-        out -= np.cross(axis, np.einsum("bij,bj->bi", K, r).reshape(-1, 2, 2, 3)) * [[0.5], [1.0]]
-        largest = np.maximum(largest, np.einsum("bi,bij,bj->b", abs(r), abs(K), abs(r)))
+        out -= np.cross(axis, (K @ r[:, :, None]).reshape(-1, 2, 2, 3)) * [[0.5], [1.0]]
+        largest = np.maximum(largest, np.einsum("bi,bi->b", abs(r), (size @ abs(r)[:, :, None])[:, :, 0]))
     rounding = (
         1e-12
         * largest[:, None, None, None]
@@ -152,14 +161,13 @@ def section_forces(
         np.subtract.at(np.moveaxis(moment, 1, 2), (cut, spread.case[load]), np.cross(arm, q))
     loaded = np.flatnonzero(initial[lines].any(axis=(1, 2, 3)))
     if loaded.size:
-        moment[loaded] -= _moments_of_displacement(model, axes, lines[loaded], xi[loaded], initial, u)
+        moment[loaded] -= _moments_of_displacement(model, lines[loaded], xi[loaded], initial, u)
     R = axes.R[lines]
     return np.concatenate([R @ force, R @ moment], axis=1)
 
 
 def _moments_of_displacement(
     model: Model,
-    axes: LineAxes,
     lines: NDArray[np.int64],
     xi: NDArray[np.float64],
     initial: NDArray[np.float64],
@@ -170,18 +178,21 @@ def _moments_of_displacement(
     The node's force f and a uniform load that closes the line's equilibrium act at displaced places; the
     node's moment m is turned, by θ × m/2 beyond the turn that its work on the rotation vector contains.
     """
-    dofs = line_dofs(model)[lines]
+    (frame,), dofs = model.of_kind(Frame), line_dofs(model)[lines]
     f, m = initial[lines, 0, 0], initial[lines, 0, 1]
     per_axis = -(initial[lines, 0, 0] + initial[lines, 1, 0])
 
-    def moved(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.einsum("bij,bjc->bic", axis_motion(model, axes, lines, x), u[dofs])[:, :3]
+    def moved(x: NDArray[np.float64], some: Any = slice(None)) -> NDArray[np.float64]:
+        return frame.axis_displacements(model.mesh, lines[some], x, u)
 
     here, node = moved(xi), u[dofs[:, :3]]
     out: NDArray[Any] = np.cross(node - here, f[:, :, None], axis=1)
     out += 0.5 * np.cross(u[dofs[:, 3:6]], m[:, :, None], axis=1)
-    for x, w in zip(*gauss_points(3), strict=True):
-        out += np.cross(moved(x * xi) - here, (w * xi)[:, None, None] * per_axis[:, :, None], axis=1)
+    size = abs(initial[lines, :, 0]).max(axis=(1, 2))
+    spread = np.flatnonzero(abs(per_axis).max(axis=1) > _BALANCED * size)
+    for x, w in zip(*gauss_points(3), strict=True) if spread.size else ():
+        load = (w * xi[spread])[:, None, None] * per_axis[spread, :, None]
+        out[spread] += np.cross(moved(x * xi[spread], spread) - here[spread], load, axis=1)
     return out
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.line_loads import (
+    LineAxes,
+    SpreadLoads,
     line_axes,
     line_dofs,
     loads_on_members,
@@ -36,7 +38,7 @@ from fem.elements.frame import Frame
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
 from fem.summary import fields_summary
-from fem.system import System, constraint_groups, particular, rigid_motions, sum_contributions
+from fem.system import System, constraint_groups, full_matrices, particular, rigid_motions
 
 _LEAST_RESISTANCE = 1e-15
 """K is singular where inverse iteration finds less resistance than this, relative to entries one by one."""
@@ -189,46 +191,127 @@ def solve_static(
         For a structure that is free to move, a mechanism or unstable, loads on points, directions, members or
         supports that the model does not have, values that are not finite, or loads that nothing can take.
     """
-    model = system.model
-    cases = as_cases(model, loads)
-    axes = line_axes(model)
-    K, M, _, _ = sum_contributions(model.contributions(), model.n_dof)
-    spread, strain = loads_on_members(model, axes, cases)
-    on_lines = nodal_loads(model, axes, spread, strain, cases)
-    gravity = _gravity(cases)
-    f = _at_points(model, cases, M, gravity)
-    weights = nodal_weights(model, gravity)
-    np.add.at(f, line_dofs(model), on_lines)
-    refuse_out_of_plane(model, cases, f)
-    constraints = model.constraints()
-    prescribed = _prescribed(constraints, cases, model.n_dof)
-    _check_loaded_dofs(system, constraints, f)
-    q = _solve(system, np.asarray(system.Q.T @ (f - K @ prescribed)))
-    u = np.asarray(system.Q @ q) + prescribed
-    out_of_balance = K @ u - f
-    reactions = constraint_forces(constraints, out_of_balance)
-    for c in constraints:
-        np.subtract.at(out_of_balance, c.dofs, c.coefficients[:, None] * reactions[c.key])
-    reactions = {c.key: reactions[c.key] for c in constraints if not c.everywhere}
-    stiffness = line_stiffness(model)
-    ends = np.einsum("bij,bjc->bic", stiffness, u[line_dofs(model)]) - on_lines - weights
-    initial = initial_forces(model, axes, stiffness)
-    spread = with_weights(model, axes, spread, gravity, weights)
-    n = np.arange(model.mesh.n_lines)
-    held = LineEquilibrium(ends[:, :6], -(on_lines + weights)[:, :6], initial, spread, strain, gravity)
-    forces = np.stack([section_forces(model, held, u, n, np.full(n.size, x)) for x in (0.0, 1.0)], axis=1)
-    scale = _force_scale(model)
-    largest = np.max([*(abs(scale * X).max(axis=0) for X in (f, K @ u, K @ prescribed))], axis=0)
-    return StaticSolution(
-        model,
-        tuple(c.name for c in cases),
-        u,
-        MappingProxyType(reactions),
-        MappingProxyType(_ground_springs(model, u)),
-        forces,
-        abs(scale * out_of_balance).max(axis=0) / np.maximum(largest, 1e-300),
-        held,
-    )
+    loading = Loading.of(system.model, loads)
+    K = full_matrices(system.model)["K"]
+    q = _solve(system, loading.on_coordinates(system, K))
+    return loading.response(system.model, K, loading.motion(system, q))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loading:
+    """Load cases on a structure, with all that its stiffness does not change.
+
+    Attributes
+    ----------
+    cases : tuple of LoadCase
+    axes : LineAxes
+    spread : SpreadLoads
+        Loads between the ends of lines, without own weight.
+    strain : ndarray (n_lines, 6, n_cases)
+        Initial strains.
+    gravity : ndarray (3, n_cases)
+        [m/s²].
+    on_lines, weights : ndarray (n_lines, 12, n_cases)
+        Nodal forces of the loads on lines, and of the lines' own weight [N, N·m].
+    f : ndarray (n_dof, n_cases)
+        Forces on all DOFs [N, N·m].
+    constraints : tuple of Constraint
+    prescribed : ndarray (n_dof, n_cases)
+        Motions that violate the constraints as prescribed [m, rad].
+    """
+
+    cases: tuple[LoadCase, ...]
+    axes: LineAxes
+    spread: SpreadLoads
+    strain: NDArray[np.float64]
+    gravity: NDArray[np.float64]
+    on_lines: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    f: NDArray[np.float64]
+    constraints: tuple[Constraint, ...]
+    prescribed: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads | None) -> "Loading":
+        """Return the loads on a model; raises errors as :func:`solve_static`."""
+        cases = as_cases(model, loads)
+        axes = line_axes(model)
+        spread, strain = loads_on_members(model, axes, cases)
+        on_lines = nodal_loads(model, axes, spread, strain, cases)
+        gravity = _gravity(cases)
+        f = _at_points(model, cases, gravity)
+        np.add.at(f, line_dofs(model), on_lines)
+        refuse_out_of_plane(model, cases, f)
+        constraints = model.constraints()
+        return cls(
+            tuple(cases),
+            axes,
+            spread,
+            strain,
+            gravity,
+            on_lines,
+            nodal_weights(model, gravity),
+            f,
+            constraints,
+            _prescribed(constraints, cases, model.n_dof),
+        )
+
+    def on_coordinates(self, system: System, K: Any) -> NDArray[np.float64]:
+        """Return the right-hand side Qᵀ(f - K u_p) with the stiffness of all DOFs, (n_free, n_cases)."""
+        _check_loaded_dofs(system, self.constraints, self.f)
+        return np.asarray(system.Q.T @ (self.f - K @ self.prescribed))
+
+    def motion(self, system: System, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the motion of all DOFs, (n_dof, n_cases)."""
+        return np.asarray(system.Q @ q) + self.prescribed
+
+    def equilibrium(
+        self, model: Model, stiffness: NDArray[np.float64], u: NDArray[np.float64]
+    ) -> LineEquilibrium:
+        """Return the forces on lines of a stiffness (n_lines, 12, 12) in a motion (n_dof, n_cases)."""
+        ends = stiffness @ u[line_dofs(model)] - self.on_lines - self.weights
+        initial = initial_forces(model, self.axes, stiffness)
+        spread = with_weights(model, self.axes, self.spread, self.gravity, self.weights)
+        fixed = -(self.on_lines + self.weights)[:, :6]
+        return LineEquilibrium(ends[:, :6], fixed, initial, spread, self.strain, self.gravity)
+
+    def reactions(self, force: NDArray[np.float64]) -> dict[Key, NDArray[np.float64]]:
+        """Return the forces of constraints of which the forces out of balance (n_dof, n_cases) are made.
+
+        They are taken from these.
+        """
+        reactions = constraint_forces(self.constraints, force)
+        if self.constraints:
+            exerted = [c.coefficients[:, None] * reactions[c.key] for c in self.constraints]
+            np.subtract.at(force, np.concatenate([c.dofs for c in self.constraints]), np.concatenate(exerted))
+        return {c.key: reactions[c.key] for c in self.constraints if not c.everywhere}
+
+    def response(
+        self, model: Model, K: Any, u: NDArray[np.float64], stiffness: NDArray[np.float64] | None = None
+    ) -> StaticSolution:
+        """Return the response with displacements (n_dof, n_cases) under the stiffness K of all DOFs.
+
+        The model has the loads' lines, masses and constraints; its stiffness may be another. That of its
+        lines (n_lines, 12, 12) is formed unless given.
+        """
+        resisted = K @ u
+        out_of_balance = resisted - self.f
+        reactions = self.reactions(out_of_balance)
+        held = self.equilibrium(model, line_stiffness(model) if stiffness is None else stiffness, u)
+        n = np.arange(model.mesh.n_lines)
+        forces = np.stack([section_forces(model, held, u, n, np.full(n.size, x)) for x in (0.0, 1.0)], axis=1)
+        scale = _force_scale(model)
+        sizes = [abs(scale * X).max(axis=0) for X in (self.f, resisted, K @ self.prescribed)]
+        return StaticSolution(
+            model,
+            tuple(c.name for c in self.cases),
+            u,
+            MappingProxyType(reactions),
+            MappingProxyType(_ground_springs(model, u)),
+            forces,
+            abs(scale * out_of_balance).max(axis=0) / np.maximum(np.max(sizes, axis=0), 1e-300),
+            held,
+        )
 
 
 def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads) -> NDArray[np.float64]:
@@ -250,9 +333,8 @@ def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads
             msg = f"load case '{case.name}' moves supports; only forces have a history in time"
             raise ModelError(msg)
     axes = line_axes(model)
-    M = sum_contributions(model.contributions(), model.n_dof)[1]
     spread, strain = loads_on_members(model, axes, cases)
-    f = _at_points(model, cases, M, _gravity(cases))
+    f = _at_points(model, cases, _gravity(cases))
     np.add.at(f, line_dofs(model), nodal_loads(model, axes, spread, strain, cases))
     refuse_out_of_plane(model, cases, f)
     return f
@@ -263,12 +345,12 @@ def _gravity(cases: Sequence[LoadCase]) -> NDArray[np.float64]:
     return np.array([checked_vector(c.gravity, f"gravity of load case '{c.name}'") for c in cases]).T
 
 
-def _at_points(
-    model: Model, cases: Sequence[LoadCase], M: Any, gravity: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _at_points(model: Model, cases: Sequence[LoadCase], gravity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the forces of loads at points and of gravity on all mass, shape (n_dof, n_cases)."""
     f = np.column_stack([point_forces(model, c) for c in cases])
-    return f + M @ (rigid_motions(model)[:, :3] @ gravity)
+    if gravity.any():
+        f = f + full_matrices(model)["M"] @ (rigid_motions(model)[:, :3] @ gravity)
+    return f
 
 
 def _prescribed(
@@ -327,8 +409,10 @@ def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
     return q + factor.solve(b - system.K @ q)
 
 
-def factor_held(system: System) -> Factor:
+def factor_held(system: System, like: Factor | None = None) -> Factor:
     """Factorise the stiffness of a structure that is held.
+
+    The order of elimination of ``like``, of a matrix with the same pattern of entries, is used again.
 
     Raises
     ------
@@ -340,7 +424,7 @@ def factor_held(system: System) -> Factor:
     K = system.K
     factor = None
     try:
-        factor = factorise(K)
+        factor = factorise(K, like)
         x = factor.solve(factor.solve(np.random.default_rng(0).standard_normal(system.n_free)))
     except SingularMatrixError:
         x = np.full(system.n_free, np.nan)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
-from fem.elements.geometric_stiffness import Samples, SectionForces, sample, stress_stiffness
+from fem.elements.geometric_stiffness import Courses, Samples, SectionForces, sample, stress_stiffness
 from fem.elements.levers import lever_stiffness
+from fem.elements.lines import Lines
 from fem.mesh import Mesh
 from fem.model import (
     Contribution,
@@ -99,16 +100,16 @@ class Prestress(Effect):
                     "places; there must be one each, at arc lengths that do not fall"
                 )
                 raise ModelError(msg)
-        axial = {member: (N,) for member, (_, N) in self.tension.items()}
-        whole = {member: (f.start, f.stop, f.values) for member, f in self.forces.items()}
-        for member, arrays in (*axial.items(), *whole.items()):
-            if not all(np.isfinite(a).all() for a in arrays):
-                msg = f"prestress '{self.name}', member '{member}': its forces must be finite numbers [N]"
-                raise ModelError(msg)
         for member, (s, _) in self.tension.items():
             if not np.isfinite(s).all():
                 msg = f"prestress '{self.name}', member '{member}': its places must be finite numbers [m]"
                 raise ModelError(msg)
+        arrays = [(member, N) for member, (_, N) in self.tension.items()]
+        arrays += [(m, a) for m, f in self.forces.items() for a in (f.start, f.stop, f.values.ravel())]
+        if not np.isfinite(np.concatenate([np.zeros(0), *(a for _, a in arrays)])).all():
+            member = next(m for m, a in arrays if not np.isfinite(a).all())
+            msg = f"prestress '{self.name}', member '{member}': its forces must be finite numbers [N]"
+            raise ModelError(msg)
 
     @property
     def where(self) -> str:
@@ -121,10 +122,9 @@ class Prestress(Effect):
         axial = tuple(
             (m, np.asarray(s).tobytes(), np.asarray(N).tobytes()) for m, (s, N) in self.tension.items()
         )
-        whole = tuple(
-            (m, f.start.tobytes(), f.stop.tobytes(), f.values.tobytes()) for m, f in self.forces.items()
-        )
-        return axial, whole
+        arrays = [a for f in self.forces.values() for a in (f.start, f.stop, f.values.ravel())]
+        whole = np.concatenate(arrays).tobytes() if arrays else b""
+        return axial, tuple(self.forces), tuple(f.start.size for f in self.forces.values()), whole
 
     def _members(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.tension, *self.forces)))
@@ -133,19 +133,12 @@ class Prestress(Effect):
         """Return the load factor."""
         return (Parameter("factor", "-", self.factor, 0.0, -1e3, 1e3, linear=True),)
 
-    def courses(self, member: str) -> tuple[SectionForces, ...]:
-        """Return the courses of section forces along a member that add up to its own."""
-        out = [SectionForces.axial(*self.tension[member])] if member in self.tension else []
-        return (*out, self.forces[member]) if member in self.forces else tuple(out)
-
     def line_tension(self, model: Model, member: str) -> NDArray[np.float64]:
         """Return the mean axial force of each line of a member at a load factor of 1, (n_lines,) [N]."""
-        (frame,) = model.of_kind(Frame)
-        g, s = frame.lines(model.mesh, model.mesh.members[member]), model.mesh.member_positions(member)
+        (frame,), mesh = model.of_kind(Frame), model.mesh
+        g, samples = _sampled(self, frame, mesh, [member])
         out = np.zeros(len(g.L))
-        for course in self.courses(member):
-            samples = sample(g, s, course)
-            np.add.at(out, samples.line, samples.weight * samples.forces[:, 0])
+        np.add.at(out, samples.line, samples.weight * samples.forces[:, 0])
         return out / g.span
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -193,18 +186,24 @@ def _unit_stiffness(effect: Prestress, frame: Frame, mesh: Mesh) -> Contribution
     """Return the geometric stiffness of the lines at a load factor of 1."""
     out = [Contribution(np.zeros((0, 12), dtype=np.int64), np.zeros((0, 12, 12)), lines=_NO_LINES)]
     for members in _some_at_a_time(effect._members(), mesh):
-        g = frame.lines(mesh, np.concatenate([mesh.members[m] for m in members]))
-        parts, begins, first = [], [], 0
-        for member in members:
-            s = mesh.member_positions(member)
-            courses = effect.courses(member)
-            parts += [sample(g, s, course, first) for course in courses]
-            begins += [first] * len(courses)
-            first += len(s) - 1
-        K = stress_stiffness(g, Samples.joined(parts, begins, first))
+        g, samples = _sampled(effect, frame, mesh, members)
+        K = stress_stiffness(g, samples)
         out.append(Contribution(g.dofs, K, lines=g.rows))
     dofs, K, lines = (np.concatenate([getattr(c, key) for c in out]) for key in ("dofs", "K", "lines"))
     return Contribution(dofs, K, lines=lines)
+
+
+def _sampled(effect: Prestress, frame: Frame, mesh: Mesh, members: Sequence[str]) -> tuple[Lines, Samples]:
+    """Return the lines of members, and the section forces at points of quadrature along them."""
+    rows = [mesh.members[m] for m in members]
+    member = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
+    g = frame.lines(mesh, np.concatenate(rows))
+    kinds = (
+        {k: SectionForces.axial(*effect.tension[m]) for k, m in enumerate(members) if m in effect.tension},
+        {k: effect.forces[m] for k, m in enumerate(members) if m in effect.forces},
+    )
+    s = mesh.arc_lengths()[g.rows]
+    return g, Samples.joined([sample(g, s, member, Courses.of(forces)) for forces in kinds if forces])
 
 
 def _some_at_a_time(members: Sequence[str], mesh: Mesh) -> Iterator[list[str]]:

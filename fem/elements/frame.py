@@ -16,7 +16,7 @@ from fem.declarations import Role
 from fem.elements.by_member import ByMember
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
-from fem.elements.interpolation import motion_matrix
+from fem.elements.interpolation import axis_displacements, motion_matrix
 from fem.elements.layout import alike, axes_and_arms, layout_of
 from fem.elements.lines import (
     NO_CHANGE,
@@ -291,8 +291,28 @@ class Frame(Effect):
         N : ndarray (n, 6, 12)
             u(place) = N u[dofs]; global axes, at the line of the mesh.
         """
-        g = self.lines(mesh, [at.line for at in locations])
-        return g.dofs, motion_matrix(g, mesh, np.array([at.xi for at in locations]))
+        return self.motions_at(mesh, [at.line for at in locations], np.array([at.xi for at in locations]))
+
+    def motions_at(self, mesh: Mesh, lines: ArrayLike, xi: Array) -> tuple[NDArray[np.int64], Array]:
+        """Return the same as :meth:`interpolate` at fractions (n,) of lines (n,)."""
+        g = self.lines(mesh, lines)
+        return g.dofs, motion_matrix(g, mesh, xi)
+
+    def axis_displacements(
+        self, mesh: Mesh, lines: NDArray[np.int64], xi: NDArray[np.float64], u: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the displacements of places on the lines' axes, global, shape (n, 3, n_cases) [m].
+
+        Parameters
+        ----------
+        mesh : Mesh
+        lines, xi : ndarray (n,)
+            Lines, and fractions of their axes.
+        u : ndarray (n_dof, n_cases)
+            Motions of all DOFs.
+        """
+        rows, each = np.unique(lines, return_inverse=True)
+        return axis_displacements(self.lines(mesh, rows), each, xi, u)
 
     def interpolate_slope(self, mesh: Mesh, locations: list[Location]) -> Array:
         """Return the derivative of :meth:`interpolate`'s N by arc length, shape (n, 6, 12) [1/m]."""

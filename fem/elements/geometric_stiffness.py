@@ -14,8 +14,8 @@ Structures*, 1994, ch. 6).
 See docs/theory-fem.md for the derivation.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,16 +61,61 @@ class SectionForces:
         values[:, :, 0] = N[k, None] + FORCE_NODES * (N[k + 1] - N[k])[:, None]
         return cls(s[k], s[k + 1], values)
 
-    def at(self, places: NDArray[np.float64], inside: NDArray[np.float64]) -> NDArray[np.float64]:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Courses:
+    """Section forces along several members, cubic within each of some stretches.
+
+    Attributes
+    ----------
+    member : ndarray of int (p,)
+        Number of the member of each stretch, rising.
+    start, stop, values : ndarray (p,), (p,), (p, 4, 6)
+        As of `SectionForces`.
+    """
+
+    member: NDArray[np.int64]
+    start: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, forces: Mapping[int, SectionForces]) -> "Courses":
+        """Return those of members by number, which rise."""
+        count = [f.start.size for f in forces.values()]
+        member = np.repeat(np.fromiter(forces, dtype=np.int64, count=len(count)), count)
+        start, stop, values = (
+            np.concatenate([getattr(f, key) for f in forces.values()]) for key in ("start", "stop", "values")
+        )
+        return cls(member, start, stop, values)
+
+    def at(
+        self, member: NDArray[np.int64], places: NDArray[np.float64], inside: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return the forces at places of the stretches that other places lie in, shape (n, 6).
 
-        Beyond the first and last stretch they are those at its end.
+        Beyond the first and last stretch of a member they are those at its end.
         """
-        k = np.clip(np.searchsorted(self.start, inside, side="right") - 1, 0, self.start.size - 1)
+        first, last = (np.searchsorted(self.member, member, side=side) for side in ("left", "right"))
+        k = np.clip(_last_before(self.member, self.start, member, inside), first, last - 1)
         length = self.stop[k] - self.start[k]
         x = np.clip(places, self.start[k], self.stop[k]) - self.start[k]
         t = np.divide(x, length, out=np.full_like(x, 0.5), where=length > 0)
-        return np.einsum("nj,njc->nc", _lagrange(t), self.values[k])
+        return (_lagrange(t)[:, None] @ self.values[k])[:, 0]
+
+
+def _last_before(
+    member: NDArray[np.int64],
+    starts: NDArray[np.float64],
+    at_member: NDArray[np.int64],
+    at: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Return the index of the last start at or before each place; those of each member rise."""
+    is_place = np.repeat([False, True], [starts.size, at.size])
+    order = np.lexsort((is_place, np.concatenate([starts, at]), np.concatenate([member, at_member])))
+    out = np.empty(order.size, dtype=np.int64)
+    out[order] = np.cumsum(~is_place[order]) - 1
+    return out[starts.size :]
 
 
 def _lagrange(t: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -103,41 +148,66 @@ class Samples:
     ends: NDArray[np.float64]
 
     @classmethod
-    def joined(cls, parts: Sequence["Samples"], first: Sequence[int], n: int) -> "Samples":
-        """Return the samples of several members, whose lines begin at some numbers among n; forces add up."""
-        ends = np.zeros((n, 2, 6))
-        for part, k in zip(parts, first, strict=True):
-            ends[k : k + len(part.ends)] += part.ends
+    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
+        """Return the samples of several courses on the same lines, whose forces add up."""
         whole = (
             np.concatenate([getattr(p, key) for p in parts]) for key in ("line", "xi", "weight", "forces")
         )
         line, xi, weight, forces = whole
-        return cls(line, xi, weight, forces, ends)
+        return cls(line, xi, weight, forces, np.sum([p.ends for p in parts], axis=0))
 
 
-def sample(g: Lines, s: NDArray[np.float64], forces: SectionForces, first: int = 0) -> Samples:
-    """Return the section forces of one member's lines, which lie between arc lengths s (b + 1,).
+def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses: Courses) -> Samples:
+    """Return the section forces of lines at points of quadrature; members without a course have none.
 
-    They are those of ``g`` from number ``first`` on; the ends are theirs alone.
+    Parameters
+    ----------
+    g : Lines
+        All lines of some members, one after the other.
+    s : ndarray (b, 2)
+        Arc lengths of their ends along their member [m].
+    member : ndarray of int (b,)
+        Number of the member of each, rising.
+    courses : Courses
     """
-    span, axis = np.diff(s), g.span[first : first + len(s) - 1]
-    # offsets that change along a member lengthen its axis
-    zone = g.zone[first : first + len(s) - 1] * (span / axis)[:, None]
-    breaks = np.concatenate([forces.start, forces.stop, s[:-1] + zone[:, 0], s[1:] - zone[:, 1]])
-    cuts = np.unique(np.concatenate([s, breaks[(breaks > s[0]) & (breaks < s[-1])]]))
-    cuts = cuts[np.concatenate([[True], np.diff(cuts) > 1e-12 * s[-1]])]
-    middle, length = (cuts[:-1] + cuts[1:]) / 2, np.diff(cuts)
-    line = np.clip(np.searchsorted(s, middle, side="right") - 1, 0, len(s) - 2)
-    places = (cuts[:-1, None] + length[:, None] * FORCE_NODES).ravel()
-    each, inside, between = np.repeat(line, 4), np.repeat(middle, 4), (s[:-1] + s[1:]) / 2
-    at = np.concatenate([places, s[:-1], s[1:]]), np.concatenate([inside, between, between])
-    inner, left, right = np.split(forces.at(*at), [len(places), len(places) + len(between)])
+    some = np.flatnonzero(np.isin(member, courses.member))
+    ends, of = s[some], member[some]
+    span, axis = ends[:, 1] - ends[:, 0], g.span[some]
+    zone = g.zone[some] * (span / axis)[:, None]  # offsets that change along a member lengthen its axis
+    whole = ends[np.searchsorted(of, of, side="right") - 1, 1]  # of the lines' members
+    at = np.searchsorted(of, courses.member)
+    breaks = [ends[:, 0], ends[:, 1], ends[:, 0] + zone[:, 0], ends[:, 1] - zone[:, 1]]
+    owners = [of] * 4
+    for x in (courses.start, courses.stop):
+        inside = (x > 0) & (x < whole[at])
+        breaks.append(x[inside])
+        owners.append(courses.member[inside])
+    owner = np.concatenate(owners)
+    place = np.concatenate(breaks)
+    order = np.lexsort((place, owner))
+    place, owner = place[order], owner[order]
+    least = 1e-12 * whole[np.searchsorted(of, owner)]
+    new = np.concatenate([[True], (np.diff(place) > least[1:]) | (np.diff(owner) > 0)])
+    place, owner = place[new], owner[new]
+    k = np.flatnonzero(owner[1:] == owner[:-1])
+    middle, length, owner = (place[k] + place[k + 1]) / 2, place[k + 1] - place[k], owner[k]
+    line = _last_before(of, ends[:, 0], owner, middle)
+    places = (place[k, None] + length[:, None] * FORCE_NODES).ravel()
+    each, between = np.repeat(line, 4), (ends[:, 0] + ends[:, 1]) / 2
+    found = courses.at(
+        np.concatenate([np.repeat(owner, 4), of, of]),
+        np.concatenate([places, ends[:, 0], ends[:, 1]]),
+        np.concatenate([np.repeat(middle, 4), between, between]),
+    )
+    inner, left, right = np.split(found, [len(places), len(places) + len(between)])
+    at_ends = np.zeros((len(g.L), 2, 6))
+    at_ends[some, 0], at_ends[some, 1] = left, right
     return Samples(
-        first + each,
-        (places - s[each]) / span[each],
+        some[each],
+        (places - ends[each, 0]) / span[each],
         (length[:, None] * _WEIGHTS).ravel() * (axis / span)[each],
         inner,
-        np.stack([left, right], axis=1),
+        at_ends,
     )
 
 
@@ -151,19 +221,18 @@ def stress_stiffness(g: Lines, samples: Samples) -> Array:
     on. Bars have N alone.
     """
     each = samples.line
-    parts = some_lines(g, each)
+    parts = some_lines(replace(g, T=np.zeros((len(g.L), 0, 0))), each)  # copies of maps take the most time
     along = samples.xi * parts.span
     rigid = (along < parts.zone[:, 0]) | (along > parts.span - parts.zone[:, 1])
     forces = np.where(g.bar[each, None] != 0, samples.forces * [1, 0, 0, 0, 0, 0], samples.forces)
     radius = (1 - g.bar) * (g.Iy + g.Iz) / g.A
     S = _work(forces, radius[each]) * samples.weight[:, None, None]
     B = _gradients(parts, flexible_fraction(parts, samples.xi))
-    work = np.swapaxes(B, 1, 2) @ S @ B
-    out = to_global(_sum(work[~rigid], each[~rigid], len(g.L)), g.T)
+    B[rigid] = 0.0
+    out = to_global(_sum(B, S, each, len(g.L)), g.T)
     if rigid.any():
         B = _rigid_gradients(np.where(samples.xi[rigid] < 0.5, 0, 6))
-        work = np.swapaxes(B, 1, 2) @ S[rigid] @ B
-        out = out + to_global(_sum(work, each[rigid], len(g.L)), g.T_nodes)
+        out = out + to_global(_sum(B, S[rigid], each[rigid], len(g.L)), g.T_nodes)
     for k, sign in ((0, -1.0), (1, 1.0)):
         offset = g.end[:, k] + (sign * g.zone[:, k])[:, None] * g.R[:, 0]
         on_arm = sign * np.einsum("bij,bi->bj", g.R, samples.ends[:, k, :3])
@@ -172,9 +241,20 @@ def stress_stiffness(g: Lines, samples: Samples) -> Array:
     return out
 
 
-def _sum(parts: Array, line: NDArray[np.int64], n: int) -> Array:
-    out = np.zeros((n, 12, 12), dtype=parts.dtype)
-    np.add.at(out, line, parts)
+def _sum(B: Array, S: NDArray[np.float64], line: NDArray[np.int64], n: int) -> Array:
+    """Return the sums of Bᵀ S B over the samples on each of n lines, shape (n, 12, 12)."""
+    if (np.diff(line) < 0).any():
+        order = np.argsort(line, kind="stable")
+        B, S, line = B[order], S[order], line[order]
+    SB = S @ B
+    out = np.zeros((n, 12, 12), dtype=SB.dtype)
+    count = np.bincount(line, minlength=n)
+    first = np.cumsum(count) - count
+    for k in np.unique(count[count > 0]):  # one product for each line, lines of equally many together
+        rows = np.flatnonzero(count == k)
+        at = slice(None) if len(line) == k * rows.size else first[rows][:, None] + np.arange(k)
+        left, right = (X[at].reshape(-1, 9 * k, 12) for X in (B, SB))
+        out[rows] = np.swapaxes(left, 1, 2) @ right
     return out
 
 

@@ -4,10 +4,13 @@ They solve the static Timoshenko equations exactly (Friedman & Kosmatka, Compute
 473-481); for tapered lines `fem.elements.tapered` integrates them.
 """
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.elements import tapered
-from fem.elements.lines import COLUMNS, Lines, cross_matrices, flexible_fraction
+from fem.elements.lines import COLUMNS, Lines, cross_matrices, flexible_fraction, some_lines
 from fem.mesh import Mesh
 from fem.model import Array
 
@@ -144,3 +147,36 @@ def motion_matrix(g: Lines, mesh: Mesh, xi: Array) -> Array:
     at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
     T = np.where(at_node[:, None, None], g.T_nodes, g.T)
     return carried(g, mesh, xi) @ shape_matrix(g, x) @ T
+
+
+def axis_displacements(
+    g: Lines, each: NDArray[np.int64], xi: NDArray[np.float64], u: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the displacements of places on the axes of lines, global, shape (n, 3, n_cases) [m].
+
+    The same as by :func:`motion_matrix`, without a matrix for each place.
+
+    Parameters
+    ----------
+    g : Lines
+        Different lines.
+    each : ndarray of int (n,)
+        Which of these each place is on.
+    xi : ndarray (n,)
+        Fractions of the axes.
+    u : ndarray (n_dof, n_cases)
+        Motions of all DOFs.
+    """
+    parts = some_lines(replace(g, T=np.zeros((len(g.L), 0, 0))), each)
+    x = flexible_fraction(parts, xi)
+    ends = np.real(g.T @ u[g.dofs])[each]
+    if g.soft.size:
+        at_node = (x < 1e-9) | (x > 1 - 1e-9)
+        ends = np.where(at_node[:, None, None], np.real(g.T_nodes @ u[g.dofs])[each], ends)
+    motion = np.real(shape_matrix(parts, x)) @ ends
+    to_global = np.swapaxes(parts.R, 1, 2)
+    out: NDArray[np.float64] = to_global @ motion[:, :3]
+    if g.zone.any():  # places in rigid zones are beyond the ends of the flexible part
+        beyond = xi * parts.span - parts.zone[:, 0] - x * parts.L
+        out += np.cross(to_global @ motion[:, 3:], (beyond[:, None] * parts.R[:, 0])[:, :, None], axis=1)
+    return out

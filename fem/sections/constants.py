@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.materials import PropertyError
+from fem.sections.walls import Walls
 
 LARGEST_SHEAR_COEFFICIENT = 10.0
 """Flat bars have large shear coefficients; above this, shear deformation no longer matters [-]."""
@@ -50,6 +51,8 @@ class SectionConstants:
     shear_centre : (float, float)
         y and z of the shear centre from the centroid [m]. Beam elements do not use it: they bend and twist
         about the centroid, and bending without twist needs it to be zero.
+    walls : Walls or None
+        Straight walls of a section that has some, for shear stresses.
     """
 
     A: float
@@ -66,6 +69,7 @@ class SectionConstants:
     angle: float = 0.0
     shear_centre: tuple[float, float] = (0.0, 0.0)
     estimated_k: bool = False
+    walls: Walls | None = None
 
     def __post_init__(self) -> None:
         for key in ("A", "Iy", "Iz", "J"):

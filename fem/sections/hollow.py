@@ -7,9 +7,9 @@ import numpy as np
 from fem.materials import PropertyError
 from fem.sections.constants import SectionConstants
 from fem.sections.dimensions import check_positive, check_radius, checked_ratio, shape_fields
-from fem.sections.outlines import box, integrate, regular_polygon, ring, with_arcs
+from fem.sections.outlines import Floats, box, integrate, regular_polygon, ring, with_arcs
 from fem.sections.shear import cowper_box, cowper_tube
-from fem.sections.walls import wall_constants
+from fem.sections.walls import Walls, wall_constants
 
 MOST_SIDES = 360
 """Sides of a hollow polygon; with more it is a tube."""
@@ -56,6 +56,7 @@ class HollowShapes(SectionConstants):
             shear * cowper_box(hm, bm, checked_ratio("hollow rectangle", nu)),
             shear * cowper_box(bm, hm, nu),
             (with_arcs(box(b, h), [r] * 4), with_arcs(box(bi, hi), [ri] * 4)),
+            walls=_ring_of_walls(with_arcs(box(bm, hm), [middle] * 4), t),
             **shape_fields("hollow_rectangle", b=b, h=h, t=t, r=r, nu=nu),
         )
 
@@ -108,6 +109,7 @@ class HollowShapes(SectionConstants):
             walls.area_y / A,
             walls.area_z / A,
             (ring(b, h), ring(bi, hi)),
+            walls=_ring_of_walls(middle, area / length),
             **shape_fields("hollow_ellipse", b=b, h=h, t=t),
         )
 
@@ -139,5 +141,12 @@ class HollowShapes(SectionConstants):
             k,
             k,
             (outer, inner),
+            walls=_ring_of_walls(middle, t),
             **shape_fields("hollow_polygon", n=sides, d=d, t=t),
         )
+
+
+def _ring_of_walls(corners: Floats, thickness: Floats | float) -> Walls:
+    """Return the walls of one closed cell along its centre line."""
+    n = len(corners)
+    return Walls(corners, tuple((k, (k + 1) % n) for k in range(n)), np.broadcast_to(thickness, (n,)))

@@ -12,7 +12,7 @@ from fem.sections.dimensions import check_positive, check_radius, checked_ratio,
 from fem.sections.outlines import Fillet, Floats, integrate, turned, with_arcs
 from fem.sections.shear import cowper_rectangle
 from fem.sections.torsion import CROSSING, END_LOSS, corner, t_junction
-from fem.sections.walls import wall_constants
+from fem.sections.walls import Walls, wall_constants
 
 
 class ProfileShapes(SectionConstants):
@@ -198,7 +198,8 @@ class ProfileShapes(SectionConstants):
         figure = integrate([outline], fillets)
         angle, centre = figure.principal_angle, figure.centroid
         about = figure.centred().turned(angle)
-        flow = wall_constants(turned(points, centre, angle), walls, thickness)
+        own = Walls(turned(points, centre, angle), tuple(walls), np.array(thickness))
+        flow = wall_constants(*own)
         y, z = (float(v) if abs(v) > 1e-12 * np.sqrt(figure.A) else 0.0 for v in flow.shear_centre)
         return cls(
             figure.A,
@@ -210,5 +211,6 @@ class ProfileShapes(SectionConstants):
             (turned(with_arcs(outline, radii), centre, angle),),
             angle=angle,
             shear_centre=(y, z),
+            walls=own,
             **named,
         )

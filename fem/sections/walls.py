@@ -44,6 +44,58 @@ class WallConstants(NamedTuple):
     J_cells: float
 
 
+class Walls(NamedTuple):
+    """The straight walls of a section.
+
+    Attributes
+    ----------
+    points : ndarray (n, 2)
+        Ends of centre lines, y and z in principal axes [m].
+    pairs : tuple of (int, int)
+        The two points of each wall.
+    thickness : ndarray (n_walls,)
+        Of each wall [m].
+    """
+
+    points: Floats
+    pairs: tuple[tuple[int, int], ...]
+    thickness: Floats
+
+
+class WallFlows(NamedTuple):
+    """Shear flows q = q0 + c1 s + c2 s² along walls, positive from their first points to their second.
+
+    Attributes
+    ----------
+    first, along : ndarray (n_walls, 2)
+        First points from the centroid of the walls [m], and directions [-].
+    length, thickness : ndarray (n_walls,)
+        [m].
+    centroid : ndarray (2,)
+        Of the walls, in the axes of their points [m].
+    q0, c1, c2 : ndarray (2, n_walls)
+        For unit forces along y and z that do not twist the section [1/m, 1/m², 1/m³].
+    moment : ndarray (2,)
+        Of these flows about the centroid [m].
+    cells : ndarray (n_walls,)
+        Flow around closed cells where G times the rate of twist is 1 [m²]; 0 in open walls.
+    J_cells : float
+        Torsion constant of the closed cells, after Bredt [m⁴].
+    """
+
+    first: Floats
+    along: Floats
+    length: Floats
+    thickness: Floats
+    centroid: Floats
+    q0: Floats
+    c1: Floats
+    c2: Floats
+    moment: Floats
+    cells: Floats
+    J_cells: float
+
+
 def wall_constants(
     points: ArrayLike, walls: Sequence[tuple[int, int]], thickness: ArrayLike
 ) -> WallConstants:
@@ -58,6 +110,18 @@ def wall_constants(
     thickness : array_like (n_walls,)
         Of each wall [m].
     """
+    flow = wall_flows(points, walls, thickness)
+    L, q0, c1, c2 = flow.length, flow.q0, flow.c1, flow.c2
+    square = (
+        q0**2 * L + q0 * c1 * L**2 + (c1**2 + 2 * q0 * c2) * L**3 / 3 + c1 * c2 * L**4 / 2 + c2**2 * L**5 / 5
+    )
+    area_y, area_z = (1 / float(part) for part in (square / flow.thickness).sum(axis=1))
+    shear_centre = flow.centroid + np.array([flow.moment[1], -flow.moment[0]])
+    return WallConstants(area_y, area_z, shear_centre, flow.J_cells)
+
+
+def wall_flows(points: ArrayLike, walls: Sequence[tuple[int, int]], thickness: ArrayLike) -> WallFlows:
+    """Return the shear flows of unit forces and of a unit rate of twist; as :func:`wall_constants`."""
     ends = np.asarray(points, dtype=float)[np.array(walls)]  # (wall, end, yz)
     t = np.broadcast_to(np.asarray(thickness, dtype=float), (len(ends),))
     L = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -74,9 +138,12 @@ def wall_constants(
     cells = null_space(meeting)
     flexibility = cells.T @ ((L / t)[:, None] * cells)
     twice_area = cells.T @ (arm * L)
-    J_cells = float(twice_area @ np.linalg.solve(flexibility, twice_area)) if cells.size else 0.0
+    around, J_cells = np.zeros(len(L)), 0.0
+    if cells.size:
+        each = np.linalg.solve(flexibility, twice_area)
+        around, J_cells = cells @ each, float(twice_area @ each)
 
-    areas, moments = [], []
+    flows, moments = [], []
     first, difference = ends[:, 0], ends[:, 1] - ends[:, 0]
     second = np.einsum("k,kij->ij", t * L, _products(ends[:, 0], ends[:, 1]))
     for axis in (0, 1):
@@ -89,16 +156,10 @@ def wall_constants(
         if cells.size:
             change = -cells @ np.linalg.solve(flexibility, cells.T @ (mean * L / t))
             q0, mean = q0 + change, mean + change
-        square = (
-            q0**2 * L
-            + q0 * c1 * L**2
-            + (c1**2 + 2 * q0 * c2) * L**3 / 3
-            + c1 * c2 * L**4 / 2
-            + c2**2 * L**5 / 5
-        )
-        areas.append(1 / float((square / t).sum()))
+        flows.append((q0, c1, c2))
         moments.append(float((mean * L) @ arm))
-    return WallConstants(areas[0], areas[1], centroid + np.array([moments[1], -moments[0]]), J_cells)
+    q0, c1, c2 = (np.array(part) for part in zip(*flows, strict=True))
+    return WallFlows(first, along, L, t, centroid, q0, c1, c2, np.array(moments), around, J_cells)
 
 
 def _products(a: Floats, b: Floats) -> Floats:

@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.analysis.buckling import lowest_factor
+from fem.analysis.initial_stress import prestressed
 from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.second_order import solve_second_order
+from fem.analysis.statics import solve_static
 from fem.model import ModelError
-from tests.frames import FLAT, STEEL, beam, fix, planar
+from fem.system import assemble
+from tests.frames import FLAT, STEEL, beam, fix, planar, portal
 
 THICK = replace(FLAT, A=1e6 * FLAT.A)
 """So stiff along its axis that it does not shorten: the closed forms leave that out."""
@@ -97,3 +101,20 @@ def test_loads_beyond_buckling_are_refused():
         solve_second_order(model, pushed(1.0001 * P))
     straight = solve_second_order(model, pushed(0.999 * P))
     assert abs(straight.solution.displacements[2::6]).max() < 1e-9
+
+
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.9])
+def test_displacements_balance_the_geometric_stiffness_of_their_own_forces(part):
+    """A portal whose sway changes the forces of its columns: several rounds, some with a new factor."""
+    model = portal(0.2)
+    dead = {(int(p), "z"): -1.0 for p in model.mesh.member_points("beam")}
+    side = (int(model.mesh.member_points("beam")[0]), "x")
+    load = LoadCase(name="dead", points={**dead, side: 0.2})
+    size = part * lowest_factor(assemble(model), solve_static(assemble(model), load))
+    load = replace(load, points={place: size * force for place, force in load.points.items()})
+    found = solve_second_order(model, load)
+    again = solve_static(assemble(prestressed(model, found.solution)), load)
+    assert found.factor == pytest.approx(1 / part, rel=1e-9)
+    assert found.n_rounds >= 2
+    change = again.displacements - found.solution.displacements
+    assert abs(change).max() < 1e-8 * abs(again.displacements).max()

@@ -114,7 +114,40 @@ def test_static_stresses_and_their_envelope(column, capsys):
     design = found["envelopes"]["design"]["members"]["column"]["stress"]
     assert (design["low_case"], design["low"]) == ("both", pytest.approx(pressed - bent[0], rel=1e-6))
     assert main(["static", str(column)]) == 0
-    assert f"normal stress from {1e-6 * (pressed - bent[0]):.5g} MPa in column" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert f"normal stress from {1e-6 * (pressed - bent[0]):.5g} MPa in column" in out
+    # shear 1.3846 V/A in the middle of a round bar with ν = 0.3, where it is the largest
+    V = 1.5 * 500 * 2 / (np.pi * 0.03**2)
+    assert own["stress_shear"][0] == pytest.approx(V * 3.6 / 2.6, rel=1e-6)
+    assert own["stress_shear"][-1] == pytest.approx(0, abs=1)
+    assert own["stress_von_mises"][0] == pytest.approx(bent[0] - pressed, rel=1e-3)
+    assert f"largest shear stress {1e-6 * V * 3.6 / 2.6:.5g} MPa in column" in out
+    assert "largest von Mises stress [MPa]: column" in out
+    design = found["envelopes"]["design"]["members"]["column"]
+    assert design["stress_shear"]["high_case"] == "both"
+    assert design["stress_von_mises"]["high"] == pytest.approx(bent[0] - pressed, rel=1e-3)
+    path = column.parent / "static.vtu"
+    assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
+    assert "both, stress_von_mises" in path.read_text(encoding="latin1")
+
+
+def test_stresses_that_are_not_known_are_blank_with_the_reason(column, capsys):
+    own = printed(capsys, "static", column, "--json", "-")["cases"]["both"]["members"]["column"]
+    assert own["stress_missing"] == "the outline of the section is not given"
+    assert not {"stress_low", "stress_shear", "stress_von_mises"} & set(own)
+    assert main(["static", str(column)]) == 0
+    assert "MPa" not in capsys.readouterr().out
+    text = column.read_text(encoding="utf-8").replace(
+        "{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"plate"'
+    )
+    plate = '[sections.plate]\nshape = "polygon"\nouter = [[0, 0], [0.1, 0], [0.05, 0.08]]\nJ = 1e-6\n'
+    column.write_text(text + plate, encoding="utf-8")
+    own = printed(capsys, "static", column, "--json", "-")["cases"]["both"]["members"]["column"]
+    assert own["stress_missing"] == "no formula for shear and torsion of an outline"
+    assert "stress_high" in own
+    assert "stress_von_mises" not in own
+    assert main(["static", str(column)]) == 0
+    assert "not known in column: no formula" in capsys.readouterr().out
 
 
 def test_static_writes_a_field(column, tmp_path, capsys):
@@ -122,6 +155,7 @@ def test_static_writes_a_field(column, tmp_path, capsys):
     assert main(["static", str(column), "--vtu", str(path), "--quiet"]) == 0
     text = path.read_text(encoding="latin1")
     assert "both, My" in text
+    assert "stress_" not in text  # the section is given by its constants
     assert read_mesh(path).n_lines == load_study(column).model.mesh.n_lines
     assert "written as .vtu, .vtk or .xdmf" in refused(capsys, "static", column, "--vtu", tmp_path / "a.txt")
 

@@ -9,6 +9,11 @@ from matplotlib.figure import Figure
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.ensemble import bootstrap
+from dovetail.ensemble.bootstrap import run_bootstrap
+from dovetail.units.folder import FolderError
+from dovetail.units.pool import pool_of
+from dovetail.update import update_study
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, solve_modes
@@ -113,6 +118,7 @@ def undrawn(monkeypatch):
         ("updating", "plot_convergence"),
         ("updating", "plot_correlation"),
         ("updating", "plot_parameters"),
+        ("updating", "plot_bootstrap"),
     ):
         monkeypatch.setattr(f"viz.{module}.{name}", lambda *_: Figure(figsize=(1, 1)))
 
@@ -458,3 +464,72 @@ def test_a_node_missing_in_one_mode_is_a_gap_of_that_mode(bracket, tmp_path, cap
     (modulus,) = (p for p in found["parameters"] if p["name"] == "frame E:steel")
     assert modulus["value"] == pytest.approx(1.05 * 200e9, rel=1e-4)
     assert found["path"][-1]["mac"] == pytest.approx(1, abs=1e-8)
+
+
+@pytest.fixture(scope="module")
+def by_frequencies(bracket):
+    """Return the study of the bracket with its natural frequencies in place of FRFs."""
+    path, exact = bracket
+    own = path.parent / "frequencies.toml"
+    listed = ", ".join(f"{f:.6f}" for f in exact[:4])
+    own.write_text(f"{TEXT}\n[modes]\nfrequency = [{listed}]\n", encoding="utf-8")
+    return own
+
+
+def refits_of(updated, n, folder, processes=None, seed=0):
+    with pool_of(processes) as pool:
+        return run_bootstrap(updated, n, seed, folder, pool)
+
+
+def test_refits_do_not_depend_on_workers_and_continue(by_frequencies, tmp_path):
+    updated = update_study(load_study(by_frequencies)).updated
+    one = refits_of(updated, 12, tmp_path / "one")
+    two = refits_of(updated, 12, tmp_path / "two", processes=2)
+    np.testing.assert_array_equal(one.values, two.values)
+    refits_of(updated, 10, tmp_path / "more")
+    more = refits_of(updated, 12, tmp_path / "more")
+    np.testing.assert_array_equal(one.values, more.values)
+    with pytest.raises(FolderError, match="seed differs"):
+        refits_of(updated, 12, tmp_path / "one", seed=1)
+
+
+def test_failed_refits_are_listed_and_tried_again(by_frequencies, tmp_path, monkeypatch):
+    updated = update_study(load_study(by_frequencies)).updated
+    right = bootstrap.refit
+
+    def wrong(model, unit):
+        if unit == 3:
+            msg = "the fit ended stuck"
+            raise ValueError(msg)
+        return right(model, unit)
+
+    monkeypatch.setattr(bootstrap, "refit", wrong)
+    found = refits_of(updated, 12, tmp_path / "refits")
+    assert (found.n, found.asked) == (11, 12)
+    assert [(o.unit, o.failure) for o in found.failures] == [(3, "the fit ended stuck")]
+    assert "  3: the fit ended stuck" in bootstrap.lines_of(found)
+    assert bootstrap.as_dict(found)["failures"] == [{"refit": 3, "reason": "the fit ended stuck"}]
+    monkeypatch.setattr(bootstrap, "refit", right)
+    again = refits_of(updated, 12, tmp_path / "refits")
+    assert (again.n, again.failures) == (12, ())
+
+
+def test_the_command_writes_a_bootstrap(by_frequencies, tmp_path, capsys):
+    out = tmp_path / "updated"
+    assert main(["update", str(by_frequencies), "--out", str(out), "--bootstrap", "12", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)["bootstrap"]
+    values = np.loadtxt(out / "bootstrap.csv", delimiter=",", skiprows=1, ndmin=2)
+    assert values.shape == (found["refits"], 1)
+    (E,) = found["parameters"]
+    assert E["std"] == pytest.approx(values[:, 0].std(ddof=1), rel=1e-6)
+    assert E["bias"] == pytest.approx(values[:, 0].mean() - E["value"], rel=1e-4)
+    assert E["quantiles"] == pytest.approx(np.quantile(values[:, 0], found["probabilities"]), rel=1e-6)
+    assert E["std"] == pytest.approx(E["linearised_std"], rel=0.7)  # of twelve
+    assert (tmp_path / "updated-bootstrap" / "bootstrap.jsonl").is_file()
+    assert (out / "pictures" / "bootstrap.png").stat().st_size > 1000
+    assert "Bootstrap" in (out / "report.html").read_text(encoding="utf-8")
+    words = ["update", str(by_frequencies), "--out", str(out), "--bootstrap", "12", "--force"]
+    assert main(words) == 0  # all are there
+    assert "bootstrap: 12 refits of 12 resamples" in capsys.readouterr().out
+    assert main([*words[:-2], "5"]) == 2
+    assert "at least 10 resamples are needed" in capsys.readouterr().err

@@ -48,7 +48,9 @@ def test_an_angle_bends_about_its_own_axes():
     model = beam(4, length, section=section, effects=(fix(0),), orientation=[0.0, 1.0, 0.0])
     tip = LoadCase(name="tip", points={(1, "y"): force})
     cases = StaticCases((solve_static(assemble(model), [tip]),))
-    low, high = cases.stresses("beam", 1)[:, 0, 0]
+    found = cases.stresses("beam", 1)
+    assert found is not None
+    low, high = found.low[0, 0], found.high[0, 0]
     # the legs as rectangles: y, z of their middles and their sizes, from the outer corner
     legs = [(t / 2, h / 2, t, h), ((b + t) / 2, t / 2, b - t, t)]
     A = [w * d for *_, w, d in legs]

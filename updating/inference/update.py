@@ -139,8 +139,9 @@ def update(
     if not unknowns:
         msg = "there is no parameter to update"
         raise ModelError(msg)
-    result = run_and_release(UpdateProblem(model, unknowns, of_modes, of_frf, knots, settings))
-    result = replace(result, model=with_resting_base(result.model))
+    problem = UpdateProblem(model, unknowns, of_modes, of_frf, knots, settings)
+    result = run_and_release(problem)
+    result = replace(result, model=with_resting_base(result.model), problem=problem)
     if of_frf is None and wanted and of_modes is not None and of_modes.zeta is not None:
         d = model.damping
         omega = 2 * np.pi * of_modes.frequency

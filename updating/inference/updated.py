@@ -1,8 +1,9 @@
 """The result of an update: parameters before and after, the path between them, and how it ended."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from fem.summary import fields_summary
 from updating.inference.mode_residual import ModePairs
 from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples
+
+if TYPE_CHECKING:
+    from updating.inference.update_problem import UpdateProblem
 
 
 class Ending(Enum):
@@ -186,6 +190,8 @@ class Updated:
     ending : Ending
     messages : tuple of str
         Doubts about the result.
+    problem : UpdateProblem or None
+        What was fitted, for a bootstrap.
     """
 
     model: Model
@@ -204,6 +210,7 @@ class Updated:
     starts: tuple[tuple[NDArray[np.float64], float], ...]
     ending: Ending
     messages: tuple[str, ...]
+    problem: "UpdateProblem | None" = field(default=None, repr=False)
 
     __repr__ = fields_summary
 

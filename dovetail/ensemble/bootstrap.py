@@ -1,0 +1,245 @@
+"""The bootstrap of an update on a pool of workers, in a folder in which a run that was stopped continues."""
+
+import hashlib
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles, quantiles
+from dovetail.units.folder import FolderError, Journal, alone_in, read_records
+from dovetail.units.outcome import Outcome
+from dovetail.units.pool import Pool
+from dovetail.units.program import fingerprint
+from dovetail.units.work import Step, work_through
+from fem.system import assemble
+from updating.inference.bootstrap import BootstrapModel, refit
+from updating.inference.updated import Updated
+
+Floats = NDArray[np.float64]
+
+JOURNAL = "bootstrap.jsonl"
+"""File of the settings and refits."""
+
+LEAST = 10
+"""Refits below which there are no standard deviations [-]."""
+
+_EDGE = 1e-6
+"""Values closer to a bound than this, relatively, are at it [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bootstrap:
+    """Fits of resamples beside the fit of the measurement.
+
+    Attributes
+    ----------
+    updated : Updated
+    asked : int
+        Resamples.
+    values : ndarray (n, n_par)
+        Of all parameters, of each refit that ended well [units].
+    failures : tuple of Outcome
+        Refits that failed.
+    """
+
+    updated: Updated
+    asked: int
+    values: Floats
+    failures: tuple[Outcome, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of refits that count."""
+        return len(self.values)
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviations of the refits, (n_par,)."""
+        return self.values.std(axis=0, ddof=1)
+
+    @property
+    def std_error(self) -> Floats:
+        """Standard errors of these, from the fourth moment, (n_par,)."""
+        square = (self.values - self.values.mean(axis=0)) ** 2
+        spread = np.sqrt(np.maximum((square**2).mean(axis=0) - square.mean(axis=0) ** 2, 0.0) / self.n)
+        return spread / (2 * np.maximum(self.std, 1e-300))
+
+    @property
+    def bias(self) -> Floats:
+        """Mean of the refits less the fitted value, (n_par,)."""
+        return self.values.mean(axis=0) - np.array([p.value for p in self.updated.parameters])
+
+    @property
+    def bias_error(self) -> Floats:
+        """Standard errors of the bias, (n_par,)."""
+        return self.std / np.sqrt(self.n)
+
+    @property
+    def quantiles(self) -> Quantiles:
+        """Quantiles of the refits, (3, n_par)."""
+        return quantiles(self.values)
+
+    @property
+    def at_bound(self) -> Floats:
+        """Share of the refits at a bound, (n_par,)."""
+        low, high = (np.array([getattr(p, k) for p in self.updated.parameters]) for k in ("lower", "upper"))
+        edge = _EDGE * np.abs(np.array([p.value for p in self.updated.parameters]))
+        return ((self.values <= low + edge) | (self.values >= high - edge)).mean(axis=0)
+
+    @property
+    def correlation(self) -> Floats:
+        """Correlations of the refits, (n_par, n_par)."""
+        moved = self.std > 0
+        out = np.eye(len(moved))
+        if moved.sum() > 1:
+            out[np.ix_(moved, moved)] = np.corrcoef(self.values[:, moved], rowvar=False)
+        return out
+
+
+def run_bootstrap(
+    updated: Updated,
+    n: int,
+    seed: int,
+    folder: Path,
+    pool: Pool,
+    say: Callable[[Step], None] = lambda step: None,
+) -> Bootstrap:
+    """Fit the resamples that a folder does not hold yet; return all.
+
+    Parameters
+    ----------
+    updated : Updated
+    n : int
+        Resamples.
+    seed : int
+    folder : Path
+        Made if it is not there.
+    pool : Pool
+    say : callable
+        Told of each unit.
+
+    Raises
+    ------
+    ModelError
+        If the update failed or was regularised.
+    FolderError
+        If the folder holds the bootstrap of another update, another run computes there, or fewer than
+        `LEAST` refits ended well.
+    """
+    model = BootstrapModel.of(updated, seed)
+    settings = {"bootstrap": _digest(model), "seed": seed}
+    with alone_in(folder, "bootstrap"):
+        known = {r["refit"]: np.array(r["values"]) for r in read_records(folder / JOURNAL, settings)}
+        with closing(Journal(folder / JOURNAL, settings)) as journal:
+
+            def keep(outcome: Outcome) -> None:
+                if not outcome.failure:
+                    known[outcome.unit] = outcome.value
+                    journal.add({"refit": outcome.unit, "values": outcome.value})
+
+            units = [k for k in range(n) if k not in known]
+            failures = work_through(pool, refit, model, units, keep, say, n - len(units))
+    values = [known[k] for k in range(n) if k in known]
+    if len(values) < min(n, LEAST):
+        reason = f"; the first failed with: {failures[0].failure}" if failures else ""
+        msg = f"{len(values)} of {n} refits ended well, too few for standard deviations{reason}"
+        raise FolderError(msg)
+    return Bootstrap(updated, n, np.array(values), failures)
+
+
+def _digest(model: BootstrapModel) -> str:
+    """Return a short hash of all on which a refit depends, the program included."""
+    digest = hashlib.sha256(fingerprint().encode())
+    problem = model.problem
+    system = assemble(problem.model)
+    arrays = [X.tocsr().data for X in (system.K, system.M, system.C, system.D)]
+    arrays.append(model.x)
+    for data, keys in (
+        (problem.modes, ("frequency", "covariance", "shapes", "shape_std", "rows")),
+        (problem.frf, ("frequency", "H", "mask", "noise", "outputs", "inputs")),
+    ):
+        arrays += [value for key in keys if (value := getattr(data, key, None)) is not None]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    words: list[Any] = [(u.name, u.low, u.high, u.std) for u in problem.unknowns]
+    words += [problem.fixed, sorted(model.misfit.items()), problem.settings.max_iterations]
+    words += [problem.settings.n_lines, problem.settings.stages]
+    if problem.frf is not None:
+        words += [problem.frf.model_error, problem.frf.amplitude_error]
+    digest.update(repr(words).encode())
+    return digest.hexdigest()[:16]
+
+
+def as_dict(found: Bootstrap) -> dict[str, Any]:
+    """Return the bootstrap as JSON has it, beside the linearised standard deviations and correlations."""
+    q, updated = found.quantiles, found.updated
+    rows = zip(
+        updated.parameters, found.std, found.std_error, found.bias, found.bias_error, q.value.T, q.error.T,
+        found.at_bound, strict=True,
+    )  # fmt: skip
+    return {
+        "resamples": found.asked,
+        "refits": found.n,
+        "probabilities": PROBABILITIES,
+        "parameters": [
+            {
+                "name": p.name, "unit": p.unit, "value": p.value, "linearised_std": p.std, "std": std,
+                "std_error": std_error, "bias": bias, "bias_error": bias_error, "quantiles": value,
+                "quantile_errors": error, "at_bound": share,
+            }
+            for p, std, std_error, bias, bias_error, value, error, share in rows
+        ],
+        "correlation": found.correlation,
+        "linearised_correlation": updated.correlation,
+        "failures": [{"refit": o.unit, "reason": o.failure} for o in found.failures],
+    }  # fmt: skip
+
+
+NAMED_RATIO = 1.25
+"""Standard deviations that differ by more than this factor, and by more than their errors, are named [-]."""
+
+
+def lines_of(found: Bootstrap) -> list[str]:
+    """Return the table and sentences that the command prints."""
+    q, parameters = found.quantiles.value, found.updated.parameters
+    width = max(len(p.name) for p in parameters)
+    out = [
+        f"bootstrap: {found.n} refits of {found.asked} resamples",
+        f"  {'':{width}}        value  linearised    bootstrap        bias  (error)         5 %      median"
+        "        95 %",
+    ]
+    columns = zip(parameters, found.std, found.bias, found.bias_error, q.T, strict=True)
+    for p, std, bias, error, (low, middle, high) in columns:
+        linear = f"{p.std:12.4g}" if np.isfinite(p.std) else f"{'-':>12}"
+        out.append(
+            f"  {p.name:{width}} {p.value:12.5g}{linear} {std:12.4g}{bias:12.3g}{error:9.2g}"
+            f"{low:12.5g}{middle:12.5g}{high:12.5g}  {p.unit}"
+        )
+    return out + sentences(found)
+
+
+def sentences(found: Bootstrap) -> list[str]:
+    """Return where the bootstrap differs from the linearised standard deviations, and failed refits."""
+    parameters, out = found.updated.parameters, []
+    for p, std, error in zip(parameters, found.std, found.std_error, strict=True):
+        if np.isfinite(p.std) and std > 0:
+            ratio = std / p.std
+            if abs(std - p.std) > 3 * error and not 1 / NAMED_RATIO < ratio < NAMED_RATIO:
+                out.append(
+                    f"{p.name}: the bootstrap's standard deviation is {ratio:.2f} times the linearised one"
+                )
+    for p, bias, error in zip(parameters, found.bias, found.bias_error, strict=True):
+        if abs(bias) > 3 * error and abs(bias) > 0.25 * error * np.sqrt(found.n):
+            out.append(f"{p.name}: the fit is biased by {bias:.3g} {p.unit}, over a quarter of its deviation")
+    held = [f"{p.name} {100 * s:.0f} %" for p, s in zip(parameters, found.at_bound, strict=True) if s > 0]
+    if held:
+        out.append(f"refits at a bound: {', '.join(held)}")
+    if found.failures:
+        out.append(f"{len(found.failures)} refits failed, and the same command tries again:")
+        out += [f"  {o.unit}: {o.failure}" for o in found.failures[:20]]
+    return out
