@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say, without_rounding
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import StaticCases, factor_fields, factor_words
@@ -25,9 +25,6 @@ RESULTS = Results(
     motions="displacements and section forces",
     pictures=("the deflection and the diagrams of section forces of each case", "01-load-deflection.png"),
 )
-
-_ROUNDING = 1e-10
-"""Forces and moments below this part of the largest are printed as 0 [-]."""
 
 Fields = dict[str, Any]
 Stresses = dict[str, np.ndarray]
@@ -161,10 +158,9 @@ def _case_lines(
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
-    held = solution.held
-    rounding = _ROUNDING * max((abs(float(value[k])) for value in held.values()), default=0.0)
-    for (name, direction), value in held.items():
-        rows.setdefault(name, {})[direction] = float(value[k]) if abs(value[k]) > rounding else 0.0
+    held = without_rounding([float(value[k]) for value in solution.held.values()])
+    for (name, direction), value in zip(solution.held, held, strict=True):
+        rows.setdefault(name, {})[direction] = float(value)
     width = max([len(r) for r in rows] + [8])
     out = [
         "",
@@ -177,9 +173,8 @@ def _case_lines(
         others = "".join(f"  {d} {v:.5g}" for d, v in row.items() if d not in DIRECTIONS)
         out.append(f"  {name:{width}} {cells}{others}")
     member = study.model.mesh.member_of_line()
-    for i, q in enumerate(SECTION_FORCES):
-        values = on_lines[..., i, k]
-        values = np.where(abs(values) > _ROUNDING * abs(on_lines[..., k]).max(), values, 0.0)
+    each = np.moveaxis(without_rounding(on_lines[..., k]), -1, 0)
+    for q, values in zip(SECTION_FORCES, each, strict=True):
         low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
         if values.any():
             out.append(
