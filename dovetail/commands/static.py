@@ -240,10 +240,12 @@ def _envelope_lines(
     found = _envelope_fields(study, solution, on_lines, stresses, columns)
     width = max(len(m) for m in found["members"])
     head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
+    ends = without_rounding(
+        [[own[q][end] for q in SECTION_FORCES for end in ("low", "high")] for own in found["members"].values()]
+    )
     rows = [
-        f"  {member:{width}} "
-        + "".join(f"{own[q]['low']:11.4g}{own[q]['high']:11.4g}" for q in SECTION_FORCES)
-        for member, own in found["members"].items()
+        f"  {member:{width}} " + "".join(f"{value:11.4g}" for value in own)
+        for member, own in zip(found["members"], ends, strict=True)
     ]
     ranges = [
         f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"
