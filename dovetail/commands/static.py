@@ -241,7 +241,7 @@ def _envelope_lines(
     width = max(len(m) for m in found["members"])
     head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
     ends = without_rounding(
-        [[own[q][end] for q in SECTION_FORCES for end in ("low", "high")] for own in found["members"].values()]
+        [[own[q][k] for q in SECTION_FORCES for k in ("low", "high")] for own in found["members"].values()]
     )
     rows = [
         f"  {member:{width}} " + "".join(f"{value:11.4g}" for value in own)
