@@ -489,7 +489,7 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
     vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
     # An element of a member that bends with wave number k opposes (kh)³ of its entries' sum.
     loose = unopposed(
-        resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
+        resistance(system.model.batches(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
     )
     if loose.shape[1] > rigid.shape[1]:
         vectors = vectors @ loose
