@@ -183,9 +183,9 @@ def _followed(
         base = rigid_motion_field(model, where)[:, DIRECTIONS.index(direction)]
     else:
         known: dict[str, str] = {}
-        for (place, own), c in held.items():
+        for (holder, axis), c in held.items():
             if not c.everywhere:
-                known[place] = f"{known[place]} {own}" if place in known else f"{place} in {own}"
+                known[holder] = f"{known[holder]} {axis}" if holder in known else f"{holder} in {axis}"
         there = ", ".join([*known.values(), *(f"{n} in x … rz" for n in grounded)])
         msg = f"'{name}' in {direction} is nothing that holds the structure to the ground; there are {there}"
         raise ModelError(msg)
