@@ -6,10 +6,16 @@ The last word of `DOVETAIL_MPI` is a Python with slepc4py. A cube has n³ points
 as many storeys as give the number of coordinates. Each solver runs in processes of its own, from the same
 files of K and M, so that peak memory is the solver's. Seconds are those of the processors, of all processes
 together; compare the ratios within a row. `--processes 1 2` chooses the numbers of processes.
+
+`--whole` computes modes as a user does, by `solve_modes` of a model, in a process of its own for each
+number of SLEPc's processes, 0 for Dovetail's own solver. Peaks are those of that process with the model
+alone, of that process, and of SLEPc's largest. The difference is the largest of the 20 frequencies from
+those of the first row.
 """
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -21,10 +27,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.modes import block_of_cells
-from fem import assemble
+from fem import Model, assemble
+from fem.analysis.modes import solve_modes
 from fem.linalg.lanczos import lowest_eigenpairs
 from fem.linalg.processes import command, lowest_by_processes
-from fem.linalg.solvers import factorise, one_thread
+from fem.linalg.solvers import SLEPC, factorise, one_thread
 
 N_MODES = 20
 
@@ -98,6 +105,59 @@ def rows(name: str, model, processes: list[int], extended: bool) -> None:
         )
 
 
+def model_of(kind: str, size: int) -> Model:
+    """Return the cube of size³ points, or the tower of about as many coordinates."""
+    return block_of_cells(size, size, size) if kind == "cube" else block_of_cells(4, 4, size // 96 + 1)
+
+
+def user(kind: str, size: int) -> dict:
+    """Compute 20 modes by the solver that the environment chooses, and return what it took."""
+    begun = time.process_time()
+    system = assemble(model_of(kind, size))
+    built, peak = time.process_time(), own_peak()
+    started = time.perf_counter()
+    modes = solve_modes(system, N_MODES)
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "n_free": system.n_free,
+        "model": built - begun,
+        "model_peak": peak,
+        "modes": time.process_time() - built + others.ru_utime + others.ru_stime,
+        "wall": time.perf_counter() - started,
+        "peak": own_peak(),
+        "others": others.ru_maxrss * 1024,
+        "frequency": modes.frequency.tolist(),
+    }
+
+
+def own_peak() -> int:
+    """Return the peak memory of this process [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def whole(kind: str, size: int, processes: list[int]) -> None:
+    """Print the lines of one model, each solver in a process of its own."""
+    first = None
+    for n in processes:
+        chosen = {"DOVETAIL_MPI": " ".join((*command()[:-3], "-n", str(n), command()[-1]))}
+        chosen |= {"DOVETAIL_SOLVER": SLEPC}
+        words = [sys.executable, "-m", "benchmarks.processes", "--user", kind, str(size)]
+        done = subprocess.run(
+            words, env=os.environ | (chosen if n else {}), check=True, stdout=subprocess.PIPE, text=True
+        )
+        found = json.loads(done.stdout)
+        frequency = np.array(found["frequency"])
+        first = frequency if first is None else first
+        print(
+            f"{kind:>6}{found['n_free']:9d}  {f'SLEPc {n}' if n else 'own':8}"
+            f"{found['model']:10.1f}{found['modes']:10.1f}{found['wall']:10.1f}"
+            f"{found['model_peak'] / 2**30:9.2f}{found['peak'] / 2**30:9.2f}"
+            f"{(found['others'] if n else 0) / 2**30:9.2f}"
+            f"{frequency[0]:14.8g}{np.abs(frequency / first - 1).max():12.1e}",
+            flush=True,
+        )
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description="time modes by SLEPc and MUMPS")
@@ -105,16 +165,30 @@ def main() -> None:
     parser.add_argument("--tower", type=int, nargs="*", default=[])
     parser.add_argument("--processes", type=int, nargs="*", default=[1, 2])
     parser.add_argument("--extended", action="store_true", help="compare in extended precision")
+    parser.add_argument("--whole", action="store_true", help="models and modes as a user computes them")
     parser.add_argument("--own", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--user", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.user:
+        print(json.dumps(user(given.user[0], int(given.user[1]))))
+        return
+    if given.whole:
+        print(
+            " model   n_free  solver   model [s] modes [s]  wall [s]   model    peak    SLEPc [GiB]"
+            "  first [Hz]  difference"
+        )
+        for kind, sizes in (("cube", given.cube), ("tower", given.tower)):
+            for size in sizes:
+                whole(kind, size, given.processes)
+        return
     if given.own:
         own(given.own)
         return
     print(" model   n_free  solver     factor [s] CPU [s]   ratio  largest  together [GiB]  difference")
     for n in given.cube or ([] if given.tower else [12, 17]):
-        rows("cube", block_of_cells(n, n, n), given.processes, given.extended)
+        rows("cube", model_of("cube", n), given.processes, given.extended)
     for n in given.tower or ([] if given.cube else [30_000]):
-        rows("tower", block_of_cells(4, 4, n // 96 + 1), given.processes, given.extended)
+        rows("tower", model_of("tower", n), given.processes, given.extended)
 
 
 if __name__ == "__main__":

@@ -196,7 +196,8 @@ def _name_extremes(scene: Scene, solution: StaticSolution, tips: Floats, values:
     found: list[tuple[float, Floats]] = []
     for rows in solution.model.mesh.members.values():
         own = values[rows]
-        for at in (int(own.argmax()), int(own.argmin())):
+        constant = np.isclose(own.max(), own.min(), rtol=1e-9, atol=0)
+        for at in (own.size // 2,) if constant else (int(own.argmax()), int(own.argmin())):
             line, station = np.unravel_index(at, own.shape)
             value = float(own[line, station])
             if abs(value) > 0.02 * abs(values).max() and not _taken(found, value, tips[rows][line, station]):
@@ -208,7 +209,7 @@ def _name_extremes(scene: Scene, solution: StaticSolution, tips: Floats, values:
 
 
 def _taken(found: list[tuple[float, Floats]], value: float, place: NDArray[np.float64]) -> bool:
-    """Whether the same value is named at this place already: a constant one has both extremes there."""
+    """Whether the same value is named at this place already, as that of another member."""
     return any(np.isclose(v, value) and np.allclose(p, place) for v, p in found)
 
 

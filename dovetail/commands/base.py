@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dovetail.commands.argument_types import finite, positive
-from dovetail.commands.common import Options, assumptions, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
@@ -89,10 +89,12 @@ def run(options: Options, progress: Progress) -> None:
 
         save(plot_transmissibility(found, options.response, relative=options.relative), options.picture)
     progress.close()
+    size = np.abs(found.H).max(axis=0)
+    at = found.frequency[np.abs(found.H).argmax(axis=0)]
     peaks = [
-        (output, motion, *_peak(found, i, j))
+        (output, motion, value, f"{at[i, j]:.6g}" if value else "-")
         for j, motion in enumerate(found.inputs)
-        for i, output in enumerate(found.outputs)
+        for (i, output), value in zip(enumerate(found.outputs), without_rounding(size[:, j]), strict=True)
     ]
     write_json(
         options.json,
@@ -116,7 +118,7 @@ def run(options: Options, progress: Progress) -> None:
         f"{study.name}: {options.response} of {len(names)} sensor(s) for a displacement of the base, "
         f"{found.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
         f"{'sensor':{width}}  {'base':12}  {'largest':>12}  at Hz",
-        *(f"{o:{width}}  {m:12}  {value:12.5g}  {f:.6g}" for o, m, value, f in peaks),
+        *(f"{o:{width}}  {m:12}  {value:12.5g}  {f}" for o, m, value, f in peaks),
         *assumptions(study),
     )
 
@@ -154,10 +156,3 @@ def _write_shapes(options: Options, study: Study, found: FRF) -> None:
         names = (f"{found.inputs[j]}, {f:.6g} Hz" for f in at)
         shapes |= dict(zip(names, whole.H[:, :, 0], strict=True))
     write_motions(options.vtu, study, shapes)
-
-
-def _peak(frf: FRF, i: int, j: int) -> tuple[float, float]:
-    """Return the largest amplitude of an FRF and its frequency [Hz]."""
-    size = np.abs(frf.H[:, i, j])
-    k = int(size.argmax())
-    return float(size[k]), float(frf.frequency[k])

@@ -6,6 +6,9 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from dovetail.commands.labels import NodeNumbers
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file.config import NEEDS
@@ -16,6 +19,9 @@ from fem.io.atomic import goes_to_stdout
 
 Options = argparse.Namespace
 
+ROUNDING = 1e-10
+"""Values below this part of the largest of their table are printed as 0 [-]."""
+
 
 def say(options: Options, *lines: str) -> None:
     """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
@@ -23,6 +29,12 @@ def say(options: Options, *lines: str) -> None:
     taken = target is not None and (str(target) == "-" or goes_to_stdout(target))
     if not options.quiet and not taken:
         sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def without_rounding(values: ArrayLike) -> NDArray[np.float64]:
+    """Return values with those that are rounding beside the largest as 0."""
+    v = np.asarray(values, float)
+    return np.where(abs(v) > ROUNDING * abs(v).max(initial=0.0), v, 0.0)
 
 
 def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
@@ -71,6 +83,7 @@ def notes_of_mesh(study: Study) -> list[str]:
     ]
 
 
-def assumptions(study: Study) -> list[str]:
-    """Return the assumptions for missing entries of the study, as lines."""
-    return ["", "assumed:", *(f"  - {text}" for text in study.assumptions)] if study.assumptions else []
+def assumptions(study: Study, *, spreads: bool = False) -> list[str]:
+    """Return the assumptions for missing entries of the study as lines, with those on deviations if asked."""
+    said = [text for text in study.assumptions if spreads or text not in study.assumed_spreads]
+    return ["", "assumed:", *(f"  - {text}" for text in said)] if said else []

@@ -46,20 +46,23 @@ def run(options: Options, progress: Progress) -> None:
     model = study.model
     found = solve_complex_modes(assemble(model, reciprocal=False), options.number)
     modes = found.as_modes()
+    turning = whirl(model, found.poles, found.shapes)
     for path in filter(None, (options.out, options.vtu)):
         write_modes(modes, study.model.mesh, path)
     if options.pictures is not None:
-        from viz.render import render_mode
+        from viz.render import mode_title, render_mode
 
+        of_modes = [whirl_name(w) for w in turning[~found.overdamped]]
         with result_folder(options.pictures, options.force) as scratch:
             for k in range(modes.n_rigid, modes.n_modes):
                 progress("drawing mode shapes", k, modes.n_modes)
-                render_mode(study.model, modes, k, scratch / f"mode-{k + 1:02d}.png")
+                name = of_modes[k - modes.n_rigid]
+                title = f"{mode_title(modes, k)}{f', {name}' if name else ''}"
+                render_mode(study.model, modes, k, scratch / f"mode-{k + 1:02d}.png", title=title)
     progress.close()
     n = 6 * study.model.mesh.n_points
     moved = found.shapes[:n].reshape(-1, 6, found.n_modes)[:, :3].reshape(-1, found.n_modes)
     collinearity = modal_phase_collinearity(moved)
-    turning = whirl(model, found.poles, found.shapes)
     columns = found.frequency, found.damped_frequency, found.zeta, collinearity, turning
     write_json(
         options.json,

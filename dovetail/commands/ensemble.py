@@ -81,4 +81,4 @@ def run(options: Options, progress: Progress) -> None:
     write_files(found, study, folder)
     progress.close()
     write_json(options.json, as_dict(found, study))
-    say(options, *lines_of(found, study), f"written to {folder}", *assumptions(study))
+    say(options, *lines_of(found, study), f"written to {folder}", *assumptions(study, spreads=True))

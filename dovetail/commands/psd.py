@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.common import Options, assumptions, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.frf import MOST_VALUES
 from dovetail.commands.load_cases import require_sensors
@@ -115,8 +115,8 @@ def run(options: Options, progress: Progress) -> None:
         f"{found.frequency[0]:g} to {found.frequency[-1]:g} Hz",
         f"{'sensor':{width}} {f'RMS {unit}':>12} {'3 sigma':>12} {'crossings Hz':>14}",
         *(
-            f"{name:{width}} {rms:12.5g} {3 * rms:12.5g} {f:14.5g}"
-            for name, rms, f in zip(names, found.rms, found.crossings, strict=True)
+            f"{name:{width}} {rms:12.5g} {3 * rms:12.5g} {f'{f:.5g}' if rms else '-':>14}"
+            for name, rms, f in zip(names, without_rounding(found.rms), found.crossings, strict=True)
         ),
         *assumptions(study),
     )

@@ -83,6 +83,10 @@ class Results:
                 msg = f"{option} {path} is written as {_listed(formats)}, not '{path.suffix}'"
                 raise OutputError(msg)
             outputs.append(Output(option, path))
+        folder = options.pictures if self.pictures[0] else None
+        if folder is not None and folder.suffix.lower() in (".png", ".jpg", ".svg", ".pdf"):
+            msg = f"--pictures {folder}: there are several, and a folder is needed, such as {folder.stem}"
+            raise OutputError(msg)
         if self.pictures[0]:
             outputs.append(Output("--pictures", options.pictures, self.pictures[1:]))
         check_places(options, *outputs, more=read)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.argument_types import number_up_to, positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
 from dovetail.commands.excitations import BASE
 from dovetail.commands.results import Results, write_motions
 from dovetail.disk.output import Progress, write_json
@@ -213,13 +213,18 @@ def _lines(
     forces = ", ".join(f"{k} {force:.5g}" for k, force in zip(d, found.base_force, strict=True))
     out += [f"effective mass of these modes: {sums}", f"force of the base [N, N·m]: {forces}"]
     out += ["", f"{'support':{width}} " + "".join(f"{k:>12}" for k in DIRECTIONS) + "   N, N·m"]
-    for name, row in reactions.items():
+    held = iter(without_rounding([value for row in reactions.values() for value in row.values()]))
+    for name, row in ((name, {k: next(held) for k in own}) for name, own in reactions.items()):
         cells = "".join(f"{row[k]:12.5g}" if k in row else f"{'-':>12}" for k in DIRECTIONS)
         out.append(f"{name:{width}} {cells}")
     out += ["", f"{'member':{width}} " + "".join(f"{q:>12}" for q in SECTION_FORCES) + "   N, N·m, largest"]
-    out += [f"{m:{width}} " + "".join(f"{v:12.5g}" for v in own) for m, own in members.items()]
+    forces = without_rounding(list(members.values()))
+    out += [
+        f"{m:{width}} " + "".join(f"{v:12.5g}" for v in own) for m, own in zip(members, forces, strict=True)
+    ]
     if study.sensors:
         out += ["", f"{'sensor':{width}} {'relative m':>12}{'m/s²':>12}"]
-        for s, u, a in zip(study.sensors, found.displacement, found.acceleration, strict=True):
+        moved, accelerated = without_rounding(found.displacement), without_rounding(found.acceleration)
+        for s, u, a in zip(study.sensors, moved, accelerated, strict=True):
             out.append(f"{s.name:{width}} {u:12.5g}{a:12.5g}")
     return out

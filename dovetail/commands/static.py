@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say, without_rounding
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import STRESSES, StaticCases, factor_fields, factor_words
@@ -27,9 +27,6 @@ RESULTS = Results(
     motions="displacements and section forces",
     pictures=("the deflection and the diagrams of section forces of each case", "01-load-deflection.png"),
 )
-
-_ROUNDING = 1e-10
-"""Forces and moments below this part of the largest are printed as 0 [-]."""
 
 Fields = dict[str, Any]
 Stresses = dict[str, SectionStresses]
@@ -164,10 +161,9 @@ def _case_lines(
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
-    held = solution.held
-    rounding = _ROUNDING * max((abs(float(value[k])) for value in held.values()), default=0.0)
-    for (name, direction), value in held.items():
-        rows.setdefault(name, {})[direction] = float(value[k]) if abs(value[k]) > rounding else 0.0
+    held = without_rounding([float(value[k]) for value in solution.held.values()])
+    for (name, direction), value in zip(solution.held, held, strict=True):
+        rows.setdefault(name, {})[direction] = float(value)
     width = max([len(r) for r in rows] + [8])
     out = [
         "",
@@ -180,9 +176,8 @@ def _case_lines(
         others = "".join(f"  {d} {v:.5g}" for d, v in row.items() if d not in DIRECTIONS)
         out.append(f"  {name:{width}} {cells}{others}")
     member = study.model.mesh.member_of_line()
-    for i, q in enumerate(SECTION_FORCES):
-        values = on_lines[..., i, k]
-        values = np.where(abs(values) > _ROUNDING * abs(on_lines[..., k]).max(), values, 0.0)
+    each = np.moveaxis(without_rounding(on_lines[..., k]), -1, 0)
+    for q, values in zip(SECTION_FORCES, each, strict=True):
         low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
         if values.any():
             out.append(
@@ -274,10 +269,12 @@ def _envelope_lines(
     found = _envelope_fields(study, solution, on_lines, stresses, columns)
     width = max(len(m) for m in found["members"])
     head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
+    ends = without_rounding(
+        [[own[q][k] for q in SECTION_FORCES for k in ("low", "high")] for own in found["members"].values()]
+    )
     rows = [
-        f"  {member:{width}} "
-        + "".join(f"{own[q]['low']:11.4g}{own[q]['high']:11.4g}" for q in SECTION_FORCES)
-        for member, own in found["members"].items()
+        f"  {member:{width}} " + "".join(f"{value:11.4g}" for value in own)
+        for member, own in zip(found["members"], ends, strict=True)
     ]
     ranges = [
         f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"

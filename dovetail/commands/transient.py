@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.commands.argument_types import finite, motion_at, positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, say
+from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
@@ -155,7 +155,8 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     width = max([len(n) for n in names] + [6])
-    head = "".join(f"{f'{q} {unit}':>20}  at s    " for q, unit in QUANTITIES.items())
+    head = "".join(f"{f'{q} {unit}':>20}  at s    " for q, unit in QUANTITIES.items()).rstrip()
+    sizes = {q: without_rounding(peaks[q][0]) for q in QUANTITIES}
     say(
         options,
         f"{study.name}: {found.method}, {found.n_modes} modes, {found.time.size} times up to "
@@ -163,7 +164,10 @@ def run(options: Options, progress: Progress) -> None:
         f"{'sensor':{width}} {head}",
         *(
             f"{name:{width}} "
-            + "".join(f"{peaks[q][0][i]:20.5g}  {peaks[q][1][i]:<8.5g}" for q in QUANTITIES)
+            + "".join(
+                f"{sizes[q][i]:20.5g}  {f'{peaks[q][1][i]:.5g}' if sizes[q][i] else '-':8}"
+                for q in QUANTITIES
+            ).rstrip()
             for i, name in enumerate(names)
         ),
         *(f"note: {note}" for note in found.notes),

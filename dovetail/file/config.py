@@ -333,7 +333,9 @@ class _Reader:
         phased = [r.phase for r in raw] if every else []
         measurements = tuple(m for m, phase in zip(every, phased, strict=True) if phase)
         amplitudes = tuple(m for m, phase in zip(every, phased, strict=True) if not phase)
-        nuisances, damping_std = read_uncertain(top, model, parts.joints, notes)
+        spreads: list[str] = []
+        nuisances, damping_std = read_uncertain(top, model, parts.joints, spreads)
+        notes += spreads
         kinds, exclude = read_candidates(top)
         plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
@@ -368,6 +370,7 @@ class _Reader:
             max_frequency=highest,
             element_size=(float(aimed.min()), float(aimed.max())),
             assumptions=tuple(dict.fromkeys(notes)),
+            assumed_spreads=tuple(spreads),
             modes=modes,
             plan=plan,
             warnings=tuple(dict.fromkeys([*odd, *self.warnings])),

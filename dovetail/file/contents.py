@@ -68,6 +68,8 @@ class Study:
         Smallest and largest element size aimed at [m].
     assumptions : tuple of str
         Assumptions for missing entries, in sentences.
+    assumed_spreads : tuple of str
+        Those of them that are about standard deviations, which analyses of one model do not use.
     modes : MeasuredModes or None
         Measured modes, where the study gives them.
     baseline : MeasuredModes or None
@@ -122,6 +124,7 @@ class Study:
     max_frequency: float
     element_size: tuple[float, float]
     assumptions: tuple[str, ...]
+    assumed_spreads: tuple[str, ...] = ()
     held_out_bands: tuple[tuple[float, float], ...] = ()
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen

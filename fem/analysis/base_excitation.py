@@ -154,9 +154,7 @@ def _followed(
     constraints = model.constraints()
     if isinstance(motion, str):
         if motion not in DIRECTIONS:
-            msg = (
-                f"the base moves in '{motion}'; allowed are {', '.join(DIRECTIONS)}, or (support, direction)"
-            )
+            msg = f"the base moves in '{motion}'; allowed are {', '.join(DIRECTIONS)}, or a support in one"
             raise ModelError(msg)
         refuse_motion(model, motion)
         supports = (c for c in constraints if not c.everywhere and np.unique(c.dofs // 6).size == 1)
@@ -175,7 +173,7 @@ def _followed(
         own = held[name, direction]
         start = particular(tuple(c for c in constraints if c is not own), own, model.n_dof)
         if not start.any():
-            msg = f"{motion} cannot move alone: other constraints hold the same motion"
+            msg = f"'{name}' in {direction} cannot move alone: other constraints hold the same motion"
             raise ModelError(msg)
         base = np.zeros(model.n_dof)
         name = ""
@@ -184,10 +182,12 @@ def _followed(
         where = model.effect(name).locations(model)[0]
         base = rigid_motion_field(model, where)[:, DIRECTIONS.index(direction)]
     else:
-        known = [f"({a}, {b})" for (a, b), c in held.items() if not c.everywhere] + [
-            f"({n}, x … rz)" for n in grounded
-        ]
-        msg = f"{motion} is nothing that holds the structure to the ground; there are {', '.join(known)}"
+        known: dict[str, str] = {}
+        for (holder, axis), c in held.items():
+            if not c.everywhere:
+                known[holder] = f"{known[holder]} {axis}" if holder in known else f"{holder} in {axis}"
+        there = ", ".join([*known.values(), *(f"{n} in x … rz" for n in grounded)])
+        msg = f"'{name}' in {direction} is nothing that holds the structure to the ground; there are {there}"
         raise ModelError(msg)
     r = start
     if not system.rigid.shape[1]:  # else any r that meets the constraints will do: forces of K remain

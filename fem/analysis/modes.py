@@ -488,9 +488,7 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
     reach = np.abs(motions[: 6 * system.model.mesh.n_points]).reshape(-1, 6, vectors.shape[1]).max(axis=0)
     vectors = vectors / np.maximum(reach[:3].max(axis=0), size * reach[3:].max(axis=0))
     # An element of a member that bends with wave number k opposes (kh)³ of its entries' sum.
-    loose = unopposed(
-        resistance(system.model.contributions(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10
-    )
+    loose = unopposed(resistance(system.model.batches(), np.asarray(system.Q @ vectors), size, 1e-11), 1e-10)
     if loose.shape[1] > rigid.shape[1]:
         vectors = vectors @ loose
         raise MechanismError(_describe_mechanism(system, vectors, rigid), _motions(system, vectors, rigid))

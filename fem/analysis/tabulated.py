@@ -43,10 +43,11 @@ class Tabulated:
             msg = f"a spectrum's frequencies have shape {f.shape} and its values {v.shape}; they must agree"
             raise ModelError(msg)
         if not np.isfinite(f).all() or f[0] <= 0 or (np.diff(f) <= 0).any():
-            msg = "the frequencies of a spectrum must rise, above 0 Hz"
+            msg = f"the frequencies of a spectrum must rise, above 0 Hz; the first is {f[0]:g} Hz"
             raise ModelError(msg)
         if not np.isfinite(v).all() or (v < 0).any():
-            msg = "the values of a spectrum must be finite and not negative"
+            k = int(np.flatnonzero(~np.isfinite(v) | (v < 0))[0])
+            msg = f"the spectrum is {v[k]:g} at {f[k]:g} Hz; it must be finite and not negative"
             raise ModelError(msg)
         return cls(f, v)
 

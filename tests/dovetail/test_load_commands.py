@@ -536,3 +536,32 @@ def test_psd(column, tmp_path, capsys):
     )
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert "not '.txt'" in refused(capsys, "psd", column, "--psd", table, "--out", tmp_path / "a.txt")
+
+
+def test_what_symmetry_makes_zero_is_printed_as_zero(column, tmp_path, capsys):
+    """A column that is driven along x does not move along y, but for rounding."""
+    study = tmp_path / "two.toml"
+    side = '[[sensors]]\nname = "side"\npoint = "B"\ndirection = "y"\n'
+    study.write_text(COLUMN.replace("[[excitations]]", f"{side}[[excitations]]"), encoding="utf-8")
+    (tmp_path / "quake.csv").write_text("time,base x\n0,0\n0.01,1\n0.02,-1\n0.5,0\n", encoding="utf-8")
+    (tmp_path / "design.csv").write_text("frequency,x\n1,1\n100,2\n", encoding="utf-8")
+    (tmp_path / "shaker.csv").write_text("frequency,base x\n1,1\n100,2\n", encoding="utf-8")
+    for command, *options in (
+        ("base", "--motion", "x", "--start", "1", "--stop", "100", "--step", "1"),
+        ("transient", "--excitation", tmp_path / "quake.csv", "--step", "0.005"),
+        ("spectrum", "--spectrum", tmp_path / "design.csv", "--number", "4"),
+        ("psd", "--psd", tmp_path / "shaker.csv"),
+    ):
+        assert main([command, str(study), *map(str, options)]) == 0
+        said = capsys.readouterr().out
+        row = next(line.split()[1:] for line in said.splitlines() if line.startswith("side "))
+        assert {cell for cell in row if cell not in ("base", "X+")} <= {"0", "-"}, (command, row)
+        assert "standard deviations" not in said  # these commands do not use them
+        top = next(line.split()[1:] for line in said.splitlines() if line.startswith("top "))
+        assert "0" not in top, command
+
+
+def test_pictures_go_to_a_folder(column, capsys):
+    assert "a folder is needed, such as modes" in refused(
+        capsys, "complex", column, "--pictures", "modes.png"
+    )

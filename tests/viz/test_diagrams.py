@@ -46,6 +46,17 @@ def test_ribbons_are_cut_where_the_sign_changes(held_beam, tmp_path, monkeypatch
     assert area.sum() == pytest.approx(0.13 * 2 * 1 / 2 * 2)  # two triangles 1 m long, 0.13 × 2 m high
 
 
+def test_a_constant_force_is_named_once(tmp_path, monkeypatch):
+    """The shear force of a beam under a force at its end is constant, but for rounding."""
+    drawn = []
+    monkeypatch.setattr(diagrams.Scene, "save", lambda self, path: drawn.append(self) or path)
+    model = beam(7, 0.7, effects=(fix(0),))
+    pushed = solve_static(assemble(model), LoadCase(points={(1, "z"): -321.0}))
+    diagrams.render_diagram(pushed, "Vz", tmp_path / "Vz.png")
+    assert np.ptp(pushed.internal_forces("beam", np.linspace(0.01, 0.69, 50))[:, 2, 0]) > 0
+    assert [label.text for label in drawn[0].labels] == ["-321"]
+
+
 def test_an_unknown_quantity_is_refused(held_beam, tmp_path):
     with pytest.raises(ValueError, match="'Mx' is no section force; allowed are N, Vy"):
         diagrams.render_diagram(held_beam, "Mx", tmp_path / "Mx.png")
