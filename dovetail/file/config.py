@@ -46,6 +46,7 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
     read_states,
 )
+from dovetail.file.mode_suspicions import mode_suspicions
 from dovetail.file.parts import (
     note_one_sided,
     note_shear_centres,
@@ -343,6 +344,9 @@ class _Reader:
                 self.warnings += self._suspicions(
                     driven, raw, (measurements, amplitudes), sensors, excitations
                 )
+        if "measurements" in self.needs and modes is not None:
+            with beside_implausible(odd), top.at("modes"):
+                self.warnings += mode_suspicions(modes, model)
         parts.note_free(notes)
         return Study(
             name=name,
@@ -381,7 +385,7 @@ class _Reader:
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
             unbalances=parts.unbalances,
-            baseline=self._baseline(sensors, notes),
+            baseline=self._baseline(sensors),
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
@@ -395,14 +399,14 @@ class _Reader:
             states = read_states(self.top, self.path.parent, self.measured_notes, sensors)
         return states
 
-    def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
+    def _baseline(self, sensors: Sequence[Channel]) -> MeasuredModes | None:
         """Read ``[baseline]``: the modes of an earlier state."""
         baseline = None
         if "measurements" in self.top.table("baseline"):
             return None
         with self._attempt("measurements"):
             raw = read_raw_modes(self.top, self.path.parent, self.measured_notes, "baseline")
-            baseline = match_modes(raw, sensors, notes)
+            baseline = match_modes(raw, sensors, self.measured_notes)
         return baseline
 
     def _baseline_frfs(
@@ -551,7 +555,7 @@ class _Reader:
             faults = read_faults(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
             measurements = match(raw, sensors, excitations, faults, notes)
         with self._attempt("measurements"):
-            modes = match_modes(raw_modes, sensors, notes)
+            modes = match_modes(raw_modes, sensors, self.measured_notes)
         return measurements, modes, faults
 
     def _plan(
