@@ -33,8 +33,8 @@ def frfs(result: RunResult, shown: Shown) -> Markup:
         ),
         shown.figure(
             "frf",
-            "Amplitude and phase of one FRF, measured and computed; the lists above choose response and "
-            "force.",
+            f"{words.frf_parts(result.diagnosis)} of one FRF, measured and computed; the lists above choose "
+            "response and force.",
             f"Any of the {len(known.outputs) * len(known.inputs)} FRFs: measured, with the models of each "
             "step, and with the best other candidate. A click on a name in the legend hides its curve."
             + (f" Of the lines every {every}th is drawn." if every > 1 else ""),
