@@ -27,6 +27,7 @@ def run(options: Options, progress: Progress) -> None:
     """Print the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
     from dovetail.mode_result import mode_diagnosis_dict
+    from dovetail.modes_beside import beside_dict, beside_lines, modes_beside
     from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
@@ -51,12 +52,14 @@ def run(options: Options, progress: Progress) -> None:
         say(options, *mode_lines(study.name, by_modes))
         return
     found = pipeline.diagnose_study(study, progress, options.processes or cores())
+    beside = modes_beside(found)
     progress.close()
     write_json(
         options.json,
         {
             "study": study.name,
             **result.diagnosis_dict(found),
+            **({"measured_modes": beside_dict(beside)} if beside else {}),
             "notes": list(found.notes),
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
@@ -64,6 +67,7 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", *staircase(found)]
+    lines += ["", *beside_lines(beside)] if beside else []
     for k, ranked in enumerate(found.rounds):
         if not ranked:
             continue

@@ -34,6 +34,7 @@ def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from dovetail import pipeline
     from dovetail.mode_result import mode_result_dict
+    from dovetail.modes_beside import beside_lines
     from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
@@ -60,6 +61,7 @@ def run(options: Options, progress: Progress) -> None:
         *found_lines(done.diagnosis),
         "",
         *staircase(done.diagnosis, done.held_out_channels),
+        *(["", *beside_lines(done.measured_modes)] if done.measured_modes else []),
         *(f"note: {note}" for note in (*done.notes, *study.measured_notes)),
         "",
         str(done.report),
