@@ -1,7 +1,6 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
-import warnings
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.paths import with_paths
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values, with_damping, with_effects, with_parameters
+from dovetail.identified import as_measured, modes_in
 from dovetail.pipeline import measured, without_held_out
 from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
@@ -21,7 +21,6 @@ from updating.inference.mode_data import mode_data
 from updating.inference.update import update
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_moving_base, with_resting_base
-from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
 SAME = 1e-9
@@ -96,24 +95,8 @@ def identify_study(
         msg = f"{study.path}: there is no measurement '{measurement}'; {suggest(measurement, by_name)}"
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = identify_modes(
-            data.frf, band=band or study.band, driving=_driving(data),
-            **asdict(limits or study.shape_limits),
-        )  # fmt: skip
-    return found, data, tuple(dict.fromkeys(str(w.message) for w in caught))
-
-
-def _driving(m: Measurement) -> list[tuple[str, str]] | None:
-    """Return responses and forces at one place and in one direction; None where labels may tell."""
-    pairs = [
-        (s.name, e.name)
-        for s in m.sensors
-        for e in m.excitations
-        if np.allclose(s.point, e.point, rtol=0, atol=1e-9) and s.direction @ e.direction > 1 - 1e-9
-    ]
-    return pairs or None
+    found, said = modes_in(data, band or study.band, limits or study.shape_limits)
+    return found, data, said
 
 
 def update_study(study: Study) -> StudyUpdate:
@@ -144,7 +127,7 @@ def update_study(study: Study) -> StudyUpdate:
     if given is None and ("modes" in to or "frequencies" in to):
         identified, data, said = identify_study(study)
         notes += said
-        modes = _as_measured(identified, data)
+        modes = as_measured(identified, data)
     of_frf = _fitted(study) if "frf" in to else None
     model, of_modes = study.model.with_effect(*plan.effects), None
     if of_frf is not None:
@@ -170,16 +153,6 @@ def update_study(study: Study) -> StudyUpdate:
     if modes is not None and modes.sensors:
         before, after = (_compared(modes, m) for m in (with_resting_base(model), updated.model))
     return StudyUpdate(study, updated, to, modes, identified, of_frf, before, after, tuple(notes))
-
-
-def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
-    if not found.modes.n_modes:
-        msg = (
-            f"no mode could be identified from the FRFs of {data.name}; give [modes], or "
-            'set to = "frf" in [update]'
-        )
-        raise StudyError(msg)
-    return MeasuredModes(found.modes, data.sensors, *found.relative_std(), f"FRFs of {data.name}")
 
 
 def _fitted(study: Study) -> Measurement:

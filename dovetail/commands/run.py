@@ -44,10 +44,11 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options, out)
     study = loaded(options)
     if has_modes_alone(study):
-        by_modes = run_modes(study, options.out, progress, force=options.force)
+        found = run_modes(study, options.out, progress, force=options.force)
         progress.close()
-        write_json(options.json, mode_result_dict(by_modes))
-        say(options, *mode_lines(study.name, by_modes.diagnosis), "", str(by_modes.report))
+        write_json(options.json, mode_result_dict(found))
+        notes = (f"note: {note}" for note in found.study.measured_notes)
+        say(options, *mode_lines(study.name, found.diagnosis), *notes, "", str(found.report))
         return
     done = pipeline.run(
         study, options.out, progress, force=options.force, processes=options.processes or cores()

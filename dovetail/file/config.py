@@ -347,6 +347,10 @@ class _Reader:
         if "measurements" in self.needs and modes is not None:
             with beside_implausible(odd), top.at("modes"):
                 self.warnings += mode_suspicions(modes, model)
+        baseline = self._baseline(sensors)
+        if measurements and modes is not None and "baseline" in top:
+            unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
+            self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
         parts.note_free(notes)
         return Study(
             name=name,
@@ -385,7 +389,7 @@ class _Reader:
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
             unbalances=parts.unbalances,
-            baseline=self._baseline(sensors),
+            baseline=baseline,
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
@@ -427,14 +431,20 @@ class _Reader:
             t.finish()
             if len(raw) != 1 or not raw[0].phase:
                 t.refuse("measurements", f"{len(raw)} matrices of FRFs are given; one with phases is needed")
-            if not measured:
-                t.refuse("measurements", "the study has no [[measurements]] to compare with these")
+            later = measured or "modes" in self.top or "states" in self.top
+            if not later:
+                t.refuse(
+                    "measurements",
+                    "the study has no [[measurements]], [modes] or [[states]] to compare with these",
+                )
             frf = raw[0].frf
             rows = [c for c in sensors if c.find(frf.outputs) is not None]
             columns = [c for c in excitations if c.find(frf.inputs) is not None]
             (one,) = match(raw, rows, columns, faults, notes)
-            f = measured[0].frf.frequency
-            baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
+            baseline = one
+            if measured:
+                f = measured[0].frf.frequency
+                baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
         return baseline
 
     def _suspicions(

@@ -12,6 +12,8 @@ from fem.effects.added_mass import PointMass
 from fem.system import assemble
 from tests.frames import write_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
