@@ -1,5 +1,6 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values, with_damping, with_effects, with_parameters
 from dovetail.identified import as_measured, modes_in
 from dovetail.pipeline import measured, without_held_out
-from fem.analysis.modes import solve_modes
+from fem.analysis.modes import first_modes, solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.inference.frf_data import frf_data
 from updating.inference.mode_data import mode_data
+from updating.inference.mode_targets import IN_PLANE
 from updating.inference.update import update
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_moving_base, with_resting_base
@@ -133,11 +135,18 @@ def update_study(study: Study) -> StudyUpdate:
     if of_frf is not None:
         model = with_moving_base(model, of_frf.excitations)
     if modes is not None and ("modes" in to or "frequencies" in to):
-        shaped = "modes" in to
+        shaped, fitted = "modes" in to, _fitted_modes(modes)
+        if fitted is not modes:
+            out = ", ".join(f"{f:.5g}" for f in _some(modes, modes.held_out).modes.frequency)
+            notes.append(
+                f"the modes at {out} Hz are held out; 'dovetail compare' of the updated study says how "
+                "well it predicts them"
+            )
         of_modes = mode_data(
-            model, modes=modes.modes if shaped else replace(modes.modes, shapes=modes.modes.shapes[:0]),
-            outputs=modes.sensors if shaped else (), frequency_std=modes.frequency_std,
-            shape_std=modes.shape_std, model_error=plan.model_error,
+            model, modes=fitted.modes if shaped else replace(fitted.modes, shapes=fitted.modes.shapes[:0]),
+            outputs=fitted.sensors if shaped else (), frequency_std=fitted.frequency_std,
+            shape_std=fitted.shape_std, model_error=plan.model_error,
+            numbers=None if shaped else _numbers(model, modes),
         )  # fmt: skip
     data = None
     if of_frf is not None:
@@ -153,6 +162,48 @@ def update_study(study: Study) -> StudyUpdate:
     if modes is not None and modes.sensors:
         before, after = (_compared(modes, m) for m in (with_resting_base(model), updated.model))
     return StudyUpdate(study, updated, to, modes, identified, of_frf, before, after, tuple(notes))
+
+
+def _fitted_modes(modes: MeasuredModes) -> MeasuredModes:
+    """Return measured modes without those that are held out."""
+    if not modes.held_out:
+        return modes
+    return _some(modes, [k for k in range(1, modes.modes.n_modes + 1) if k not in modes.held_out])
+
+
+def _some(modes: MeasuredModes, which: Sequence[int]) -> MeasuredModes:
+    """Return some of the measured modes, counted from 1."""
+    at, m = np.array(sorted(which)) - 1, modes.modes
+    some = replace(
+        m, frequency=m.frequency[at], shapes=m.shapes[:, at], zeta=None if m.zeta is None else m.zeta[at]
+    )
+    return replace(
+        modes, modes=some, frequency_std=modes.frequency_std[at], shape_std=modes.shape_std[at],
+        numbers=tuple(modes.numbers[k] for k in at) if modes.numbers else (), held_out=(),
+    )  # fmt: skip
+
+
+def _numbers(model: Model, modes: MeasuredModes) -> list[int] | None:
+    """Return which elastic modes the fitted frequencies belong to, from 0; None for the first ones."""
+    n = modes.modes.n_modes
+    kept = [k for k in range(n) if k + 1 not in modes.held_out]
+    if modes.numbers:
+        return [modes.numbers[k] - 1 for k in kept]
+    if not modes.plane:
+        return kept if modes.held_out else None
+    seen = np.zeros(0, dtype=np.int64)
+    for more in (10, 40, 160):  # until enough modes move in the plane
+        found = first_modes(assemble(with_resting_base(model)), n + more)
+        shapes = found.shapes[:, found.n_rigid :]
+        motion = (np.abs(shapes.reshape(-1, 6, shapes.shape[1])[:, :3]) ** 2).sum(axis=0)
+        within = motion[["xyz".index(axis) for axis in modes.plane]].sum(axis=0)
+        seen = np.flatnonzero(within >= IN_PLANE * motion.sum(axis=0))
+        if seen.size >= n:
+            break
+    if seen.size < n:
+        msg = f"{modes.name}: {seen.size} modes of the model move along {modes.plane}; {n} were measured"
+        raise StudyError(msg)
+    return seen[kept].tolist()
 
 
 def _fitted(study: Study) -> Measurement:
