@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.mode_result import mode_diagnosis_dict
-from dovetail.modes_pipeline import diagnose_study_modes, targets_of
+from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
 from dovetail.report.words import explanation_text
 from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
@@ -73,8 +73,9 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
     StudyError
         If the study has no modes of a baseline, or no states.
     """
+    study = by_modes(study)
     if study.baseline is None or not study.states:
-        missing = "[baseline] with modes" if study.baseline is None else "[[states]]"
+        missing = "[baseline]" if study.baseline is None else "[[states]]"
         msg = f"{study.path.name}: it has no {missing}; a history needs a baseline and later states"
         raise StudyError(msg)
     before, out = targets_of(study.baseline), []
@@ -83,7 +84,7 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
         def told(text: str, done: float, first: int = k, name: str = state.name) -> None:
             say(f"{name}: {text}", (first + done) / len(study.states))
 
-        found = diagnose_study_modes(replace(study, modes=state.modes), told)
+        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), told)
         out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
     return tuple(out)
 

@@ -13,6 +13,7 @@ from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.paths import input_files
 from dovetail.found import mode_found_text
+from dovetail.identified import as_measured, modes_in
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.probable import probability_text
 from dovetail.report.words import explanation_text
@@ -26,6 +27,7 @@ from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
+from updating.measurement.measurement import Measurement
 
 Progress = Callable[[str, float], None]
 NAMES = (REPORT, JSON, PICTURES, FOUND)
@@ -35,8 +37,47 @@ MOST_SAID = 12
 
 
 def has_modes_alone(study: Study) -> bool:
-    """Whether a study has measured modes and no FRFs."""
+    """Whether a study is diagnosed by modes: it has no FRFs, or its baseline has modes."""
+    if study.baseline is not None:
+        return study.modes is not None or bool(study.measurements)
     return study.modes is not None and not study.measurements and not study.amplitudes
+
+
+def by_modes(study: Study) -> Study:
+    """Return a study whose states all have modes: of a state with FRFs they are identified in these.
+
+    Their frequencies repeat no better than those of the state that was given by modes.
+
+    Raises
+    ------
+    StudyError
+        If no mode is found in the FRFs.
+    """
+    if study.baseline is None and study.baseline_frfs is not None and not study.measurements:
+        later = study.modes or (study.states[0].modes if study.states else None)
+        modes, said = _identified(study, study.baseline_frfs, later)
+        study = replace(study, baseline=modes, baseline_frfs=None)
+    elif study.baseline is not None and study.modes is None and study.measurements and not study.states:
+        modes, said = _identified(study, study.measurements[0], study.baseline)
+        study = replace(study, modes=modes, measurements=())
+    else:
+        return study
+    return replace(study, measured_notes=(*study.measured_notes, *said))
+
+
+def _identified(
+    study: Study, data: Measurement, other: MeasuredModes | None
+) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """Return the modes in the FRFs of one state, and sentences on them."""
+    found, said = modes_in(data, study.band, study.shape_limits)
+    modes = as_measured(found, data)
+    repeatability = float(np.median(other.frequency_std)) if other is not None else 0.0
+    f = modes.modes.frequency
+    text = (
+        f"{data.name}: {len(f)} modes from {f[0]:.4g} to {f[-1]:.4g} Hz were identified in its FRFs, because "
+        "the other state has modes"
+    )
+    return replace(modes, frequency_std=np.hypot(modes.frequency_std, repeatability)), (text, *said)
 
 
 def targets_of(modes: MeasuredModes) -> ModeTargets:
@@ -53,6 +94,7 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 
 def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagnosis:
     """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline."""
+    study = by_modes(study)
     assert study.modes is not None
     more: dict[str, Any] = {
         "damping_std": study.damping_std, "kinds": study.kinds, "exclude": study.exclude,
@@ -75,6 +117,7 @@ def mode_problem(study: Study) -> ModeProblem:
 
 def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     """Return a study's problem by modes, and the model that its results are values and effects of."""
+    study = by_modes(study)
     assert study.modes is not None
     after = targets_of(study.modes)
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
@@ -117,6 +160,7 @@ def run_modes(
     """
     say = progress or (lambda text, done: None)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
+    study = by_modes(study)
     with result_folder(out, force) as scratch:
         d = diagnose_study_modes(study, lambda text, done: say(text, 0.85 * done))
         done = ModeRunResult(study, d, mode_uncertain(d), datetime.now().astimezone(), out)

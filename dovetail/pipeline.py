@@ -14,6 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
+from dovetail.modes_beside import modes_beside
 from dovetail.modes_pipeline import first_state, targets_of
 from dovetail.result import (
     FOUND,
@@ -122,6 +123,7 @@ def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> 
         datetime.now().astimezone(),
         time.perf_counter() - begun,
         folder,
+        modes_beside(diagnosis),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
+from dovetail.modes_beside import ModesBeside, beside_dict
 from fem.model import Effect, Model
 from updating.correlation import Comparison
 from updating.diagnosis.diagnosis import Diagnosis
@@ -112,6 +113,8 @@ class RunResult:
     seconds : float
     folder : Path
         Where the files are.
+    measured_modes : ModesBeside or None
+        Measured modes that were fitted beside the FRFs or held out, and those of each step.
     """
 
     study: Study
@@ -125,6 +128,7 @@ class RunResult:
     finished: datetime
     seconds: float
     folder: Path
+    measured_modes: ModesBeside | None = None
 
     @property
     def report(self) -> Path:
@@ -289,6 +293,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
             }
             for m in result.modes
         ],
+        **({"measured_modes": beside_dict(result.measured_modes)} if result.measured_modes else {}),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
         "assumptions": list(study.assumptions),
         "mesh_notes": list(study.model.mesh.notes),

@@ -1,7 +1,7 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
-import warnings
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +11,18 @@ from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.paths import with_paths
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values, with_damping, with_effects, with_parameters
+from dovetail.identified import as_measured, modes_in
 from dovetail.pipeline import measured, without_held_out
-from fem.analysis.modes import solve_modes
+from fem.analysis.modes import first_modes, solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.inference.frf_data import frf_data
 from updating.inference.mode_data import mode_data
+from updating.inference.mode_targets import IN_PLANE
 from updating.inference.update import update
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_moving_base, with_resting_base
-from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
 SAME = 1e-9
@@ -96,24 +97,8 @@ def identify_study(
         msg = f"{study.path}: there is no measurement '{measurement}'; {suggest(measurement, by_name)}"
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = identify_modes(
-            data.frf, band=band or study.band, driving=_driving(data),
-            **asdict(limits or study.shape_limits),
-        )  # fmt: skip
-    return found, data, tuple(dict.fromkeys(str(w.message) for w in caught))
-
-
-def _driving(m: Measurement) -> list[tuple[str, str]] | None:
-    """Return responses and forces at one place and in one direction; None where labels may tell."""
-    pairs = [
-        (s.name, e.name)
-        for s in m.sensors
-        for e in m.excitations
-        if np.allclose(s.point, e.point, rtol=0, atol=1e-9) and s.direction @ e.direction > 1 - 1e-9
-    ]
-    return pairs or None
+    found, said = modes_in(data, band or study.band, limits or study.shape_limits)
+    return found, data, said
 
 
 def update_study(study: Study) -> StudyUpdate:
@@ -144,17 +129,24 @@ def update_study(study: Study) -> StudyUpdate:
     if given is None and ("modes" in to or "frequencies" in to):
         identified, data, said = identify_study(study)
         notes += said
-        modes = _as_measured(identified, data)
+        modes = as_measured(identified, data)
     of_frf = _fitted(study) if "frf" in to else None
     model, of_modes = study.model.with_effect(*plan.effects), None
     if of_frf is not None:
         model = with_moving_base(model, of_frf.excitations)
     if modes is not None and ("modes" in to or "frequencies" in to):
-        shaped = "modes" in to
+        shaped, fitted = "modes" in to, _fitted_modes(modes)
+        if fitted is not modes:
+            out = ", ".join(f"{f:.5g}" for f in _some(modes, modes.held_out).modes.frequency)
+            notes.append(
+                f"the modes at {out} Hz are held out; 'dovetail compare' of the updated study says how "
+                "well it predicts them"
+            )
         of_modes = mode_data(
-            model, modes=modes.modes if shaped else replace(modes.modes, shapes=modes.modes.shapes[:0]),
-            outputs=modes.sensors if shaped else (), frequency_std=modes.frequency_std,
-            shape_std=modes.shape_std, model_error=plan.model_error,
+            model, modes=fitted.modes if shaped else replace(fitted.modes, shapes=fitted.modes.shapes[:0]),
+            outputs=fitted.sensors if shaped else (), frequency_std=fitted.frequency_std,
+            shape_std=fitted.shape_std, model_error=plan.model_error,
+            numbers=None if shaped else _numbers(model, modes),
         )  # fmt: skip
     data = None
     if of_frf is not None:
@@ -172,14 +164,46 @@ def update_study(study: Study) -> StudyUpdate:
     return StudyUpdate(study, updated, to, modes, identified, of_frf, before, after, tuple(notes))
 
 
-def _as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
-    if not found.modes.n_modes:
-        msg = (
-            f"no mode could be identified from the FRFs of {data.name}; give [modes], or "
-            'set to = "frf" in [update]'
-        )
+def _fitted_modes(modes: MeasuredModes) -> MeasuredModes:
+    """Return measured modes without those that are held out."""
+    if not modes.held_out:
+        return modes
+    return _some(modes, [k for k in range(1, modes.modes.n_modes + 1) if k not in modes.held_out])
+
+
+def _some(modes: MeasuredModes, which: Sequence[int]) -> MeasuredModes:
+    """Return some of the measured modes, counted from 1."""
+    at, m = np.array(sorted(which)) - 1, modes.modes
+    some = replace(
+        m, frequency=m.frequency[at], shapes=m.shapes[:, at], zeta=None if m.zeta is None else m.zeta[at]
+    )
+    return replace(
+        modes, modes=some, frequency_std=modes.frequency_std[at], shape_std=modes.shape_std[at],
+        numbers=tuple(modes.numbers[k] for k in at) if modes.numbers else (), held_out=(),
+    )  # fmt: skip
+
+
+def _numbers(model: Model, modes: MeasuredModes) -> list[int] | None:
+    """Return which elastic modes the fitted frequencies belong to, from 0; None for the first ones."""
+    n = modes.modes.n_modes
+    kept = [k for k in range(n) if k + 1 not in modes.held_out]
+    if modes.numbers:
+        return [modes.numbers[k] - 1 for k in kept]
+    if not modes.plane:
+        return kept if modes.held_out else None
+    seen = np.zeros(0, dtype=np.int64)
+    for more in (10, 40, 160):  # until enough modes move in the plane
+        found = first_modes(assemble(with_resting_base(model)), n + more)
+        shapes = found.shapes[:, found.n_rigid :]
+        motion = (np.abs(shapes.reshape(-1, 6, shapes.shape[1])[:, :3]) ** 2).sum(axis=0)
+        within = motion[["xyz".index(axis) for axis in modes.plane]].sum(axis=0)
+        seen = np.flatnonzero(within >= IN_PLANE * motion.sum(axis=0))
+        if seen.size >= n:
+            break
+    if seen.size < n:
+        msg = f"{modes.name}: {seen.size} modes of the model move along {modes.plane}; {n} were measured"
         raise StudyError(msg)
-    return MeasuredModes(found.modes, data.sensors, *found.relative_std(), f"FRFs of {data.name}")
+    return seen[kept].tolist()
 
 
 def _fitted(study: Study) -> Measurement:

@@ -26,7 +26,7 @@ def plot_frf(
     title: str = "",
     deviations: Mapping[str, ArrayLike] | None = None,
 ) -> Figure:
-    """Plot amplitude and phase of measured FRFs and of models.
+    """Plot amplitude and phase of measured FRFs and of models; of amplitudes without phase these alone.
 
     Parameters
     ----------
@@ -56,14 +56,16 @@ def plot_frf(
         figure = style.new_figure(
             height=(0.25 if title else 0) + 0.55 + (3.2 if columns == 1 else 2.75) * rows
         )
-        grid = figure.add_gridspec(2 * rows, columns, height_ratios=[2.6, 1] * rows)
+        parts = [2.6, 1.0] if measured.has_phase else [1.0]
+        grid = figure.add_gridspec(len(parts) * rows, columns, height_ratios=parts * rows)
         for k, (output, input_) in enumerate(pairs):
             r, c = divmod(k, columns)
-            top = figure.add_subplot(grid[2 * r, c])
-            low = figure.add_subplot(grid[2 * r + 1, c], sharex=top)
+            top = figure.add_subplot(grid[len(parts) * r, c])
+            low = figure.add_subplot(grid[2 * r + 1, c], sharex=top) if measured.has_phase else None
             i, j = measured.outputs.index(output), measured.inputs.index(input_)
-            shade(top, held_out)
-            shade(low, held_out)
+            for ax in (top, low):
+                if ax is not None:
+                    shade(ax, held_out)
             if sigma is not None:
                 _floor_curve(top, measured.frequency, sigma[:, i, j])
             h = measured.H[:, i, j]
@@ -202,10 +204,12 @@ def _pairs(frf: FRF, pairs: Sequence[tuple[str, str]] | None, at_most: int | Non
 
 
 def _amplitude_phase(
-    top: Axes, low: Axes, f: NDArray[np.float64], h: NDArray[np.complex128], label: str, **look: Any
+    top: Axes, low: Axes | None, f: NDArray[np.float64], h: NDArray[np.complex128], label: str, **look: Any
 ) -> None:
     """Draw amplitude and phase, the phase broken where it wraps."""
     top.semilogy(f, np.abs(h), label=label, **look)
+    if low is None:
+        return
     phase = np.rad2deg(np.angle(h))
     wraps = np.flatnonzero(np.abs(np.diff(phase)) > 180) + 1
     low.plot(np.insert(f, wraps, f[wraps]), np.insert(phase, wraps, np.nan), **look)
@@ -213,7 +217,7 @@ def _amplitude_phase(
 
 def _frf_axes(
     top: Axes,
-    low: Axes,
+    low: Axes | None,
     frf: FRF,
     h: NDArray[np.complex128],
     pair: tuple[str, str],
@@ -229,17 +233,20 @@ def _frf_axes(
         room = 0.12 * max(ceiling - bottom, 1)
         top.set_ylim(10 ** (bottom - room), 10 ** (ceiling + room))
     top.set_xlim(frf.frequency[0], frf.frequency[-1])
+    if first:
+        top.set_ylabel(f"{frf.kind} [{frf.kind.unit}]")
+    if last:
+        (top if low is None else low).set_xlabel("frequency [Hz]")
+    if low is None:
+        return
     low.set_ylim(-190, 190)
     low.yaxis.set_major_locator(MultipleLocator(180))
     low.yaxis.set_minor_locator(MultipleLocator(90))
     top.tick_params(labelbottom=False)
     if first:
-        top.set_ylabel(f"{frf.kind} [{frf.kind.unit}]")
         low.set_ylabel("phase [°]")
     else:
         low.tick_params(labelleft=False)
-    if last:
-        low.set_xlabel("frequency [Hz]")
 
 
 def _floor_curve(ax: Axes, f: NDArray[np.float64], sigma: NDArray[np.float64]) -> None:

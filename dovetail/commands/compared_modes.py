@@ -41,10 +41,13 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> None:
     )
     held_out = c.held_out_error
     predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""
+    error = f"error of the natural frequencies {100 * c.error:.2g} %"
+    if not np.isfinite(c.error):
+        error = "no measured mode has a partner in the model"
     say(
         options,
-        f"{study.name}, {what}: error of the natural frequencies {100 * c.error:.2g} %{predicted}; standard "
-        f"deviation of the measurement {100 * problem.targets.noise_level:.2g} %",
+        f"{study.name}, {what}: {error}{predicted}; standard deviation of the measurement "
+        f"{100 * problem.targets.noise_level:.2g} %",
         *_rows(c),
         *(f"added: {words.added_text(e, own)}" for e in _added(study, own)),
         *_baseline_note(study),

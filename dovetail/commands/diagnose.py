@@ -27,7 +27,8 @@ def run(options: Options, progress: Progress) -> None:
     """Print the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
     from dovetail.mode_result import mode_diagnosis_dict
-    from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone, mode_lines
+    from dovetail.modes_beside import beside_dict, beside_lines, modes_beside
+    from dovetail.modes_pipeline import by_modes, diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
     from updating.inference.workers import cores
@@ -35,28 +36,32 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options)
     study = loaded(options)
     if has_modes_alone(study):
-        by_modes = diagnose_study_modes(study, progress)
+        study = by_modes(study)
+        from_modes = diagnose_study_modes(study, progress)
         progress.close()
         write_json(
             options.json,
             {
                 "study": study.name,
-                **mode_diagnosis_dict(by_modes),
-                "notes": list(by_modes.notes),
+                **mode_diagnosis_dict(from_modes),
+                "notes": list(from_modes.notes),
                 "measured_notes": study.measured_notes,
                 "warnings": study.warnings,
-                "seconds": by_modes.seconds,
+                "seconds": from_modes.seconds,
             },
         )
-        say(options, *mode_lines(study.name, by_modes))
+        notes = (f"note: {note}" for note in study.measured_notes)
+        say(options, *mode_lines(study.name, from_modes), *notes)
         return
     found = pipeline.diagnose_study(study, progress, options.processes or cores())
+    beside = modes_beside(found)
     progress.close()
     write_json(
         options.json,
         {
             "study": study.name,
             **result.diagnosis_dict(found),
+            **({"measured_modes": beside_dict(beside)} if beside else {}),
             "notes": list(found.notes),
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
@@ -64,6 +69,7 @@ def run(options: Options, progress: Progress) -> None:
         },
     )
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", *staircase(found)]
+    lines += ["", *beside_lines(beside)] if beside else []
     for k, ranked in enumerate(found.rounds):
         if not ranked:
             continue

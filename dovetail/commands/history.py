@@ -20,12 +20,14 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Diagnose each of a study's states against its baseline."""
     from dovetail.modes_history import diagnose_history, history_dict, history_lines
+    from dovetail.modes_pipeline import by_modes
 
     if options.picture is not None and options.picture.suffix.lower() != ".png":
         msg = f"{options.picture}: the picture is written as .png"
         raise OutputError(msg)
     check_places(options, Output("--picture", options.picture))
     study = loaded(options)
+    study = by_modes(study)
     history = diagnose_history(study, progress)
     progress.close()
     write_json(options.json, history_dict(study, history))
@@ -41,7 +43,7 @@ def run(options: Options, progress: Progress) -> None:
         )  # fmt: skip
         with replacing(options.picture) as scratch:
             save(figure, scratch)
-    say(options, *history_lines(study, history))
+    say(options, *history_lines(study, history), *(f"note: {note}" for note in study.measured_notes))
 
 
 def _place(effect: Effect) -> str:

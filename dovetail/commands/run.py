@@ -34,6 +34,7 @@ def run(options: Options, progress: Progress) -> None:
     """Do the whole loop and print the verdict."""
     from dovetail import pipeline
     from dovetail.mode_result import mode_result_dict
+    from dovetail.modes_beside import beside_lines
     from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
@@ -43,10 +44,11 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options, out)
     study = loaded(options)
     if has_modes_alone(study):
-        by_modes = run_modes(study, options.out, progress, force=options.force)
+        found = run_modes(study, options.out, progress, force=options.force)
         progress.close()
-        write_json(options.json, mode_result_dict(by_modes))
-        say(options, *mode_lines(study.name, by_modes.diagnosis), "", str(by_modes.report))
+        write_json(options.json, mode_result_dict(found))
+        notes = (f"note: {note}" for note in found.study.measured_notes)
+        say(options, *mode_lines(study.name, found.diagnosis), *notes, "", str(found.report))
         return
     done = pipeline.run(
         study, options.out, progress, force=options.force, processes=options.processes or cores()
@@ -60,6 +62,7 @@ def run(options: Options, progress: Progress) -> None:
         *found_lines(done.diagnosis),
         "",
         *staircase(done.diagnosis, done.held_out_channels),
+        *(["", *beside_lines(done.measured_modes)] if done.measured_modes else []),
         *(f"note: {note}" for note in (*done.notes, *study.measured_notes)),
         "",
         str(done.report),

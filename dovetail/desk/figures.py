@@ -108,8 +108,8 @@ def moved_curve(
     """Return the changes of an FRF's figure with a slider: new ordinates, and the traces that get them."""
     at = {t.meta["quantity"]: n for n, t in enumerate(figure.data) if t.meta and t.meta["series"] == HERE}
     magnitude, phase = _decibels(shown.frf, pair)
-    new = [{"y": _sent(magnitude, 2)}, {"y": _sent(_cut(phase), 1)}]
-    return new, [at[MAGNITUDE], at[PHASE]]
+    new = {MAGNITUDE: {"y": _sent(magnitude, 2)}, PHASE: {"y": _sent(_cut(phase), 1)}}
+    return [new[key] for key in new if key in at], [at[key] for key in new if key in at]
 
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:

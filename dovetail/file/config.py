@@ -46,6 +46,7 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
     read_states,
 )
+from dovetail.file.mode_suspicions import mode_suspicions
 from dovetail.file.parts import (
     note_one_sided,
     note_shear_centres,
@@ -345,6 +346,13 @@ class _Reader:
                 self.warnings += self._suspicions(
                     driven, raw, (measurements, amplitudes), sensors, excitations
                 )
+        if "measurements" in self.needs and modes is not None:
+            with beside_implausible(odd), top.at("modes"):
+                self.warnings += mode_suspicions(modes, model)
+        baseline = self._baseline(sensors)
+        if measurements and modes is not None and "baseline" in top:
+            unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
+            self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
         parts.note_free(notes)
         return Study(
             name=name,
@@ -384,7 +392,7 @@ class _Reader:
             measured_notes=tuple(dict.fromkeys(self.measured_notes)),
             loads=parts.loads,
             unbalances=parts.unbalances,
-            baseline=self._baseline(sensors, notes),
+            baseline=baseline,
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
@@ -398,14 +406,14 @@ class _Reader:
             states = read_states(self.top, self.path.parent, self.measured_notes, sensors)
         return states
 
-    def _baseline(self, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
+    def _baseline(self, sensors: Sequence[Channel]) -> MeasuredModes | None:
         """Read ``[baseline]``: the modes of an earlier state."""
         baseline = None
         if "measurements" in self.top.table("baseline"):
             return None
         with self._attempt("measurements"):
             raw = read_raw_modes(self.top, self.path.parent, self.measured_notes, "baseline")
-            baseline = match_modes(raw, sensors, notes)
+            baseline = match_modes(raw, sensors, self.measured_notes)
         return baseline
 
     def _baseline_frfs(
@@ -426,14 +434,20 @@ class _Reader:
             t.finish()
             if len(raw) != 1 or not raw[0].phase:
                 t.refuse("measurements", f"{len(raw)} matrices of FRFs are given; one with phases is needed")
-            if not measured:
-                t.refuse("measurements", "the study has no [[measurements]] to compare with these")
+            later = measured or "modes" in self.top or "states" in self.top
+            if not later:
+                t.refuse(
+                    "measurements",
+                    "the study has no [[measurements]], [modes] or [[states]] to compare with these",
+                )
             frf = raw[0].frf
             rows = [c for c in sensors if c.find(frf.outputs) is not None]
             columns = [c for c in excitations if c.find(frf.inputs) is not None]
             (one,) = match(raw, rows, columns, faults, notes)
-            f = measured[0].frf.frequency
-            baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
+            baseline = one
+            if measured:
+                f = measured[0].frf.frequency
+                baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
         return baseline
 
     def _suspicions(
@@ -554,7 +568,7 @@ class _Reader:
             faults = read_faults(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
             measurements = match(raw, sensors, excitations, faults, notes)
         with self._attempt("measurements"):
-            modes = match_modes(raw_modes, sensors, notes)
+            modes = match_modes(raw_modes, sensors, self.measured_notes)
         return measurements, modes, faults
 
     def _plan(

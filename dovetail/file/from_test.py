@@ -19,7 +19,13 @@ from fem.io.meshfile import read_mesh
 from fem.io.uff_format import UffError, parse_label
 from fem.io.uff_types import Points
 from fem.mesh import Mesh
-from updating.measurement.matching import GeometryMatch, GeometryMatchError, match_members
+from updating.measurement.matching import (
+    SCALES,
+    GeometryMatch,
+    GeometryMatchError,
+    match_members,
+    put_on_members,
+)
 
 SENSORS, EXCITATIONS, STUDY = "sensors.csv", "excitations.csv", "study.toml"
 """Files of a draft."""
@@ -170,6 +176,7 @@ def _placed(
         as_is, fine = match_members(xyz, mesh, tolerance, axes="same", unit=unit)
         if placing.same_axes or not as_is.unmatched:
             return as_is, fine
+        unit = next(name for name, size in SCALES.items() if size == as_is.scale)
     try:
         return match_members(xyz, mesh, tolerance, unit=unit, alternative=placing.alternative)
     except GeometryMatchError as reason:
@@ -180,7 +187,7 @@ def _placed(
             "taken; "
             "'dovetail match' draws them, and --alternative K takes another"
         )
-        return match_members(xyz, mesh, tolerance, unit=unit, alternative=0)
+        return put_on_members(reason.alternatives[0], mesh)
 
 
 def _table(

@@ -258,6 +258,12 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
             f"{raw.name}: the rows {', '.join(rest[:8])}{' …' if len(rest) > 8 else ''} of the shapes belong "
             "to no sensor and are not used"
         )
+    without = [c.sensor.name for c in sensors if c.find(modes.labels) is None]
+    if without:
+        notes.append(
+            f"{raw.name}: its shapes have no row of the sensors {', '.join(without[:8])}"
+            f"{' …' if len(without) > 8 else ''}"
+        )
     rows = [modes.labels.index(label) for _, (label, _) in found]
     signs = np.array([sign for _, (_, sign) in found])
     at = tuple(sensor for sensor, _ in found)

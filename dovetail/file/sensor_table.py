@@ -26,6 +26,9 @@ COLUMNS: dict[str, str] = {
 
 _PLACE, _VECTOR = ("x", "y", "z"), ("dx", "dy", "dz")
 _UNIT = re.compile(r"\s*[\[(]\s*(\w+)\s*[\])]\s*$")
+_REAL = r"\d+(,\d+)?([eE][+-]?\d+)?"
+_COMMA_NUMBER = re.compile(rf"[+-]?{_REAL}(\s*[+-]\s*{_REAL}[ij])?")
+"""A number with decimal commas, which may be complex."""
 _LETTERS = re.compile(r"[+-]?[xyz]([\s,;]*[+-]?[xyz])*", re.IGNORECASE)
 
 
@@ -83,7 +86,8 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
 
 def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
     """Return the heading and the rows of a table with their numbers, counted from 1."""
-    lines = [(k, line) for k, line in enumerate(text_of(path).splitlines(), start=1)]
+    text = text_of(path)
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), start=1)]
     lines = [(k, line) for k, line in lines if line.strip(" ;,\t\r") and not line.lstrip().startswith("#")]
     if len(lines) < 2:
         msg = f"{path.name}: a heading and a row for each {what} are needed"
@@ -91,13 +95,25 @@ def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], l
     mark = max(("\t", ";", ","), key=lines[0][1].count)
     rows = [(k, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for k, line in lines]
     if mark != ",":
-        rows = [(k, [re.sub(r"^([+-]?\d+),(\d+)$", r"\1.\2", c) for c in cells]) for k, cells in rows]
+        rows = [(k, [_with_point(cell) for cell in cells]) for k, cells in rows]
     width = len(rows[0][1])
     for k, cells in rows[1:]:
         if len(cells) != width and any(cells[width:]):
             msg = f"{path.name}, row {k}: it has {len(cells)} cells, the heading has {width}"
             raise StudyError(msg)
+    last, cells = rows[-1]
+    if len(cells) < width and text[-1] not in "\r\n":
+        msg = (
+            f"{path.name}, row {last}: the file ends after {len(cells)} of {width} cells; it may be cut off. "
+            "If not, end the row with a line break"
+        )
+        raise StudyError(msg)
     return rows[0], [(k, (cells + [""] * width)[:width]) for k, cells in rows[1:]]
+
+
+def _with_point(cell: str) -> str:
+    """Return a number with decimal commas as one with points, and any other cell as it is."""
+    return cell.replace(",", ".") if _COMMA_NUMBER.fullmatch(cell) else cell
 
 
 def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str, str], dict[str, float]]:

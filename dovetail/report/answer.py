@@ -103,8 +103,8 @@ def _steps(result: RunResult) -> Markup:
             table(head, rows, numbers=range(1, len(head))),
             paragraph(
                 "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-                "also counts the phase, weighs outliers less, and has small errors of single modes set "
-                "right. " + _ranked_by(d)
+                f"{'also counts the phase, ' if d.problem.data.phase else ''}weighs outliers less, and has "
+                "small errors of single modes set right. " + _ranked_by(d)
             ),
         ]
     )

@@ -160,7 +160,7 @@ def _ranking(result: RunResult, k: int) -> Figure | None:
         d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER, names=names,
         twins=[n for n, name in enumerate(names) if name in twins],
         accepted=names.index(found.effect.name) if found and found.effect.name in names else None,
-        xlabel="residual level, amplitude and phase [dB]",
+        xlabel=words.level_label(d),
     )  # fmt: skip
 
 
@@ -207,7 +207,9 @@ def frf_store(
     first = curves[0]
     blocks: list[tuple[str, str, float, NDArray[np.float64]]] = []
     for c in curves:
-        blocks += [(c.label, MAGNITUDE, STEP, c.magnitude), (c.label, PHASE, STEP, c.phase)]
+        blocks.append((c.label, MAGNITUDE, STEP, c.magnitude))
+        if c.phase is not None:
+            blocks.append((c.label, PHASE, STEP, c.phase))
         if c.spread is not None:
             blocks.append((c.label, "spread", STEP, c.spread))
     if coherence is not None:
@@ -295,6 +297,8 @@ def measured_shapes(result: RunResult, modes: Modes) -> dict[int, MeasuredShape]
     in quadrature. Of several forces it is the part that most of them share, the first left singular vector.
     """
     d = result.diagnosis
+    if not d.problem.data.phase:  # amplitudes do not tell which sensors move against each other
+        return {}
     sensors = d.problem.data.measurement.sensors
     points, directions = (np.array([getattr(s, key) for s in sensors]) for key in ("point", "direction"))
     frf = d.measured.select(lines=d.measured.frequency > 0).as_kind("receptance")

@@ -189,7 +189,7 @@ def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Al
             baseline,
             twins=twins,
             accepted=accepted,
-            xlabel="residual level, amplitude and phase [dB]",
+            xlabel=words.level_label(d),
         )
         save(figure, path, DPI)
 
@@ -222,7 +222,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
                 p,
                 DPI,
             ),
-            f"Amplitude and phase of the FRFs {listed}, measured and computed ({', '.join(models)})"
+            f"{words.frf_parts(d)} of the FRFs {listed}, measured and computed ({', '.join(models)})"
             + (f"; {shaded}" if bands else "."),
             f"Response / force: {listed}.",
         )

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import cells, words
 from dovetail.report.page import Markup, join, paragraph, section, table, tag
@@ -33,8 +35,8 @@ def frfs(result: RunResult, shown: Shown) -> Markup:
         ),
         shown.figure(
             "frf",
-            "Amplitude and phase of one FRF, measured and computed; the lists above choose response and "
-            "force.",
+            f"{words.frf_parts(result.diagnosis)} of one FRF, measured and computed; the lists above choose "
+            "response and force.",
             f"Any of the {len(known.outputs) * len(known.inputs)} FRFs: measured, with the models of each "
             "step, and with the best other candidate. A click on a name in the legend hides its curve."
             + (f" Of the lines every {every}th is drawn." if every > 1 else ""),
@@ -80,21 +82,53 @@ def modes(result: RunResult, shown: Shown) -> Markup:
         if any(f < 0 for m in result.modes for f in (m.nominal, m.fitted))
         else ""
     )
+    arrows = (
+        "Arrows show the measured motion at the line nearest to the natural frequency, in quadrature and "
+        "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
+        "arrows' tips."
+        if result.diagnosis.problem.data.phase
+        else ""
+    )
     return section(
         "Natural frequencies and mode shapes",
+        *_measured_modes(result),
         paragraph(
             f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
             "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
             f"mode.{grows}"
         ),
         table(head, rows, numbers=range(7), at_most=15),
-        shapes(
-            shown,
-            "Arrows show the measured motion at the line nearest to the natural frequency, in quadrature and "
-            "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
-            "arrows' tips.",
-        ),
+        shapes(shown, arrows),
     )
+
+
+def _measured_modes(result: RunResult) -> list[Markup]:
+    """Return the measured modes beside those of each step, where the study has any beside its FRFs."""
+    m = result.measured_modes
+    if m is None:
+        return []
+    shaped = any(np.isfinite(mac).any() for mac in m.mac.values())
+    head = ["measured [Hz]", "std [%]", *(f"{step} [%]" for step in m.computed)]
+    head += ["MAC in the end"] if shaped else []
+    last = list(m.computed)[-1]
+    rows = [
+        [
+            f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in m.computed.values()),
+            *([cells.number(m.mac[last][k], 3)] if shaped else []),
+            "predicted" if m.held_out[k] else "fitted",
+        ]
+        for k, f in enumerate(m.measured)
+    ]  # fmt: skip
+    errors = [
+        [step, *(cells.number(100 * m.error(step, held), 2) for held in (False, True))] for step in m.computed
+    ]
+    return [
+        table([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
+        table(
+            ["step", "fitted modes [%]", "held-out modes [%]"], errors, numbers=(1, 2),
+            caption="Root mean square of ln(f computed / f measured)",
+        ),
+    ]  # fmt: skip
 
 
 def shapes(shown: Shown, arrows: str = "") -> Markup:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dovetail.mode_result import ModeRunResult, mode_findings
 from dovetail.result import RunResult, added_parameters
 from fem.model import Effect, Parameter
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 from updating.diagnosis.separation import Decisive, Proposal
@@ -34,6 +34,16 @@ def directions(text: str) -> str:
 def effect_label(kind: str, where: str) -> str:
     """Return an effect in words, such as ``joint stiffness: joint J, about x``."""
     return f"{kind.replace('_', ' ')}: {place(where)}"
+
+
+def level_label(d: Diagnosis) -> str:
+    """Return the label of an axis of residual levels; amplitudes have no phase."""
+    return f"residual level, {frf_parts(d).lower()} [dB]"
+
+
+def frf_parts(d: Diagnosis) -> str:
+    """Return which parts of FRFs were measured, in words."""
+    return "Amplitude and phase" if d.problem.data.phase else "Amplitude"
 
 
 def number(value: float, digits: int = 3) -> str:

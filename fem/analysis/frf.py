@@ -108,6 +108,12 @@ class FRF:
         ends = f"{len(self.outputs)} outputs ({listed(self.outputs)}) × {len(self.inputs)} inputs"
         return summary(self, f"{self.kind} [{self.kind.unit}]: {lines}; {ends} ({listed(self.inputs)})")
 
+    @property
+    def has_phase(self) -> bool:
+        """Whether the values have phases; amplitudes are real and never negative, over more than one line."""
+        bare = self.n_freq > 1 and bool(self.H.any()) and not self.H.imag.any()
+        return not (bare and bool((self.H.real >= 0).all()))
+
     def __getitem__(self, pair: tuple[str, str]) -> NDArray[np.complex128]:
         """Return the curve of an output and an input, ``frf["U1z", "D3z"]``, shape (n_freq,) [unit of kind].
 

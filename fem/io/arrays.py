@@ -227,6 +227,10 @@ def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """
     name = Path(path).name
     with Path(path).open("rb") as file:
+        if file.read(2) not in (b"PK", b"\x93N"):
+            msg = f"{name}: it cannot be read as .npz (it begins as no NumPy archive does)"
+            raise TableError(msg)
+        file.seek(0)
         try:
             loaded: Any = np.load(file, allow_pickle=False)
             found = loaded if isinstance(loaded, np.ndarray) else dict(loaded)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fem.analysis.frf import FRF
 from fem.io.arrays import TableError, named_arrays, read_npz, typed
 from fem.io.column_frf import frf_of_columns
 from fem.io.frf_reading import Asked, Reading
@@ -133,11 +132,5 @@ def read_frfs(path: str | os.PathLike[str], asked: Asked) -> Reading:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         reading = reader_of(file).read(file, asked)
-    phase = reading.phase and not all(_is_amplitude(frf) for frf in reading.frfs)
+    phase = reading.phase and any(frf.has_phase for frf in reading.frfs)
     return replace(reading, phase=phase, notes=(*reading.notes, *(str(w.message) for w in caught)))
-
-
-def _is_amplitude(frf: FRF) -> bool:
-    """Return whether values are amplitudes that pass for FRFs: real and never negative."""
-    real = frf.n_freq > 1 and bool(frf.H.any()) and not frf.H.imag.any()
-    return real and bool((frf.H.real >= 0).all())

@@ -160,6 +160,8 @@ def _rate_of(path: Path, time: Floats) -> float:
     step = np.diff(time)
     usual = float(np.median(step))
     off = np.flatnonzero(~(np.abs(step - usual) <= UNEVEN * abs(usual)))
+    if off.size and _rounded(time):
+        off = off[:0]
     if off.size or usual <= 0:
         k = int(off[0]) if off.size else 0
         _refuse(
@@ -168,6 +170,23 @@ def _rate_of(path: Path, time: Floats) -> float:
             f"where the usual step is {usual:.6g} s; --sample-rate overrides the times",
         )
     return (time.size - 1) / (time[-1] - time[0])
+
+
+def _rounded(time: Floats) -> bool:
+    """Return whether times follow evenly but for the digits that a file has printed.
+
+    Those of the largest times are whole multiples of a power of ten, by half of which all may be off; a step
+    that is missing or twice there moves times by half a step at least.
+    """
+    even = time[0] + (time[-1] - time[0]) * np.arange(time.size) / (time.size - 1)
+    off, step = float(np.abs(time - even).max()), float(even[1] - even[0])
+    largest = float(np.abs(time).max())
+    large = time[np.abs(time) >= 10.0 ** np.floor(np.log10(max(largest, 1e-300)))]
+    for power in range(int(np.floor(np.log10(max(step, 1e-300)))) + 1, -16, -1):
+        multiple = large / 10.0**power
+        if (np.abs(multiple - np.round(multiple)) < 1e-6 + 1e-12 * np.abs(multiple)).all():
+            return off <= min(1.01 * 10.0**power, 0.25 * step)
+    return False
 
 
 def _wav(path: Path, sample_rate: float | None) -> TimeData:

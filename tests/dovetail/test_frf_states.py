@@ -70,7 +70,7 @@ def test_the_baseline_is_cut_to_the_band_of_the_later_state(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (MEASURED, "", r"baseline.measurements: the study has no \[\[measurements\]\] to compare"),
+        (MEASURED, "", r"baseline.measurements: the study has no \[\[measurements\]\], \[modes\] or"),
         (BASELINE, BASELINE + "noise = 1\n", r"baseline.measurements\[1\].noise: unknown key"),
         (BASELINE, BASELINE + "[baseline]\nfrequency = [1.0]\n", "baseline"),
     ],

@@ -75,7 +75,7 @@ def test_histories_that_cannot_be_made_are_refused(study, capsys, tables, words)
 
 def test_a_study_without_a_baseline_has_no_history(root, capsys):
     assert main(["history", str(root / "examples" / "three-storeys" / "study.toml")]) == 2
-    assert "it has no [baseline] with modes" in capsys.readouterr().err
+    assert "it has no [baseline]; a history needs" in capsys.readouterr().err
 
 
 @pytest.mark.slow

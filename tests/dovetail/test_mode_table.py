@@ -14,7 +14,7 @@ TABLE = """\
 # modes of Friday's test
 frequency [kHz]; zeta [%]; frequency_std [%]; U1z; U2z; far one
 0,2; 1,5; 0,2; 1,0; 0,5; -0,25
-0,1; ; 0,1; 0,3-0,1j; ; 2
+0,1; ; 0,1; 3,0e-1-0,1j; ; 2
 """
 
 
@@ -24,7 +24,7 @@ def written(folder, text):
 
 
 def test_units_gaps_and_complex_cells_of_a_table_are_read_and_modes_rise(tmp_path):
-    modes, std = read_mode_table(written(tmp_path, TABLE.replace("0,3-0,1j", "0.3-0.1j")))
+    modes, std = read_mode_table(written(tmp_path, TABLE))
     np.testing.assert_allclose(modes.frequency, [100.0, 200.0])
     np.testing.assert_allclose(modes.zeta, [np.nan, 0.015])
     np.testing.assert_allclose(std["frequency_std"], [0.001, 0.002])
@@ -69,6 +69,7 @@ def test_frequencies_alone_need_no_channels(root, tmp_path):
         ("frequency,U1z\n12.5,2\n,1\n", "row 3, frequency: '' is not allowed; a number is needed"),
         ("frequency,U1z\n12.5,two\n", "row 2, U1z: 'two' is not allowed; a number, or nothing where"),
         ("frequency,U1z\n-3,1\n", "the column 'frequency' has -3; numbers above 0 are needed"),
+        ("frequency,U1z\n12.5,2\n13.5", "row 3: the file ends after 1 of 2 cells; it may be cut off"),
         ("frequency,U1z\n", "a heading and a row for each mode are needed"),
     ],
 )

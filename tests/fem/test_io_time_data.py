@@ -51,6 +51,25 @@ def test_text_without_a_header(tmp_path):
         read_time_data(text(tmp_path, X))
 
 
+@pytest.mark.parametrize(("digits", "rate"), [(6, 2048.0), (5, 204.8), (4, 25.6), (9, 51_200.0)])
+def test_times_that_a_program_has_rounded_follow_evenly(tmp_path, digits, rate):
+    t = np.arange(int(12 * rate)) / rate
+    rows = [f"{v:.{digits}g},{k % 7}" for k, v in enumerate(t)]
+    (tmp_path / "r.csv").write_text("Time [s],acc\n" + "\n".join(rows), encoding="utf-8")
+    found = read_time_data(tmp_path / "r.csv")
+    assert found.sample_rate == pytest.approx(rate, rel=10.0 ** (1 - digits))
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_samples_that_jitter_are_not_taken_for_rounded_ones(tmp_path, share):
+    t = np.arange(400) / 204.8
+    t[1:-1] += share / 204.8 * np.random.default_rng(1).uniform(-1, 1, 398)
+    rows = [f"{v:.9f},0" for v in t]
+    (tmp_path / "r.csv").write_text("Time [s],acc\n" + "\n".join(rows), encoding="utf-8")
+    with pytest.raises(TableError, match="do not follow evenly"):
+        read_time_data(tmp_path / "r.csv")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fem.mesh import Mesh
-from updating.measurement.matching import GeometryMatchError, align_points, match_geometry, match_members
+from updating.measurement.matching import (
+    GeometryMatchError,
+    _aligned,
+    _straight,
+    align_points,
+    match_geometry,
+    match_members,
+)
 
 modest = settings(max_examples=25, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
@@ -187,3 +194,21 @@ def test_members_that_are_alike_are_refused_and_the_same_axes_settle_it():
     np.testing.assert_allclose(with_points.points[found.pairs[:, 1]], test, atol=1e-12)
     found, _ = match_members(np.vstack([test, [[0.5, 0.5, 0.2]]]), mesh, tolerance=0.005, axes="same")
     assert found.unmatched == (7,)
+
+
+def test_many_alignments_are_those_of_one_at_a_time():
+    rng = np.random.default_rng(2)
+    points, onto = rng.standard_normal((7, 3)), rng.standard_normal((5, 7, 3))
+    kept = rng.random((5, 7)) < 0.7
+    kept[:, :3] = True
+    R, t = _aligned(points, onto, kept)
+    for k in range(5):
+        one = align_points(points[kept[k]], onto[k, kept[k]])
+        np.testing.assert_allclose(R[k], one[0], atol=1e-12)
+        np.testing.assert_allclose(t[k], one[1], atol=1e-12)
+
+
+def test_lines_that_go_on_straight_are_one():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 3, 0]])
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3], [3, 4]], {"a": [0, 1], "b": [2, 3]})
+    np.testing.assert_allclose(_straight(mesh), [[[0, 0, 0], [2, 0, 0]], [[2, 0, 0], [2, 3, 0]]])

@@ -1,12 +1,15 @@
 """Amplitudes without phase: only ln |H| is compared, fitted and searched."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
+from dovetail.report.figures import measured_shapes
+from dovetail.report.words import level_label
 from fem.analysis.frf import FRF
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
@@ -39,6 +42,16 @@ def test_a_hidden_mass_is_found_by_amplitudes_alone(study):
     assert found.faults == ()
     outcome = {c.name: c.outcome for c in found.gates.checks}
     assert outcome["phase"] == outcome["sensors and forces"] == "not run"
+
+
+def test_no_phase_and_no_measured_shape_is_shown(study):
+    compared = study.compare()
+    assert {t.meta["quantity"] for t in compared.plot().data if t.meta} == {"magnitude"}
+    problem = fit_problem(study)
+    diagnosis = SimpleNamespace(problem=problem, measured=problem.measured)
+    result = SimpleNamespace(diagnosis=diagnosis)
+    assert measured_shapes(result, study.solve_modes(3)) == {}
+    assert level_label(diagnosis) == "residual level, amplitude [dB]"
 
 
 def test_residuals_and_slopes_are_those_of_the_logarithm_of_amplitudes(study):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -48,6 +49,14 @@ def test_frf_figure_shows_amplitude_with_unit_and_phase(measured):
     phase = low.lines[0].get_ydata()
     assert np.allclose(phase[np.isfinite(phase)], np.rad2deg(np.angle(measured.H[:, 1, 0])))
     assert legend_texts(figure) == ["measured", "nominal"]
+
+
+def test_amplitudes_are_shown_without_any_phase(measured):
+    bare = replace(measured, H=np.abs(measured.H).astype(complex))
+    figure = curves.plot_frf(bare, {"nominal": resonance(44.0)}, [("U1z", "F1"), ("U2z", "F1")])
+    assert [ax.get_ylabel() for ax in figure.axes] == ["accelerance [(m/s²)/N]", ""]
+    assert [ax.get_xlabel() for ax in figure.axes] == ["frequency [Hz]"] * 2
+    assert np.allclose(figure.axes[1].lines[0].get_ydata(), bare.H[:, 1, 0].real)
 
 
 def test_frf_models_of_another_kind_are_converted(measured):

@@ -2,6 +2,7 @@
 
 import json
 from base64 import b64decode
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,6 +50,17 @@ def test_an_frf_is_shown_in_decibels_and_degrees(measured, pair):
         assert np.asarray(shown.y)[there] == pytest.approx(np.rad2deg(np.angle(H[known])), abs=1e-3)
     assert figure.layout.xaxis.range == (10.0, 400.0)
     assert f"{pair[0]} / {pair[1]}" in figure.layout.title.text
+
+
+@pytest.mark.parametrize("coherence", [None, 1.0])
+def test_amplitudes_are_shown_without_any_phase(measured, coherence):
+    bare = replace(measured, H=np.abs(measured.H).astype(complex))
+    gamma = None if coherence is None else np.full(bare.H.shape, coherence)
+    figure = frf.frf_figure(bare, {"nominal": measured}, coherence=gamma)
+    known = {t.meta["quantity"] for t in figure.data if t.meta}
+    assert known == ({"magnitude"} if coherence is None else {"magnitude", "coherence"})
+    assert "yaxis2" not in figure.layout.to_plotly_json()
+    assert figure.layout.xaxis.anchor == ("y" if coherence is None else "y3")
 
 
 def test_a_phase_has_a_gap_where_it_jumps():

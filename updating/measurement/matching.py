@@ -27,6 +27,8 @@ _COLLINEAR = 1e-3
 _MOST_PLACES = 20_000
 """Placements of three points that are tried for each base."""
 _BASES = 4
+_MOST_DISTANCES = 500_000
+"""Distances of points from lines that are in memory at once."""
 _MOST_POINTS = 120
 """Points along the members from which placements are searched."""
 
@@ -259,7 +261,7 @@ def match_members(
     _check_options(tolerance, axes)
     scale = _scale(test, mesh.points[np.unique(mesh.lines)], unit)
     scaled = scale * test
-    ends = mesh.points[mesh.lines]
+    ends = _straight(mesh)
     if axes == "same":
         best = _on_members(scaled, ends, tolerance, scale, np.eye(3), np.zeros(3))
     elif _spread(scaled) <= _COLLINEAR:
@@ -273,12 +275,20 @@ def match_members(
         wide = tolerance + spacing / 2
         starts = _search(test, scaled, coarse, cKDTree(coarse), wide, scale, {})
         best = _chosen(_polished(scaled, ends, starts, tolerance), tolerance, alternative, len(test))
-    pairs = best.pairs.copy()
-    for k, i in enumerate(best.pairs[:, 0]):
-        member, position, _ = mesh.nearest_on_members(best.points[i])
+    return put_on_members(best, mesh)
+
+
+def put_on_members(match: GeometryMatch, mesh: Mesh) -> tuple[GeometryMatch, Mesh]:
+    """Return a placement on members, such as an error's alternative, and the mesh with points there.
+
+    Both are as :func:`match_members` returns them.
+    """
+    pairs = match.pairs.copy()
+    for k, i in enumerate(match.pairs[:, 0]):
+        member, position, _ = mesh.nearest_on_members(match.points[i])
         mesh = mesh.with_point_on(member, position)
         pairs[k, 1] = mesh.nearest_point(mesh.point_at(mesh.locate(member, position)))[0]
-    return replace(best, pairs=pairs), mesh
+    return replace(match, pairs=pairs), mesh
 
 
 def _check_options(tolerance: float, axes: str) -> None:
@@ -303,8 +313,31 @@ def _along(mesh: Mesh) -> tuple[Floats, float]:
     return points[keep], spacing
 
 
+def _straight(mesh: Mesh) -> Floats:
+    """Return the ends (n, 2, 3) of straight pieces of the members: lines that go on straight are one."""
+    out: list[list[Floats]] = []
+    for lines in mesh.members.values():
+        last = -1
+        for a, b in mesh.lines[np.asarray(lines, dtype=np.int64)].tolist():
+            start, stop = mesh.points[a], mesh.points[b]
+            if a == last:
+                before, now = out[-1][1] - out[-1][0], stop - start
+                if np.linalg.norm(np.cross(before, now)) <= 1e-9 * np.linalg.norm(before) * np.linalg.norm(
+                    now
+                ) and (before @ now > 0):
+                    out[-1][1], last = stop, b
+                    continue
+            out.append([start, stop])
+            last = b
+    return np.array(out)
+
+
 def _project(points: Floats, ends: Floats) -> tuple[Floats, Floats]:
     """Return the nearest places (n, 3) on lines with ends (n_lines, 2, 3), and the distances (n,)."""
+    if len(points) * len(ends) > _MOST_DISTANCES and len(points) > 1:
+        parts = np.array_split(points, -(-len(points) * len(ends) // _MOST_DISTANCES))
+        found = [_project(part, ends) for part in parts if len(part)]
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
     a, t = ends[:, 0], ends[:, 1] - ends[:, 0]
     xi = np.clip(np.einsum("nlj,lj->nl", points[:, None] - a, t) / np.einsum("lj,lj->l", t, t), 0.0, 1.0)
     places = a + xi[:, :, None] * t
@@ -331,28 +364,51 @@ def _polished(
     scaled: Floats, ends: Floats, starts: list[GeometryMatch], tolerance: float
 ) -> list[GeometryMatch]:
     """Move placements until points are nearest to the lines; the same ones that come out count once."""
+    if not starts:
+        return []
+    R, t = np.stack([s.R for s in starts]), np.stack([s.translation for s in starts])
+    placed = scaled @ R.transpose(0, 2, 1) + t[:, None]
+    moving = np.arange(len(starts))
+    for _ in range(100):  # all at once: there may be thousands
+        places, distance = _project(placed[moving].reshape(-1, 3), ends)
+        places, distance = places.reshape(-1, *scaled.shape), distance.reshape(-1, len(scaled))
+        kept = distance <= np.maximum(tolerance, 3 * np.median(distance, axis=1))[:, None]
+        enough = kept.sum(axis=1) >= 3
+        moving, places, kept = moving[enough], places[enough], kept[enough]
+        if not moving.size:
+            break
+        R[moving], t[moving] = _aligned(scaled, places, kept)
+        moved = scaled @ R[moving].transpose(0, 2, 1) + t[moving, None]
+        done = np.abs(moved - placed[moving]).max(axis=(1, 2)) < 1e-4 * tolerance
+        placed[moving] = moved
+        moving = moving[~done]
+        if not moving.size:
+            break
     out: list[GeometryMatch] = []
-    for start in starts:
-        R, t = start.R, start.translation
-        placed = scaled @ R.T + t
-        kept = np.ones(len(scaled), dtype=bool)
-        for _ in range(100):
-            places, distance = _project(placed, ends)
-            median = float(np.median(distance))
-            kept = distance <= max(tolerance, 3 * median)
-            if kept.sum() < 3:
-                break
-            R, t = align_points(scaled[kept], places[kept])
-            moved = scaled @ R.T + t
-            done = float(np.abs(moved - placed).max()) < 1e-4 * tolerance
-            placed = moved
-            if done:
-                break
-        found = _on_members(scaled, ends, tolerance, start.scale, R, t)
-        same = any(np.linalg.norm(found.points - other.points, axis=1).max() < tolerance for other in out)
-        if len(found.pairs) >= 3 and not same:
+    for k, start in enumerate(starts):
+        if (
+            out
+            and (
+                np.linalg.norm(placed[k] - np.stack([m.points for m in out]), axis=2).max(axis=1) < tolerance
+            ).any()
+        ):
+            continue
+        found = _on_members(scaled, ends, tolerance, start.scale, R[k], t[k])
+        if len(found.pairs) >= 3:
             out.append(found)
     return sorted(out, key=lambda m: (-len(m.pairs), m.rms))
+
+
+def _aligned(points: Floats, onto: Floats, kept: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Return what :func:`align_points` returns for each of many targets (k, n, 3), of the kept points."""
+    weight = kept / kept.sum(axis=1, keepdims=True)
+    a, b = weight @ points, np.einsum("kn,kni->ki", weight, onto)
+    U, _, Vt = np.linalg.svd(
+        np.einsum("kn,kni,knj->kij", weight, onto - b[:, None], points - a[:, None], optimize=True)
+    )
+    U[:, :, 2] *= (np.linalg.det(U) * np.linalg.det(Vt))[:, None]
+    R = U @ Vt
+    return R, b - np.einsum("kij,kj->ki", R, a)
 
 
 def _chosen(

@@ -337,6 +337,7 @@ def _result(
     error = np.sqrt(
         np.divide((np.abs(H - data.H) ** 2).sum(axis=0), power, out=np.zeros(power.shape), where=power > 0)
     )
+    entries, across = shape_deviation(fit, rising, points, turned)
     return IdentifiedModes(
         Modes(frequency, real_shapes(phi), zeta, data.outputs),
         poles,
@@ -344,7 +345,8 @@ def _result(
         phi,
         deviation[:, 0],
         deviation[:, 1],
-        shape_deviation(fit, rising, points, turned) * noise[::2],
+        entries * noise[::2],
+        across * noise[::2],
         covariance,
         modal_phase_collinearity(phi),
         mean_phase_deviation(phi),

@@ -39,6 +39,9 @@ class IdentifiedModes:
         Standard deviations [Hz, -].
     shape_std : ndarray (n_out, n_modes)
         Standard deviations of ``modes.shapes`` [as they].
+    across_std : ndarray (n_modes,)
+        Root mean square of the deviations across each shape over that of its entries [-]. They do not
+        contain that of the scale, which is large at driving points that hardly move.
     covariance : ndarray (2 n_modes, 2 n_modes)
         Of (frequency, ratio), mode by mode.
     mpc, mpd, mcf : ndarray (n_modes,)
@@ -72,6 +75,7 @@ class IdentifiedModes:
     frequency_std: Floats
     zeta_std: Floats
     shape_std: Floats
+    across_std: Floats
     covariance: Floats
     mpc: Floats
     mpd: Floats
@@ -98,18 +102,14 @@ class IdentifiedModes:
     def relative_std(self, least_shape: float = 0.01) -> tuple[Floats, Floats]:
         """Return standard deviations as an updating takes them, (n_modes,) each [-].
 
-        Those of frequencies, relative, and the root mean square of those of a shape's entries over that of
-        the entries.
+        Those of frequencies, relative, and those across the shapes: an updating compares shapes at any scale.
 
         Parameters
         ----------
         least_shape : float
             Of the latter: places and directions of sensors are not known better [-].
         """
-        shapes = np.abs(self.modes.shapes)
-        size = np.sqrt((shapes**2).mean(axis=0))
-        noise = np.sqrt((self.shape_std**2).mean(axis=0)) / np.where(size > 0, size, 1.0)
-        return self.frequency_std / self.modes.frequency, np.maximum(noise, least_shape)
+        return self.frequency_std / self.modes.frequency, np.maximum(self.across_std, least_shape)
 
     def damping(self) -> Damping:
         """Return the damping ratios as those of a model, over frequency."""

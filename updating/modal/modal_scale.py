@@ -9,7 +9,7 @@ from updating.correlation.complexity import (
     mean_phase,
     real_shapes,
 )
-from updating.modal.modal_fit import ModalFit
+from updating.modal.modal_fit import ModalFit, Scatter
 
 Floats = NDArray[np.float64]
 
@@ -55,14 +55,21 @@ def _scale_of(
 
 def shape_deviation(
     fit: ModalFit, order: NDArray[np.int64], points: tuple[tuple[int, int, int], ...], turned: bool
-) -> Floats:
-    """Return standard deviations of the real, scaled shapes, (n_out, n_modes), the modes in an order.
+) -> tuple[Floats, Floats]:
+    """Return standard deviations of the real, scaled shapes, the modes in an order.
 
     Linearised: differences of the scaled shape by each unknown of the mode, scale and mean phase included.
+
+    Returns
+    -------
+    entries : ndarray (n_out, n_modes)
+    across : ndarray (n_modes,)
+        Root mean square of the deviations across the shape over that of its entries, which stays at any
+        scale [-].
     """
     n_psi, scatter = len(fit.shapes), fit.scatter
     n_out = fit.participation.shape[1] if turned else n_psi
-    out = np.zeros((n_out, order.size))
+    out, beside = np.zeros((n_out, order.size)), np.zeros(order.size)
     for column, r in enumerate(order.tolist()):
         own = np.flatnonzero(scatter.rows == r)
         n_other = 2 + 2 * own.size
@@ -90,9 +97,20 @@ def shape_deviation(
         real = real * np.sign((real * real[:, :1]).sum(axis=0))  # the sign of a shape is arbitrary
         J = (real[:, 1:] - real[:, :1]) / step
         among = np.concatenate([[2 * r, 2 * r + 1], *((a, a + 1) for a in 2 * len(fit.poles) + 2 * own)])
-        by_shape = J[:, n_other:].reshape(n_out, n_psi, 2)
-        F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])
-        F[:, among.astype(np.int64)] += J[:, :n_other]
-        variance = np.einsum("pob,obc,poc->p", by_shape, scatter.own[r], by_shape, optimize=True)
-        out[:, column] = np.sqrt(variance + np.einsum("pi,ij,pj->p", F, scatter.covariance, F, optimize=True))
-    return out
+        phi = real[:, 0]
+        power = max(float(phi @ phi), 1e-300)
+        across = J - np.outer(phi, phi @ J) / power
+        variance, rest = (
+            _variance(part, n_other, among.astype(np.int64), scatter, r) for part in (J, across)
+        )
+        out[:, column], beside[column] = np.sqrt(variance), np.sqrt(rest.sum() / power)
+    return out, beside
+
+
+def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: Scatter, r: int) -> Floats:
+    """Return the variances (n,) of quantities with derivatives J (n, m) by the unknowns of a mode."""
+    by_shape = J[:, n_other:].reshape(len(J), -1, 2)
+    F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])
+    F[:, among] += J[:, :n_other]
+    own = np.einsum("pob,obc,poc->p", by_shape, scatter.own[r], by_shape, optimize=True)
+    return own + np.einsum("pi,ij,pj->p", F, scatter.covariance, F, optimize=True)

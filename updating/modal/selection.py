@@ -201,7 +201,9 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     frequency = fit.poles.imag / (2 * np.pi)
     low, high = data.frf.frequency[[0, -1]]
     noise = scatter_near(fit, data)
-    deviation = np.sqrt(fit.covariance.diagonal()).reshape(-1, 2).max(axis=1, initial=0.0) * noise
+    variance = fit.covariance.diagonal()  # below zero by rounding where the data say nothing of a pole
+    deviation = np.sqrt(np.where(variance >= 0, variance, np.inf)).reshape(-1, 2).max(axis=1, initial=0.0)
+    deviation *= noise
     width = data.added_decay - fit.poles.real  # as the data show it
     deviation *= -fit.poles.real / width
     n = fit.n_parameters

@@ -1,7 +1,7 @@
 """FRFs over frequency: amplitude, phase and coherence of one pair, and the error of all."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,8 +33,10 @@ class Curves:
     label, colour, dash : str
     frequency : ndarray (n_freq,)
         [Hz].
-    magnitude, phase : ndarray (n_freq, n_out, n_in)
-        20 lg |H| [dB re 1 SI unit] and phase [degrees]; NaN where H is 0.
+    magnitude : ndarray (n_freq, n_out, n_in)
+        20 lg |H| [dB re 1 SI unit]; NaN where H is 0.
+    phase : ndarray (n_freq, n_out, n_in) or None
+        [degrees]; NaN where H is 0. None beside measured amplitudes, which have none.
     spread : ndarray (n_freq, n_out, n_in) or None
         Half width of the 95 % prediction band [dB].
     outputs, inputs : tuple of str
@@ -45,16 +47,16 @@ class Curves:
     dash: str
     frequency: Floats
     magnitude: Floats
-    phase: Floats
+    phase: Floats | None
     spread: Floats | None
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
 
-    def of(self, pair: tuple[str, str]) -> tuple[Floats, Floats, Floats | None]:
+    def of(self, pair: tuple[str, str]) -> tuple[Floats, Floats | None, Floats | None]:
         """Return magnitude, phase and spread of a pair (output, input), (n_freq,) each."""
         o, i = self.outputs.index(pair[0]), self.inputs.index(pair[1])
-        spread = None if self.spread is None else self.spread[:, o, i]
-        return self.magnitude[:, o, i], self.phase[:, o, i], spread
+        phase, spread = (None if x is None else x[:, o, i] for x in (self.phase, self.spread))
+        return self.magnitude[:, o, i], phase, spread
 
 
 def frf_curves(
@@ -78,6 +80,8 @@ def frf_curves(
         colour, line = style.model_style(label, n)
         spread = (deviations or {}).get(label)
         out.append(_curves(label, frf.as_kind(kind) if kind else frf, colour, DASHES[line], spread))
+    if measured is not None and not measured.has_phase:
+        out = [replace(c, phase=None) for c in out]
     return tuple(out)
 
 
@@ -106,6 +110,8 @@ def frf_figure(
     height: float = 520,
 ) -> Figure:
     """Return amplitude and phase of one FRF, measured and of models, over frequency.
+
+    If the measured FRFs are amplitudes without phase, no phase is drawn.
 
     Every trace's ``meta`` has its ``series`` (the label) and ``quantity`` (``magnitude``, ``phase``, ``low``
     and ``high`` of the prediction band, ``coherence``), so that a page can put in other values.
@@ -159,7 +165,12 @@ def frf_figure(
         hovermode="x unified",
         shapes=shaded(held_out),
         meta={"output": pair[0], "input": pair[1]},
-        **_axes(first, magnitude_range(curves[0].of(pair)[0]), coherence=with_coherence),
+        **_axes(
+            first,
+            magnitude_range(curves[0].of(pair)[0]),
+            phases=curves[0].phase is not None,
+            coherence=with_coherence,
+        ),
     )
     return Figure(traces, look)
 
@@ -192,13 +203,16 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
             {**edge, **fill, "y": single(magnitude + spread), "meta": _meta(curve, HIGH),
              "name": f"{name}, 95 %", "showlegend": True, "legendgroup": f"{name}, 95 %"},
         ]  # fmt: skip
-    f, wrapped = without_wraps(curve.frequency, phase)
-    out += [
+    out.append(
         {**common, "y": single(magnitude), "yaxis": "y", "name": name, "line": line,
          "meta": _meta(curve, MAGNITUDE), "hovertemplate": "%{y:.2f} dB"},
-        {**common, "x": single(f), "y": single(wrapped), "yaxis": "y2", "name": name, "line": line,
-         "meta": _meta(curve, PHASE), "showlegend": False, "hovertemplate": "%{y:.1f}°"},
-    ]  # fmt: skip
+    )  # fmt: skip
+    if phase is not None:
+        f, wrapped = without_wraps(curve.frequency, phase)
+        out.append(
+            {**common, "x": single(f), "y": single(wrapped), "yaxis": "y2", "name": name, "line": line,
+             "meta": _meta(curve, PHASE), "showlegend": False, "hovertemplate": "%{y:.1f}°"},
+        )  # fmt: skip
     return out
 
 
@@ -222,24 +236,26 @@ def _coherence_trace(measured: FRF, coherence: Floats, pair: tuple[str, str]) ->
     }  # fmt: skip
 
 
-def _axes(frf: FRF, limits: tuple[float, float], *, coherence: bool) -> dict[str, Any]:
+def _axes(frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: bool) -> dict[str, Any]:
     """Return the axes: magnitude above, phase below it, and coherence at the bottom."""
     low = 0.18 if coherence else 0.0
-    split = low + 0.34 * (1 - low)
+    split = low + 0.34 * (1 - low) if phases else low - (0.0 if coherence else 0.03)
+    lowest = "y3" if coherence else "y2" if phases else "y"
     ends = [float(frf.frequency[0]), float(frf.frequency[-1])]
     out = {
         "xaxis": axis(
-            "frequency [Hz]", range=ends, anchor="y3" if coherence else "y2", hoverformat=".5~g",
+            "frequency [Hz]", range=ends, anchor=lowest, hoverformat=".5~g",
             unifiedhovertitle={"text": "%{x:.5~g} Hz"},
         ),
         "yaxis": axis(
             f"{frf.kind}<br>[dB re 1 {frf.kind.unit}]", domain=[split + 0.03, 1], range=list(limits)
         ),
-        "yaxis2": axis(
+    }  # fmt: skip
+    if phases:
+        out["yaxis2"] = axis(
             "phase [°]", domain=[low + (0.03 if coherence else 0), split - 0.02], range=[-190, 190],
             tickvals=[-180, -90, 0, 90, 180],
-        ),
-    }  # fmt: skip
+        )  # fmt: skip
     if coherence:
         out["yaxis3"] = axis("γ² [-]", domain=[0, low - 0.03], range=[-0.02, 1.04], tickvals=[0, 0.5, 1])
     return out
