@@ -26,7 +26,8 @@ from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
-from updating.diagnosis.evidence.search import Search
+from updating.diagnosis.evidence.search import BASIS_SHARE, Search
+from updating.diagnosis.frf_states import N_BASES
 from updating.diagnosis.mode_diagnosis import (
     Calibrated,
     ModeDiagnosis,
@@ -52,11 +53,21 @@ def calibrate(
     damping_std: float = 0.5,
     model_error: float = EXPLAINED_LEVEL,
 ) -> Calibrated:
-    """Fit uncertain parameters, and the form's, to the modes of the first state."""
+    """Fit uncertain parameters, and the form's, to the modes of the first state.
+
+    On a basis with the modes of the fitted model: the second state's basis begins with them, and what one of
+    the two lacks would look like a change.
+    """
     problem, _, formed, _ = formed_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
     fitted = fit(problem)
+    for _ in range(N_BASES):
+        better = ModeRanking().basis_for(problem, fitted.result, 0, BASIS_SHARE)
+        if better is None:
+            break
+        problem = replace(problem, reduced=better[1])
+        fitted = fit(problem, stages=problem.stages[-1:], x_from=fitted.result)
     return Calibrated(fitted_model(formed, fitted.result), problem, fitted, problem.computed(fitted.result))
 
 

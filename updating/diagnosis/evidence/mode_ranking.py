@@ -417,6 +417,8 @@ class ModeRanking:
             system = assemble(model, reciprocal=False)
             pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
             f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
+            if (f <= 0).any():  # unstable beyond the basis: its shapes would make fits unstable, too
+                return None
             refs = list(result.values)
             at = problem.parametric(problem.targets.fitted, refs, result.effects).at(
                 np.array([result.values[r] for r in refs]),
