@@ -132,12 +132,17 @@ class Calibrated:
 
     @property
     def form_share(self) -> NDArray[np.float64]:
-        """Share of the residuals that is the form's error: of frequencies, damping and shapes, (3,) [-]."""
-        levels = self.fitted.levels
-        assert isinstance(levels, ModeLevels)
-        function = self.problem.function((), (), self.problem.targets.fitted)
+        """Share of the residuals that is the model's error: of frequencies, damping and shapes, (3,) [-].
+
+        By the size of the residuals, also where a study says that the form is right: what the model lacks in
+        the first state, it lacks in the second one.
+        """
+        own = self.fitted.levels
+        assert isinstance(own, ModeLevels)
+        there = np.unique(self.problem.function((), (), self.problem.targets.fitted).groups)
         out = np.zeros(len(LARGEST_LEFT))
-        out[np.unique(function.groups)] = levels.discrepancy_share(self.fitted.misfit)
+        levels = ModeLevels.up_to(own.n, own.size, own.variance, LARGEST_LEFT[there])
+        out[there] = levels.discrepancy_share(self.fitted.misfit)
         return out
 
 
