@@ -64,6 +64,7 @@ def test_modes_of_a_baseline_are_identified_in_its_frfs(states):
     assert by_modes(both) is both
 
 
+@pytest.mark.slow
 def test_a_change_is_found_and_written_from_frfs_before_and_frequencies_after(states, capsys):
     path = written(states, table("modes", states[2][1]) + FRFS.format("baseline."))
     out = states[0] / "out"

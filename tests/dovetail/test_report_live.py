@@ -111,7 +111,7 @@ def test_values_that_are_missing_or_jump_are_kept():
 
 
 def test_of_very_many_lines_every_second_is_kept(monkeypatch):
-    known = frf.frf_curves(FRF.from_arrays(np.arange(1.0, 101), np.arange(1.0, 101)))
+    known = frf.frf_curves(FRF.from_arrays(np.arange(1.0, 101), 1j * np.arange(1.0, 101)))
     monkeypatch.setattr(figures, "MOST_VALUES", 150)
     store = figures.frf_store(known)
     assert (store["every"], len(store["frequency"])) == (2, 50)
