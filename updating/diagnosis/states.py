@@ -250,7 +250,7 @@ def diagnose_change(
     level = 100 * first.fitted.level
     note = (
         f"the calibrated model misses the first state's frequencies by {level:.2g} %; "
-        f"{percent(first.form_share[0])} of the variance is model error, and was subtracted from the second "
-        "state"
+        f"model error has {percent(first.form_share[0])} of the residuals' variance, and that share was "
+        "subtracted from the second state"
     )
     return replace(out, notes=(note, *out.notes), baseline=first)
