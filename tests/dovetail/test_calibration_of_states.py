@@ -17,6 +17,7 @@ class Drawn(Exception):  # noqa: N818 - it carries a case, and is no error
     """A case that is drawn and not diagnosed."""
 
 
+@pytest.mark.slow
 def test_neighbouring_modes_that_change_places_do_not_stop_a_calibration(monkeypatch):
     """Two modes 2 % apart are mixtures of each other in the model, and known to 0.01 %."""
 

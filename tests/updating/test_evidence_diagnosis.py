@@ -48,6 +48,7 @@ def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
     assert found.steps[-1].fit_db < 0.3 * found.steps[1].fit_db
 
 
+@pytest.mark.slow
 def test_two_processes_find_what_one_finds(tmp_path):
     study, (measurement,) = asked(tmp_path, 0.25)
 
