@@ -1,7 +1,5 @@
 """Further positions along members at which an effect explains measured modes as well."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,14 +64,8 @@ def _other_positions(search: Search, h: Hypothesis, effect: Effect) -> list[dict
     problem = search.fits.problem
     if position is None or not isinstance(problem, ModeProblem):
         return []
-    result = h.fitted.result
-    without = replace(
-        result,
-        effects=tuple(e for e in h.effects if e.name != effect.name),
-        values={ref: v for ref, v in result.values.items() if ref[0] != effect.name},
-    )
     grid = Grid.of(problem, effect)  # type: ignore[arg-type]
-    left = ModeLook(problem, without).left_by(grid)
+    left = ModeLook(problem, h.fitted.result.without(effect.name)).left_by(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)
     best = [min(np.flatnonzero(at == place), key=lambda k: left[k]) for place in places]

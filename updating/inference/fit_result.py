@@ -1,7 +1,7 @@
 """A fitted model: values, standard deviations, and errors on fitted and held-out lines."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,13 @@ class FitResult:
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
+
+    def without(self, name: str) -> "FitResult":
+        """Return the result without one of its effects; all else keeps the values fitted with it."""
+        effects = tuple(e for e in self.effects if e.name != name)
+        return replace(
+            self, effects=effects, values={ref: v for ref, v in self.values.items() if ref[0] != name}
+        )
 
     def __repr__(self) -> str:
         """Return the errors and the added effects on one line."""

@@ -398,9 +398,7 @@ class ModeRanking:
         self, problem: ModeProblem, last: FitResult, effects: Sequence[Effect], n_best: int
     ) -> tuple[Screened, ...]:
         """Return the candidates that leave least in the place of the last effect of a fit."""
-        name = last.effects[-1].name
-        values = {ref: v for ref, v in last.values.items() if ref[0] != name}
-        without = replace(last, effects=last.effects[:-1], values=values)
+        without = last.without(last.effects[-1].name)
         return self.screened(problem, without, effects, lambda effect: False)[:n_best]
 
     def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:

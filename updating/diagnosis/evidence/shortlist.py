@@ -1,7 +1,6 @@
 """Which of very many candidates deserve a look: by what a little of each would do, none projected."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -39,9 +38,7 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     Each takes its place while everything else stays as it was fitted with it. Of very many only a short list
     is looked at.
     """
-    name = best.effects[-1].name
-    values = {ref: v for ref, v in best.values.items() if ref[0] != name}
-    without = replace(best, effects=best.effects[:-1], values=values)
+    without = best.without(best.effects[-1].name)
     if len(grids) > MOST_RIVALS:
         grids = [grids[i] for i in shortlist(problem, (without,), grids)]
     look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
