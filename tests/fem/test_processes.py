@@ -51,6 +51,7 @@ def two(monkeypatch):
     monkeypatch.setenv("DOVETAIL_SOLVER", "slepc")
 
 
+@pytest.mark.slow
 def test_two_processes_find_the_same_modes(two, monkeypatch):
     system = assemble(block_of_cells(4, 4, 5))  # a square tower: bending modes come in pairs
     theirs = solve_modes(system, 20)

@@ -121,6 +121,7 @@ def test_of_two_hidden_effects_both_are_named(tmp_path):
     assert abs(change.value + 0.2) < 2 * change.std
 
 
+@pytest.mark.slow
 def test_a_law_that_does_the_same_is_named_as_a_twin(tmp_path):
     """A foundation with a little loss is nearly a soft support, which has a parameter less."""
     told = with_hidden(tmp_path, 0.0, "foundation:foot.ry", stiffness=2e4, loss_factor=0.03)
