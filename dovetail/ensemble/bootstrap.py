@@ -1,6 +1,5 @@
 """The bootstrap of an update on a pool of workers, in a folder in which a run that was stopped continues."""
 
-import hashlib
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles, quantiles
 from dovetail.units.folder import FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
-from dovetail.units.program import fingerprint
+from dovetail.units.program import digest_of
 from dovetail.units.work import Step, work_through
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
@@ -154,25 +153,19 @@ def run_bootstrap(
 
 def _digest(model: BootstrapModel) -> str:
     """Return a short hash of all on which a refit depends, the program included."""
-    digest = hashlib.sha256(fingerprint().encode())
     problem = model.problem
-    system = assemble(problem.model)
-    arrays = [X.tocsr().data for X in (system.K, system.M, system.C, system.D)]
-    arrays.append(model.x)
+    arrays = [model.x]
     for data, keys in (
         (problem.modes, ("frequency", "covariance", "shapes", "shape_std", "rows")),
         (problem.frf, ("frequency", "H", "mask", "noise", "outputs", "inputs")),
     ):
         arrays += [value for key in keys if (value := getattr(data, key, None)) is not None]
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array).tobytes())
     words: list[Any] = [(u.name, u.low, u.high, u.std) for u in problem.unknowns]
     words += [problem.fixed, sorted(model.misfit.items()), problem.settings.max_iterations]
     words += [problem.settings.n_lines, problem.settings.stages]
     if problem.frf is not None:
         words += [problem.frf.model_error, problem.frf.amplitude_error]
-    digest.update(repr(words).encode())
-    return digest.hexdigest()[:16]
+    return digest_of(arrays, words, assemble(problem.model))
 
 
 def as_dict(found: Bootstrap) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Samples and checks on a pool of workers, in a folder in which a run that was stopped continues."""
 
-import hashlib
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
@@ -16,7 +15,7 @@ from dovetail.ensemble.samples import Checked, SampledModel, compute, heard
 from dovetail.units.folder import FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
-from dovetail.units.program import fingerprint
+from dovetail.units.program import digest_of
 from dovetail.units.work import Step, work_through
 from fem.io.atomic import replacing
 
@@ -153,16 +152,11 @@ def _file(folder: Path, unit: tuple[str, int, int]) -> Path:
 
 def _digest(model: SampledModel) -> str:
     """Return a short hash of all on which a sample depends, the program included."""
-    system, unc = model.reduced.system, model.uncertainty
-    digest = hashlib.sha256(fingerprint().encode())
-    damping = unc.damping
-    arrays = [X.tocsr().data for X in (system.K, system.M, system.C, system.D)]
-    arrays += [model.frequency, model.outputs, model.inputs, unc.knots, damping.frequency, damping.ratio]
-    for array in (*arrays, np.array([damping.loss_factor, damping.alpha, damping.beta])):
-        digest.update(np.ascontiguousarray(array).tobytes())
+    unc, damping = model.uncertainty, model.uncertainty.damping
+    arrays = [model.frequency, model.outputs, model.inputs, unc.knots, damping.frequency, damping.ratio]
     words = [unc.refs, [(u.mean, u.std) for u in unc.unknowns], unc.damping_std, model.kind]
-    digest.update(repr(words).encode())
-    return digest.hexdigest()[:16]
+    words += [damping.loss_factor, damping.alpha, damping.beta]
+    return digest_of(arrays, words, model.reduced.system)
 
 
 def _require_room(folder: Path, model: SampledModel, n: int) -> None:

@@ -1,20 +1,17 @@
 """Full diagnoses of the units that are most probably outliers: of their change from the typical unit."""
 
-import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dovetail.fleet.population import Population
 from dovetail.fleet.run import JOURNAL, Triaged, settings_of
 from dovetail.fleet.typical import TypicalUnit
 from dovetail.units.folder import Journal, Record, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
+from dovetail.units.program import digest_of
 from dovetail.units.work import Step, work_through
 
 
@@ -67,7 +64,7 @@ def diagnose_outliers(
     p = triaged.population
     wanted = [str(triaged.files[k]) for k in p.order[:n] if p.odds[k] > 0]
     settings = settings_of(triaged.fleet)
-    key = _digest(p)
+    key = digest_of((p.mean, p.scatter))
     with alone_in(folder, "fleet"):
         records = [r for r in read_records(folder / JOURNAL, settings) if r.get("population") == key]
         done: dict[str, Record] = {r["file"]: r for r in records}
@@ -86,13 +83,6 @@ def diagnose_outliers(
                     pool, diagnose_unit, typical, units, keep, say, len(wanted) - len(units)
                 )  # fmt: skip
     return {Path(f): done[f] for f in wanted if f in done}, failures
-
-
-def _digest(p: Population) -> str:
-    digest = hashlib.sha256()
-    for array in (p.mean, p.scatter):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]
 
 
 def cause_text(record: Record) -> str:

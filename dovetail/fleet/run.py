@@ -14,7 +14,7 @@ from dovetail.fleet.triage import Fleet, Triage, triage
 from dovetail.units.folder import Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
-from dovetail.units.program import fingerprint
+from dovetail.units.program import digest_of
 from dovetail.units.work import Step, work_through
 from fem.io.atomic import replacing
 
@@ -125,14 +125,5 @@ def _read(file: Path) -> Triage:
 
 def _digest(fleet: Fleet) -> str:
     """Return a short hash of all on which a unit's fit depends, besides its own file."""
-    digest = hashlib.sha256(f"{fingerprint()} {fleet.text}".encode())
-    system = fleet.problem.reduced.system
-    for array in (
-        system.K.tocsr().data,
-        system.M.tocsr().data,
-        fleet.frequency,
-        fleet.start.solution.x,
-        fleet.common,
-    ):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]
+    arrays = (fleet.frequency, fleet.start.solution.x, fleet.common)
+    return digest_of(arrays, fleet.text, fleet.problem.reduced.system)

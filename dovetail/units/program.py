@@ -1,9 +1,16 @@
-"""A fingerprint of the program, by which workers on other machines are known to run the same."""
+"""Fingerprints of the program, and of what a unit depends on: results of others are not taken for its own."""
 
 import hashlib
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.system import System
 
 PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
 NUMERICS = ("numpy", "scipy")
@@ -21,3 +28,23 @@ def fingerprint() -> str:
     for name in NUMERICS:
         digest.update(f"{name} {metadata.version(name)}".encode())
     return digest.hexdigest()[:12]
+
+
+def digest_of(arrays: Iterable[NDArray[Any]], words: object = (), system: System | None = None) -> str:
+    """Return a short hash of all on which a unit depends, the program included.
+
+    Parameters
+    ----------
+    arrays : iterable of array
+        Numbers.
+    words : object
+        Anything else; its ``repr`` counts.
+    system : System, optional
+        Its matrices count as well.
+    """
+    digest = hashlib.sha256(fingerprint().encode())
+    matrices = () if system is None else (system.K, system.M, system.C, system.D)
+    for array in (*(X.tocsr().data for X in matrices), *arrays):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(repr(words).encode())
+    return digest.hexdigest()[:16]
