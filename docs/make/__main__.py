@@ -1,11 +1,13 @@
 """Write the pages that MkDocs turns into the site: python -m docs.make out/docs.
 
 Pages of docs/ are copied. Their commands are run, and their output and pictures are put in (`pages`). Each
-example becomes a page with its output and pictures (`gallery`).
+example becomes a page with its output and pictures (`gallery`). As many run at once as there are cores.
 """
 
+import os
 import shutil
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from docs.make import gallery, pages
@@ -17,13 +19,21 @@ def main(out: Path) -> None:
     """Write all pages into a folder; its earlier contents are removed."""
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(ROOT / "docs", out, ignore=shutil.ignore_patterns("make", "*.py", "*.md", "__pycache__"))
-    names = gallery.write(ROOT / "examples", out / "gallery")
-    for source, name in pages.sources(ROOT).items():
-        print(name, flush=True)
+    examples = gallery.sources(ROOT / "examples")
+    names = [path.stem for path in examples]
+
+    def write(source: Path, name: str) -> None:
         target = out / name
         target.parent.mkdir(parents=True, exist_ok=True)
         text = pages.with_site_links(source.read_text(encoding="utf-8"), source, ROOT, names)
         target.write_text(pages.expand(text, target, ROOT), encoding="utf-8")
+        print(name, flush=True)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        shown = gallery.write(examples, out / "gallery", pool)
+        written = [pool.submit(write, source, name) for source, name in pages.sources(ROOT).items()]
+        for one in (shown, *written):
+            one.result()
 
 
 if __name__ == "__main__":

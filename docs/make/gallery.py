@@ -5,6 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -49,20 +51,29 @@ class Example:
     pictures: tuple[str, ...]
 
 
-def write(examples: Path, out: Path) -> tuple[str, ...]:
-    """Run all examples and notebooks, write their pages and the index; return the names of the pages."""
+def sources(examples: Path) -> list[Path]:
+    """Return all notebooks and scripts of the gallery."""
+    return [*sorted(examples.glob("[0-9]*.ipynb")), *sorted(examples.glob("[0-9]*.py"))]
+
+
+def write(paths: Iterable[Path], out: Path, pool: Executor) -> Future[None]:
+    """Run examples and notebooks, write their pages and, when all are there, the index."""
     out.mkdir(parents=True)
-    done = [run(path, out) for path in sorted(examples.glob("[0-9]*.py"))]
-    for example in done:
+    shown = [pool.submit(shown_by, path, out) for path in paths]
+    return pool.submit(lambda: _write_index([one.result() for one in shown], out))
+
+
+def shown_by(path: Path, out: Path) -> Example:
+    """Run an example or a notebook and write its page."""
+    example = told_notebook(path, out) if path.suffix == ".ipynb" else run(path, out)
+    if path.suffix == ".py":
         (out / f"{example.name}.md").write_text(page(example), encoding="utf-8")
-    told = [told_notebook(path, out) for path in sorted(examples.glob("[0-9]*.ipynb"))]
-    (out / "index.md").write_text(index([*done, *told]), encoding="utf-8")
-    return tuple(e.name for e in (*done, *told))
+    print(path.name, flush=True)
+    return example
 
 
 def told_notebook(path: Path, out: Path) -> Example:
     """Run a notebook and write its page, and beside it the library that draws its figures."""
-    print(path.name, flush=True)
     notebook = notebooks.executed(path)
     (out / f"{path.stem}.md").write_text(notebooks.page(notebook, path.stem), encoding="utf-8")
     (out / notebooks.SCRIPT).write_text(notebooks.script(), encoding="utf-8")
@@ -77,7 +88,6 @@ def run(path: Path, out: Path) -> Example:
     PageError
         If it fails.
     """
-    print(path.name, flush=True)
     code = path.read_text(encoding="utf-8")
     module = ast.parse(code)
     title, _, text = (ast.get_docstring(module) or path.stem).partition("\n")
@@ -107,6 +117,10 @@ def page(example: Example) -> str:
         f"# {example.title}\n\n{text}{shown}{output}"
         f"`examples/{example.name}.py`:\n\n```python\n{example.code}\n```\n"
     )
+
+
+def _write_index(examples: list[Example], out: Path) -> None:
+    (out / "index.md").write_text(index(examples), encoding="utf-8")
 
 
 def index(examples: list[Example]) -> str:

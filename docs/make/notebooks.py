@@ -2,8 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -33,31 +32,16 @@ def executed(path: Path) -> Any:
         notebook, timeout=SECONDS, kernel_name="python3", extra_arguments=["--log-level=ERROR"],
         resources={"metadata": {"path": str(path.parent)}},
     )  # fmt: skip
-    with _importable(path.parents[1]):
-        try:
-            return client.execute()
-        except CellExecutionError as reason:
-            msg = f"{path.name}: a cell ends with {reason.ename}: {reason.evalue}"
-            raise PageError(msg) from reason
-
-
-@contextmanager
-def _importable(root: Path) -> Iterator[None]:
-    """Let the kernel import the packages of this checkout, and plotly leave figures to the page."""
-    changes = {
-        "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")]),
-        "PLOTLY_RENDERER": "plotly_mimetype",
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(path.parents[1]), os.environ.get("PYTHONPATH", "")]),
+        "PLOTLY_RENDERER": "plotly_mimetype",  # figures are left to the page
     }
-    before = {key: os.environ.get(key) for key in changes}
-    os.environ.update(changes)
     try:
-        yield
-    finally:
-        for key, value in before.items():
-            if value is None:
-                del os.environ[key]
-            else:
-                os.environ[key] = value
+        return client.execute(env=environment)
+    except CellExecutionError as reason:
+        msg = f"{path.name}: a cell ends with {reason.ename}: {reason.evalue}"
+        raise PageError(msg) from reason
 
 
 def title_of(notebook: Any) -> str:

@@ -312,6 +312,7 @@ def test_a_report_of_modes_fits_a_narrow_page(chromium, tmp_path, monkeypatch):
         assert page.evaluate("document.documentElement.scrollWidth") <= 400
 
 
+@pytest.mark.slow
 def test_any_mode_moves(folder, live, chromium):
     told = live.known["modes"].layout.meta["modes"]
     top = "Math.max(...document.querySelector('figure[data-figure=modes] .plot').data[1].z)"
@@ -330,6 +331,7 @@ def test_any_mode_moves(folder, live, chromium):
         assert figure.locator(".tools button").get_attribute("aria-pressed") == "true"
 
 
+@pytest.mark.slow
 def test_a_narrow_page_does_not_scroll_sideways(folder, live, chromium):
     with opened(chromium, folder / "report.html", 400, 800, color_scheme="dark") as page:
         for name in ("staircase", "model", "map-fitted", "ranking-1", "frf-error", "frf", "modes"):

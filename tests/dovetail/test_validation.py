@@ -456,7 +456,11 @@ if __name__ == "__main__":
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send these signals to another process")
 @pytest.mark.parametrize(
     ("name", "to_all", "code"),
-    [("SIGTERM", False, -15), ("SIGINT", False, 1), ("SIGINT", True, 1)],
+    [
+        pytest.param("SIGTERM", False, -15, marks=pytest.mark.slow),
+        pytest.param("SIGINT", False, 1, marks=pytest.mark.slow),
+        ("SIGINT", True, 1),
+    ],
     ids=["terminated", "interrupted", "Ctrl-C"],
 )
 def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all, code, tmp_path):

@@ -8,6 +8,8 @@ import pytest
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*.py"))
 DRAWN = {"60_mode_picture"}
+LONG = {"15_many_units", "40_find_hidden_effect"}
+"""The pages of the documentation are made by running them, so that CI runs them there."""
 
 
 def test_there_are_examples():
@@ -15,7 +17,11 @@ def test_there_are_examples():
 
 
 @pytest.mark.filterwarnings("ignore:member 'beam' .* resists warping")  # the portal that buckles
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=pytest.mark.slow) if p.stem in LONG else p for p in EXAMPLES],
+    ids=lambda path: path.stem,
+)
 def test_example_runs(path, request, monkeypatch, tmp_path):
     if path.stem in DRAWN:
         request.getfixturevalue("offscreen")

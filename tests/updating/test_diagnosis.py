@@ -103,6 +103,7 @@ def test_elements_are_cut_where_the_mesh_leaves_much_beside_the_noise(monkeypatc
     assert {e.kind for e in as_given.candidates} == set(alone)
 
 
+@pytest.mark.slow
 def test_a_mass_is_placed_between_the_sensors():
     case = make_case(15)
     (finding,) = run(case, kinds=["point_mass", "stiffness_loss", "member_density"]).findings

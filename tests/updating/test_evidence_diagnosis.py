@@ -110,6 +110,7 @@ def with_hidden(folder, mass, name, **values):
     return study.model, [without_held_out(study, m) for m in measured(study)], study.nuisances
 
 
+@pytest.mark.slow
 def test_of_two_hidden_effects_both_are_named(tmp_path):
     told = with_hidden(tmp_path, 0.25, "member_stiffness:post", change=-0.2)
     found = diagnose(*told, kinds=["point_mass", "member_stiffness"], model_error=0.1)

@@ -44,6 +44,7 @@ def diagnosed(study, measurement, monkeypatch, fault=GAIN):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_effect_that_a_rule_has_taken_for_a_fault_is_found(tmp_path, monkeypatch):
     found = diagnosed(*asked(tmp_path, 0.25), monkeypatch)
     assert found.verdict == EFFECT

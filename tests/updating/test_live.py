@@ -153,6 +153,7 @@ def test_a_corrected_sensor_is_read_otherwise(live, fitted):
     assert turned.without_fault("sensor_sign", "D3z").faults == ()
 
 
+@pytest.mark.slow
 def test_fits_hold_what_they_are_not_asked_for(live, candidates, fitted):
     h = fitted.with_effect(candidates[TURNING]).with_value(TURNING, "stiffness", 200.0)
     only = fit_effect(live, h, TURNING, quiet)
