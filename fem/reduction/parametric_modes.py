@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.reduced_model import Lacking, ReducedModel
 from fem.reduction.terms import Term
 
 FIRST_ORDER = 0.01
@@ -162,6 +162,11 @@ class ModesAt:
         self._local = bool(total["laws"]) or bool(total["C"].any()) or bool(total["D"].any())
         self._known: dict[int, Pairs] = {}
 
+    @property
+    def mass(self) -> Floats:
+        """The mass matrix (r, r)."""
+        return self._total["M"]
+
     def on(self, W: Floats) -> "ModesAt":
         """Return the modes within the range of some vectors (r, m)."""
         total: dict[str, Any] = {key: W.T @ X @ W for key, X in self._total.items() if key != "laws"}
@@ -169,6 +174,27 @@ class ModesAt:
         return ModesAt(
             self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W
         )  # fmt: skip
+
+    def with_lacking(self, shapes: Lacking, stiffer: float, heavier: float) -> "ModesAt":
+        """Return the modes with shapes that the basis lacks as more coordinates.
+
+        Their columns stand behind the basis's. The structure may be ``stiffer`` and ``heavier`` there than
+        nominal, by factors. Sensors do not move with them: responses to forces at sensors are in the basis.
+        """
+        n, k = len(shapes.coupling_M), len(shapes.M)
+        P = self.columns[:n].T
+
+        def block(X: Floats, coupling: Any, own: Any) -> Floats:
+            return np.block([[X, coupling], [coupling.T, own]])
+
+        nothing = np.zeros((P.shape[0], k)), np.zeros((k, k))
+        total: dict[str, Any] = {X: block(self._total[X], *nothing) for X in ("C", "D", "connections")}
+        total["K"] = block(self._total["K"], stiffer * P @ shapes.coupling_K, stiffer * shapes.K)
+        total["M"] = block(self._total["M"], heavier * P @ shapes.coupling_M, heavier * shapes.M)
+        total["laws"] = [(f, block(X, *nothing)) for f, X in self._total["laws"]]
+        outputs = np.vstack([self.outputs, np.zeros((k, self.outputs.shape[1]))])
+        columns = sla.block_diag(self.columns, np.eye(k))
+        return ModesAt(self.reduced, self.omega, self._zeta, total, outputs, columns)
 
     def with_term(self, term: Term) -> "ModesAt":
         """Return the modes with a term, on the basis's columns, added to the matrices."""

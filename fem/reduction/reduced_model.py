@@ -41,6 +41,12 @@ _PAIRS = 8
 _VECTORS = 8
 """Sets of sensors whose projections are kept."""
 
+_SHAPES = 256
+"""Sets of forces for which the shapes that the basis lacks are kept."""
+
+_LACKING = 1e-8
+"""Less than this part of a static response is in the basis but for rounding [-]."""
+
 _UNITS = 64
 """Effects whose matrices for a unit of their parameter are kept."""
 
@@ -62,6 +68,27 @@ class FullModelResults:
     exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
     matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
     flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lacking:
+    """Shapes u (n_dof, k) that a basis T lacks: static responses to forces, with Tᵀ(K - σM)u = 0.
+
+    Attributes
+    ----------
+    motion : ndarray (m, k)
+        u at the DOFs where the forces act.
+    K, M : ndarray (k, k)
+        uᵀKu and uᵀMu.
+    coupling_K, coupling_M : ndarray (r, k)
+        TᵀKu and TᵀMu of the basis's vectors without those that open constraints.
+    """
+
+    motion: NDArray[np.float64]
+    K: NDArray[np.float64]
+    M: NDArray[np.float64]
+    coupling_K: NDArray[np.float64]
+    coupling_M: NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -92,6 +119,8 @@ class ReducedModel:
     _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
     # Of vectors on all DOFs, by keys of the caller.
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
+    # Of forces, by DOFs and motions.
+    _lacking: Recent = field(default_factory=lambda: Recent(_SHAPES), init=False, repr=False)
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
 
@@ -202,6 +231,35 @@ class ReducedModel:
         T = motions.T @ b.T[dofs, b.n_modes : b.n_main]
         full = motions.T @ known[key] @ motions if few else known[key]
         return full - T @ self._static_flexibility @ T.T
+
+    def lacking(self, dofs: NDArray[np.int64], motions: NDArray[np.float64]) -> Lacking | None:
+        """Return the static responses to forces by motions (m, k) of some DOFs that the basis lacks.
+
+        Where something gives way, they say more than their flexibility alone: what moves then has mass. None
+        where the basis lacks nothing, and for models with more than ``RESIDUAL_LIMIT`` DOFs.
+        """
+        if self.model.n_dof > RESIDUAL_LIMIT:
+            return None
+        return self._lacking.get((dofs.tobytes(), motions.tobytes()), lambda: self._lacks(dofs, motions))
+
+    def _lacks(self, dofs: NDArray[np.int64], motions: NDArray[np.float64]) -> Lacking | None:
+        b, system = self.basis, self.system
+        force = np.asarray(system.Q.T.tocsc()[:, dofs] @ motions)
+        force = without_modes(system, b.V[:, : b.n_modes], force)
+        u = np.asarray(b.factor.solve(force))
+        scale = 1 / np.sqrt(np.maximum(np.einsum("ij,ij->j", force, u), 1e-300))
+        others = b.V[:, b.n_modes : b.n_main]
+        u = u - others @ (self._static_flexibility @ (others.T @ force))
+        R = force.T @ u * np.outer(scale, scale)
+        lam, vectors = np.linalg.eigh((R + R.T) / 2)
+        vectors, lam = vectors[:, lam > _LACKING], lam[lam > _LACKING]
+        if not len(lam):
+            return None
+        u = u @ (scale[:, None] * vectors / np.sqrt(lam))
+        Mu = np.asarray(system.M @ u)
+        M, coupling = u.T @ Mu, b.V[:, : b.n_main].T @ Mu
+        motion = np.asarray(system.Q.tocsr()[dofs] @ u)
+        return Lacking(motion, np.eye(len(lam)) + b.shift * M, M, b.shift * coupling, coupling)
 
     @cached_property
     def _static_flexibility(self) -> NDArray[np.float64]:

@@ -1,15 +1,26 @@
 """Looks at candidates by measured modes: slopes of connections, and what a candidate leaves on its grid."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fem.analysis.modes import first_modes, solve_modes
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.mesh import Mesh
+from fem.model import Damping, Model
+from fem.system import assemble
+from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
-from updating.diagnosis.evidence.screening import Grid
+from updating.diagnosis.evidence.screening import Grid, terms_beside
 from updating.inference.mode_preparation import build_mode_problem
+from updating.inference.mode_targets import ModeTargets
+
+MODULUS = "frame", "E:steel"
 
 
 def look_at(model, data, noise=1e-4) -> Any:
@@ -43,6 +54,35 @@ def test_a_crack_leaves_nothing_of_its_own_misfit_at_its_own_point():
     look = look_at(model, model.with_effect(crack.with_values(**point)))
     left = look.left_by(Grid(crack, (point,)))[0]
     assert left < 1e-3 * (look.misfit**2).sum()
+
+
+def angle() -> Model:
+    """Return a clamped post with an arm that is welded to its top."""
+    points = [[0, 0, 0], [0, 0, 0.5], [0.4, 0, 0.5]]
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2]], {"post": [0], "arm": [1]}).refined(0.05)
+    frame = Frame(members={name: MemberProperties(STEEL, FLAT) for name in mesh.members})
+    return Model(mesh, (frame, fix(0)), Damping.structural(0.01))
+
+
+@pytest.mark.parametrize("softer", [1.0, 0.87], ids=["nominal", "fitted"])
+def test_a_hinge_turns_what_has_mass_beside_any_modulus(softer):
+    """Of a model whose modulus a fit has bent, its basis without any shape of the hinge."""
+    model = angle()
+    targets = ModeTargets.of(first_modes(assemble(model), 6).frequency[:6], 1e-3)
+    problem = build_mode_problem(model, targets, (E,), model_error=0.0)
+    look = ModeLook(problem, replace(problem.nominal(), values={MODULUS: softer * model.values()[MODULUS]}))
+    there = model.with_values(look.current.values)
+    moved = 0
+    for hinge in every(model, "end_release"):
+        grid = Grid.of(problem, hinge)
+        grid = replace(grid, points=grid.points[-3:])
+        for point, term in zip(grid.points, terms_beside(problem, look.current, grid), strict=True):
+            at, term = look._with_lacking(look.around((), term), term)
+            found = at.with_term(term).pairs(0).frequency[:6]
+            true = solve_modes(assemble(there.with_effect(hinge.with_values(**point))), 6).frequency
+            np.testing.assert_allclose(found, true, rtol=0.02)
+            moved += bool(true[0] < 0.9 * look._base.pairs(0).frequency[0])
+    assert moved > 3
 
 
 def test_a_change_weaker_than_any_grid_is_ranked_first():

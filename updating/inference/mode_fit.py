@@ -136,7 +136,7 @@ class ModeProblem:
         out &= pairs.eigenvalues > 0
         if self.targets.plane:
             within, all_ = (self._motion(axes) for axes in (self.targets.plane, "xyz"))
-            V = at.columns @ pairs.vectors
+            V = at.columns[: self.reduced.basis.T.shape[1]] @ pairs.vectors
             size = [np.einsum("rk,rs,sk->k", V, G, V, optimize=True) for G in (within, all_)]
             out &= size[0] >= IN_PLANE * size[1]
         return out

@@ -23,9 +23,9 @@ from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.priors import EFFECT_ODDS, EffectPrior, prior_of
-from updating.diagnosis.evidence.ranking import MayWin, RankedBlocks
+from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened
+from updating.diagnosis.evidence.screening import Grid, Screened, terms_beside
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
 from updating.inference.preparation import fitted_model
@@ -33,7 +33,7 @@ from updating.inference.scatter import Scatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24
-"""So many of the best candidates by their slopes are looked at on their grids."""
+"""So many of the best candidates by their slopes are looked at on their grids, near the data."""
 VISIBLE = 0.1
 """Candidates that move the data by less than this at every point of their grids are left out: what was
 measured does not see them [standard deviations]."""
@@ -199,17 +199,27 @@ class ModeLook:
         still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
         return at.on(np.hstack([V, _independent_columns(still)]))
 
-    def _completed(self, term: Term) -> Term:
-        """Return a term's stiffness beside the flexibility R that the basis lacks there: (k⁻¹ + R)⁻¹."""
+    def _with_lacking(self, at: ModesAt, term: Term) -> tuple[ModesAt, Term]:
+        """Return modes and a term on a basis that has the responses to the term's forces as well.
+
+        What a hinge lets turn has mass: with the flexibility alone it would turn too late.
+        """
         if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
-            return term
-        motions, inverse, _ = motions_of([term.K])
-        R = self.problem.reduced.residual_flexibility(term.dofs, motions)
-        if R is None:
-            return term
-        k = inverse @ term.K @ inverse.T
-        k = np.linalg.solve(np.eye(len(k)) + k @ R / term.stiffer, k)
-        return replace(term, K=motions @ (k + k.T) @ motions.T / 2)
+            return at, term
+        lacking = self.problem.reduced.lacking(term.dofs, motions_of([term.K])[0])
+        if lacking is None:
+            return at, term
+        return (
+            at.with_lacking(lacking, term.stiffer, self._heavier),
+            replace(term, L=np.hstack([term.L, lacking.motion])),
+        )
+
+    @cached_property
+    def _heavier(self) -> float:
+        """The ratio of the mass to the nominal one."""
+        P = self._base.columns
+        nominal = np.einsum("ik,ij,jk->", P, self.problem.reduced.base_sum["M"], P, optimize=True)
+        return float(np.trace(self._base.mass) / nominal)
 
     @cached_property
     def _top(self) -> float:
@@ -252,11 +262,12 @@ class ModeLook:
         released = grid.effect.released()
         out, most = np.full(len(grid.points), np.inf), 0.0
         at, last = None, None
-        for n, term in enumerate(grid.terms(self.problem)):  # type: ignore[arg-type]
+        for n, term in enumerate(terms_beside(self.problem, self.current, grid)):
             if at is None or term.place != last:
                 at, last = self.around(released, term), term.place
+            larger, term = self._with_lacking(at, term)
             try:
-                r, _ = self._function.residuals(at.with_term(self._completed(term)))
+                r, _ = self._function.residuals(larger.with_term(term))
             except (np.linalg.LinAlgError, ValueError):
                 continue  # no structure
             change = self.adapted((r - self._found[0])[None])[0]
@@ -365,11 +376,21 @@ class ModeRanking:
 
         Beside uncertain parameters as they are fitted, which a strong effect has bent, and beside nominal
         ones. A change between two states may be far weaker than any point of a grid, so that the best
-        multiple of each candidate's slope is one more.
+        multiple of each candidate's slope is one more. Far from the data slopes say little.
         """
+        return self._looked_at(problem, current, effects, listed, MOST_GRIDS if may_win is None else N_LOOKED)
+
+    def _looked_at(
+        self,
+        problem: ModeProblem,
+        current: FitResult,
+        effects: Sequence[Effect],
+        listed: Callable[[Effect], bool],
+        most: int,
+    ) -> tuple[Screened, ...]:
         grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
         grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
-        each = [_tried(ModeLook(problem, base), grids, listed) for base in _bases(problem, current)]
+        each = [_tried(ModeLook(problem, base), grids, listed, most) for base in _bases(problem, current)]
         best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
         rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
         gain = best.max(axis=0, initial=-np.inf)
@@ -399,7 +420,7 @@ class ModeRanking:
     ) -> tuple[Screened, ...]:
         """Return the candidates that leave least in the place of the last effect of a fit."""
         without = last.without(last.effects[-1].name)
-        return self.screened(problem, without, effects, lambda effect: False)[:n_best]
+        return self._looked_at(problem, without, effects, lambda effect: False, N_LOOKED)[:n_best]
 
     def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return nothing: the discrepancy of damping ratios stands for it."""
@@ -459,11 +480,11 @@ def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
 
 
 def _tried(
-    look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool]
-) -> list[_Tried]:  # fmt: skip
+    look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool], most: int
+) -> list[_Tried]:
     """Return candidates on their grids, of the best by their slopes and those listed."""
     little = _by_slopes(look, grids)
-    chosen = {int(i) for i in np.argsort([x.left for x in little], kind="stable")[:N_LOOKED]}
+    chosen = {int(i) for i in np.argsort([x.left for x in little], kind="stable")[:most]}
     now, out = float((look.misfit**2).sum()), []
     for i, (grid, best) in enumerate(zip(grids, little, strict=True)):
         if i not in chosen and not listed(grid.effect):

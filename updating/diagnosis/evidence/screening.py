@@ -16,6 +16,7 @@ from fem.model import Effect, Parameter, ParameterRef, parameter_values
 from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
+from fem.reduction.terms import Term
 from updating.correlation import complex_log
 from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of
 from updating.diagnosis.evidence.hypothesis import Start
@@ -117,7 +118,8 @@ def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, f
     if np.isinf(p.absent):
         value = point[p.name] / max(factor, 1e-12)
     elif p.log and p.absent > 0:
-        value = p.absent * (point[p.name] / p.absent) ** factor
+        # far beyond any bound it would overflow
+        value = p.absent * np.exp(np.clip(factor * np.log(point[p.name] / p.absent), -300.0, 300.0))
     else:
         value = p.absent + factor * (point[p.name] - p.absent)
     return {**point, p.name: float(min(max(value, p.lower), p.upper))}
@@ -190,6 +192,36 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
                 starts.append(start)
         out.append(Screened(grids[i].effect, tuple(starts[:2]), gains[i]))
     return tuple(out)
+
+
+def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
+    """Return what the effect adds at the points, on members and joints as a fit has them.
+
+    A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
+    nominal 1 % would be left, which is much of a short element's.
+    """
+    reduced, effect = problem.reduced, grid.effect
+    nominal = reduced.model.values()
+    ratio = {
+        ref: base.values[ref] / nominal[ref]
+        for ref in effect.refers_to(reduced.model)
+        if nominal.get(ref) and base.values.get(ref, nominal[ref]) != nominal[ref]
+    }
+    if not ratio:
+        return grid.terms(problem)
+    stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
+    changes = []
+    for ref, f in ratio.items():
+        if (exponents := reduced.scaling_of(effect, ref)) is None:
+            break
+        changes.append((f, exponents))
+    if len(changes) == len(ratio):
+        factors = scale_factors(changes)
+        terms = [t.scaled(factors) for t in grid.terms(problem)]
+    else:
+        model = reduced.model.with_values({ref: base.values[ref] for ref in ratio})
+        terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.points]
+    return tuple(replace(t, stiffer=stiffer) for t in terms)
 
 
 def look_at(problem: FitProblem, base: FitResult) -> "Look":
@@ -359,7 +391,8 @@ class Look:
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return the residuals of a candidate at its points, and which of them can be."""
-        return self._possible(self._local(grid.effect.released()).with_terms(self._terms(grid)))
+        terms = terms_beside(self.problem, self.base, grid)
+        return self._possible(self._local(grid.effect.released()).with_terms(terms))
 
     def costs(self, r: Complexes) -> Floats:
         """Return the negative log posterior of residuals (n, m + n_all), (n,)."""
@@ -372,35 +405,6 @@ class Look:
     def weights(self) -> Floats:
         """What each residual counts, (m + n_all,)."""
         return self.trust[len(self.share) :]
-
-    def _terms(self, grid: Grid) -> tuple:
-        """Return what the effect adds at the points, on members and joints as they are in the base.
-
-        A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
-        nominal 1 % would be left, which is much of a short element's.
-        """
-        reduced, effect = self.problem.reduced, grid.effect
-        nominal = reduced.model.values()
-        ratio = {
-            ref: self.base.values[ref] / nominal[ref]
-            for ref in effect.refers_to(reduced.model)
-            if nominal.get(ref) and self.base.values.get(ref, nominal[ref]) != nominal[ref]
-        }
-        if not ratio:
-            return grid.terms(self.problem)
-        stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
-        changes = []
-        for ref, f in ratio.items():
-            if (exponents := reduced.scaling_of(effect, ref)) is None:
-                break
-            changes.append((f, exponents))
-        if len(changes) == len(ratio):
-            factors = scale_factors(changes)
-            terms = [t.scaled(factors) for t in grid.terms(self.problem)]
-        else:
-            model = reduced.model.with_values({ref: self.base.values[ref] for ref in ratio})
-            terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.points]
-        return tuple(replace(t, stiffer=stiffer) for t in terms)
 
     def fields(self) -> Fields:
         """Return the responses at all DOFs at the lines."""
