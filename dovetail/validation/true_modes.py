@@ -20,6 +20,8 @@ POINTS = 12
 """Frequencies at which the stiffness is linearised to begin with."""
 STEP = 1e-4
 """Relative step in ω² of its derivative [-]."""
+MASSLESS = 1e-11
+"""Less than this part of the largest mass, all scaled to one stiffness, is rounding of the derivative [-]."""
 CONVERGED = 1e-9
 """Relative change of ω² at which an iteration ends [-]."""
 
@@ -62,10 +64,10 @@ def true_modes(
     for a, b in pairwise(edges):
         at = float(np.sqrt(a * b))
         D = (Z(at * (1 + STEP)) - Z(at * (1 - STEP))) / (2 * STEP * at)
-        lam, V = sla.eigh(Z(at) - at * D, -D)
+        lam, V = _linear_modes(Z(at) - at * D, -D)
         for k in np.flatnonzero((lam > a / 1.3) & (lam < 1.3 * b)):
             square, q = _refined(Z, float(lam[k]), V[:, k])
-            if bottom < square < top and not any(_same(square, q, *x) for x in found):
+            if bottom < square < top and not _known(square, q, found):
                 found.append((square, q))
     found.sort(key=lambda x: x[0])
     if len(found) != n_above - n_below:
@@ -76,6 +78,14 @@ def true_modes(
         omega = np.array([np.sqrt(square)])
         shapes[:, k] = [float((whole.row(p, omega)[0, 0] @ q).real) for p in probes]
     return np.sqrt([s for s, _ in found]) / (2 * np.pi), shapes
+
+
+def _linear_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
+    """Return eigenvalues and vectors of K - λM, where M of directions without mass is rounding."""
+    scale = 1 / np.sqrt(np.abs(K.diagonal()))
+    mass, U = np.linalg.eigh(scale[:, None] * M * scale)
+    lam, V = sla.eigh(scale[:, None] * K * scale, (U * np.maximum(mass, MASSLESS * mass[-1])) @ U.T)
+    return lam, scale[:, None] * V
 
 
 def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:
@@ -95,9 +105,13 @@ def _refined(Z, square: float, q: Floats) -> tuple[float, Floats]:
     return square, q
 
 
-def _same(square: float, q: Floats, other: float, p: Floats) -> bool:
-    alike = float(abs(q @ p) / (np.linalg.norm(q) * np.linalg.norm(p)))
-    return abs(square / other - 1) < 1e-6 and alike > 0.9
+def _known(square: float, q: Floats, found: Sequence[tuple[float, Floats]]) -> bool:
+    """Whether a mode is one of those found, or of equal frequency and a combination of them."""
+    alike = [p for other, p in found if abs(square / other - 1) < 1e-6]
+    if not alike:
+        return False
+    Q, _ = np.linalg.qr(np.stack(alike, axis=1))
+    return float(np.linalg.norm(Q.T @ q) / np.linalg.norm(q)) > 0.9
 
 
 def _n_pieces(m: Member, highest: float) -> int:
