@@ -78,7 +78,8 @@ def render_diagram(
     forces = forces_on_lines(solution, pieces)[..., case]
     k = SECTION_FORCES.index(quantity)
     like = slice(0, 3) if k < 3 else slice(3, 6)
-    values = np.where(abs(forces[..., k]) > _SMALL * abs(forces[..., like]).max(), forces[..., k], 0.0)
+    least = max(_SMALL * abs(forces[..., like]).max(), solution.rounding[k // 3, case])
+    values = np.where(abs(forces[..., k]) > least, forces[..., k], 0.0)
     largest = float(abs(values).max())
     axes = solution.equilibrium.loads.axes
     ends = mesh.points[mesh.lines] + axes.offset
@@ -103,7 +104,7 @@ def drawn_quantities(solution: StaticSolution, case: int) -> tuple[str, ...]:
     """Return the section forces that are more than rounding in a load case."""
     size = abs(forces_on_lines(solution, 4)[..., case]).max(axis=(0, 1))
     largest = np.repeat([size[:3].max(), size[3:].max()], 3)
-    kept = (size > 0) & (size > _SMALL * largest)
+    kept = size > np.maximum(_SMALL * largest, np.repeat(solution.rounding[:, case], 3))
     return tuple(q for q, yes in zip(SECTION_FORCES, kept.tolist(), strict=True) if yes)
 
 

@@ -101,6 +101,23 @@ def test_static(column, capsys):
     assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
 
 
+def test_forces_and_stresses_of_free_expansion_are_printed_as_0(column, tmp_path, capsys):
+    text = column.read_text(encoding="utf-8").replace("B = [0, 0, 2]", "B = [0.3, 0.4, 2]")
+    text = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
+    text = text[: text.index("[[loads]]")] + '[sections.bar]\nshape = "circle"\nd = 0.06\n'
+    column.write_text(text + "[[loads]]\ntemperature = 80\nexpansion = 12e-6\n", encoding="utf-8")
+    case = printed(capsys, "static", column, "--json", "-")["cases"]["load"]
+    assert any(case["members"]["column"]["N"])  # as computed
+    assert max(map(abs, case["members"]["column"]["N"])) < case["rounding"]["force_N"] < 1e-3
+    assert main(["static", str(column), "--pictures", str(tmp_path / "pictures")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (held,) = (line.split()[1:] for line in lines if line.startswith("  A "))
+    assert held == ["0"] * 6
+    assert not [line for line in lines if line.startswith("  N ")]
+    assert "  largest von Mises stress 0 MPa in column" in lines
+    assert [p.name for p in (tmp_path / "pictures").glob("*.png")] == ["01-load-deflection.png"]
+
+
 def test_static_stresses_and_their_envelope(column, capsys):
     text = column.read_text(encoding="utf-8")
     bar = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
