@@ -93,8 +93,8 @@ class Yardstick(Protocol):
     """Sizes of a structure by which an effect judges whether its values are plausible."""
 
     @property
-    def mass(self) -> float:
-        """Mass of all members [kg]; infinite where it is not known."""
+    def most_mass(self) -> float:
+        """Mass whose weight no member carries [kg]; infinite where it is not known."""
         ...
 
     @property
