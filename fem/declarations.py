@@ -59,6 +59,10 @@ class Entry:
     places: str
 
 
+SUPPORT_MARKER = Marker("triangle", "support")
+"""How pictures mark rigid supports, of whatever kind of effect."""
+
+
 class ArmForce(NamedTuple):
     """A force at the end of a rigid arm that a point of the mesh holds.
 

@@ -233,6 +233,12 @@ class Joint(PointPair):
         return self.rigid
 
     @property
+    def support_axes(self) -> NDArray[np.float64] | None:
+        """Its axes, if it holds a point to the ground and does nothing else."""
+        more = any(np.any(X) for X in (self.K, self.C, self.D, self.M))
+        return self.axes if self.point2 is None and self.rigid and not more else None
+
+    @property
     def elastic(self) -> tuple[str, ...]:
         """Directions with a stiffness of their own."""
         diagonal = np.real(np.diag(self.K))
