@@ -25,7 +25,10 @@ EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/sta
 
 RESULTS = Results(
     motions="displacements and section forces",
-    pictures=("the deflection and the diagrams of section forces of each case", "01-load-deflection.png"),
+    pictures=(
+        "the deflection and the diagrams of section forces and stresses of each case",
+        "01-load-deflection.png",
+    ),
 )
 
 Fields = dict[str, Any]
@@ -297,8 +300,14 @@ def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:
 
 
 def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
-    """Draw deflections, and the diagrams of section forces that are there."""
-    from viz.diagrams import drawn_quantities, render_deflection, render_diagram
+    """Draw deflections, and the diagrams of section forces and stresses that are there."""
+    from viz.diagrams import (
+        drawn_quantities,
+        drawn_stresses,
+        render_deflection,
+        render_diagram,
+        render_stress,
+    )
 
     with result_folder(options.pictures, options.force) as scratch:
         for k, name in enumerate(solution.cases):
@@ -307,3 +316,6 @@ def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
             render_deflection(own, scratch / file_name(k + 1, name, "deflection"), column)
             for quantity in drawn_quantities(own, column):
                 render_diagram(own, quantity, scratch / file_name(k + 1, name, quantity), column)
+            for stress in drawn_stresses(own, column):
+                what = f"{stress.replace('_', '-')}-stress"
+                render_stress(own, stress, scratch / file_name(k + 1, name, what), column)

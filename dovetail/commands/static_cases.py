@@ -10,7 +10,7 @@ from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
 from fem.analysis.section_stress import SectionStresses, section_stresses
 from fem.analysis.statics import StaticSolution
-from fem.analysis.stations import Stations, forces_on_lines, stations
+from fem.analysis.stations import Stations, forces_on_lines, stations, stresses_on_lines
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.model import DIRECTIONS
@@ -130,18 +130,9 @@ class StaticCases:
 
     def stresses_on_lines(self, pieces: int) -> dict[str, np.ndarray]:
         """Return the extremes of stresses of each line, each (n_lines, n_cases) [Pa]; NaN where unknown."""
-        mesh = self.solutions[0].model.mesh
-        forces = self.beyond_rounding(self.forces_on_lines(pieces))
-        along = mesh.arc_fractions()
-        out = {name: np.full((mesh.n_lines, forces.shape[-1]), np.nan) for name in STRESSES}
-        for member, rows in mesh.members.items():
-            x = along[rows, :1] + np.linspace(0, 1, pieces + 1) * np.diff(along[rows], axis=1)
-            own = forces[rows].reshape(-1, 6, forces.shape[-1])
-            found = section_stresses(self._properties(member), np.clip(x.ravel(), 0, 1), own)
-            for name, values in ({} if found is None else found.by_name).items():
-                each = values.reshape(len(rows), pieces + 1, -1)
-                out[name][rows] = each.min(axis=1) if name == "low" else each.max(axis=1)
-        return out
+        each = [stresses_on_lines(s, pieces) for s in self.solutions]
+        found = {name: np.concatenate([own[name] for own in each], axis=2) for name in each[0]}
+        return {name: v.min(axis=1) if name == "low" else v.max(axis=1) for name, v in found.items()}
 
     def _properties(self, member: str) -> MemberProperties:
         model = self.solutions[0].model
