@@ -59,6 +59,10 @@ class Entry:
     places: str
 
 
+SUPPORT_MARKER = Marker("triangle", "support")
+"""How pictures mark rigid supports, of whatever kind of effect."""
+
+
 class ArmForce(NamedTuple):
     """A force at the end of a rigid arm that a point of the mesh holds.
 
@@ -93,8 +97,8 @@ class Yardstick(Protocol):
     """Sizes of a structure by which an effect judges whether its values are plausible."""
 
     @property
-    def mass(self) -> float:
-        """Mass of all members [kg]; infinite where it is not known."""
+    def most_mass(self) -> float:
+        """Mass whose weight no member carries [kg]; infinite where it is not known."""
         ...
 
     @property

@@ -240,6 +240,11 @@ class Effect(ABC):
         """Directions (k, 3) in which its first internal coordinates move all supports and grounds."""
         return _STILL
 
+    @property
+    def support_axes(self) -> Array | None:
+        """Axes of a rigid support, as rows in global components (3, 3); None of what is no rigid support."""
+        return None
+
     def with_values(self, **values: Any) -> Self:
         """Return a copy with other parameter values; complex values are carried for derivatives."""
         return replace(self, **values)

@@ -58,6 +58,9 @@ LOOSE_RATIO = 1e-9
 MOST_PRESTRAIN = 0.02
 """Strain of a pretension above that at which steel wire breaks [-]."""
 
+_GRAVITY = 9.81
+"""[m/s²]."""
+
 _LOOKED_AT = 100
 """Members of one kind of mistake that are looked at."""
 
@@ -129,7 +132,9 @@ def suspicions(model: Model, max_frequency: float | None = None) -> tuple[Suspic
     odd = {key for key, s in different.items() if any(_contradictions(s))}
     sound = [m for m in members if not any(id(s) in odd for s in m.sections)]
     sizes = list(_of_sizes(model.mesh, sound, trusted=not wrong))
-    return (*wrong, *_of_sections(members), *sizes, *_of_members(members), *_of_effects(model, members), *out)
+    carriers = [] if wrong else sound
+    effects = _of_effects(model, members, carriers)
+    return (*wrong, *_of_sections(members), *sizes, *_of_members(members), *effects, *out)
 
 
 # Materials --------------------------------------------------------------------------------------------------
@@ -229,8 +234,15 @@ class _Alike:
         return (self.p.section,) if self.p.section2 is None else (self.p.section, self.p.section2)
 
     @property
-    def mass(self) -> float:
-        return self.material.rho * float(self.lengths.sum()) * float(np.mean([s.A for s in self.sections]))
+    def most_mass(self) -> float:
+        """Mass that bends the longest, held at both ends, by its length, or breaks a hanging bar [kg].
+
+        The members' own mass is no measure: columns of measured frames carry 100 times as much.
+        """
+        E, s = self.material.E, self.sections[0]
+        if self.p.theory == "bar":
+            return MOST_PRESTRAIN * E * s.A / _GRAVITY
+        return 48 * E * max(s.Iy, s.Iz) / float(self.lengths[-1]) ** 2 / _GRAVITY
 
 
 def _alike(frame: Frame, mesh: Mesh) -> list[_Alike]:
@@ -265,7 +277,7 @@ def _depth(s: Section) -> float:
 def _sag(m: _Alike) -> NDArray[np.float64]:
     """Return by which parts of their lengths members, held at both ends, sag under their own weight [-]."""
     s = m.sections[0]
-    load = 9.81 * m.material.rho * s.A
+    load = _GRAVITY * m.material.rho * s.A
     return 5 * load * m.lengths**3 / (384 * m.material.E * max(s.Iy, s.Iz))
 
 
@@ -424,7 +436,7 @@ class _Structure:
     """The members as the yardstick of effects."""
 
     members: Sequence[_Alike]
-    mass: float
+    most_mass: float
     size: float
 
     def odd_stiffness(self, direction: str, stiffness: float) -> str:
@@ -432,11 +444,12 @@ class _Structure:
         return _odd_stiffness(direction, stiffness, self.members)
 
 
-def _of_effects(model: Model, members: Sequence[_Alike]) -> Iterator[Suspicion]:
-    # the mass of reduced parts is not known here
-    unknown = any(e.reduced_part for e in model.effects)
-    mass = np.inf if unknown else sum(m.mass for m in members)
-    structure = _Structure(members, mass, model.mesh.size)
+def _of_effects(model: Model, members: Sequence[_Alike], carriers: Sequence[_Alike]) -> Iterator[Suspicion]:
+    """Yield what effects doubt; masses beside ``carriers``, the members whose values are plausible."""
+    # a reduced part may carry more than the members
+    unknown = not carriers or any(e.reduced_part for e in model.effects)
+    most = np.inf if unknown else max(m.most_mass for m in carriers)
+    structure = _Structure(members, most, model.mesh.size)
     for e in model.effects:
         for key, text in e.doubts(structure):
             yield Suspicion(("effect", e.name, key), text)

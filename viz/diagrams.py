@@ -1,17 +1,18 @@
-"""Diagrams of section forces on the structure, and deflections under static loads."""
+"""Diagrams of section forces and stresses on the structure, and deflections under static loads."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista as pv
-from matplotlib.colors import to_rgb
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
-from fem.analysis.stations import forces_on_lines
+from fem.analysis.stations import forces_on_lines, stresses_on_lines
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -37,6 +38,18 @@ _SMALL = 1e-6
 
 _SIDES = {"N": (1, 1.0), "Vy": (0, 1.0), "Vz": (1, 1.0), "T": (1, 1.0), "My": (1, 1.0), "Mz": (0, -1.0)}
 """Local axis (0: y, 1: z) and sense along which positive values are drawn: moments on the side in tension."""
+
+_STRESSES = {
+    "normal": ("least and largest normal stress", ("low", "high")),
+    "von_mises": ("largest von Mises stress", ("von_mises",)),
+}
+"""Words on the stresses that are drawn, and their curves."""
+
+_LEAST_MPA = 1e4
+"""Stress from which on a picture is in MPa [Pa]."""
+
+_NORMAL = LinearSegmentedColormap.from_list("normal stress", [NEGATIVE, "#f2f2f2", POSITIVE])
+"""Colours of compression and tension, as of negative and positive section forces."""
 
 _WORDS = {
     "N": "axial force N",
@@ -73,37 +86,139 @@ def render_diagram(
     if quantity not in SECTION_FORCES:
         msg = f"'{quantity}' is no section force; allowed are {', '.join(SECTION_FORCES)}"
         raise ValueError(msg)
-    model, mesh = solution.model, solution.model.mesh
-    pieces = -(-_PIECES // min(len(rows) for rows in mesh.members.values()))
+    pieces = _pieces(solution)
     forces = forces_on_lines(solution, pieces)[..., case]
     k = SECTION_FORCES.index(quantity)
     like = slice(0, 3) if k < 3 else slice(3, 6)
-    values = np.where(abs(forces[..., k]) > _SMALL * abs(forces[..., like]).max(), forces[..., k], 0.0)
-    largest = float(abs(values).max())
-    axes = solution.equilibrium.loads.axes
-    ends = mesh.points[mesh.lines] + axes.offset
-    base = ends[:, :1] + np.linspace(0, 1, pieces + 1)[:, None] * (ends[:, 1:] - ends[:, :1])
-    axis, sense = _SIDES[quantity]
-    scale = _HEIGHT * mesh.size / largest if largest else 0.0
-    tips = base + (sense * scale * values)[..., None] * axes.R[:, None, 1 + axis]
+    least = max(_SMALL * abs(forces[..., like]).max(), solution.rounding[k // 3, case])
+    values = np.where(abs(forces[..., k]) > least, forces[..., k], 0.0)
     unit = "N" if k < 3 else "N·m"
     heading = f"{_WORDS[quantity]} [{unit}], {solution.cases[case]}"
-    scene = Scene(mesh.points, tips.reshape(-1, 3), title=title or heading[0].upper() + heading[1:])
-    scene.actors.append((wire_mesh(ends.reshape(-1, 3), _pairs(len(ends))), dict(_AXIS)))
-    _add_ribbons(scene, base, tips, values)
-    edges = [_outline(base[rows], tips[rows]) for rows in mesh.members.values() if values[rows].any()]
-    scene.actors += [(edge, {"color": style.INK, "line_width": 1.6}) for edge in edges]
-    scene.add_effects(_holders(model))
+    axis, sense = _SIDES[quantity]
+    scene, (tips,) = _diagram(solution, title or heading[0].upper() + heading[1:], axis, sense, values)
+    _add_ribbons(scene, _base(solution, pieces), tips, values)
     _name_extremes(scene, solution, tips, values)
     scene.legend += [Patch(facecolor=POSITIVE, label="positive"), Patch(facecolor=NEGATIVE, label="negative")]
     return scene.save(path)
+
+
+def render_stress(
+    solution: StaticSolution, quantity: str, path: str | Path, case: int = 0, title: str = ""
+) -> Path:
+    """Draw the extremes of a stress over each section along the members, in colour.
+
+    Parameters
+    ----------
+    solution : StaticSolution
+    quantity : str
+        ``"normal"``: the least and the largest normal stress, as two curves; ``"von_mises"``: the largest
+        von Mises stress.
+    path : str or Path
+        PNG file to write.
+    case : int
+        Column of the load case.
+    title : str
+        Heading; the quantity and the load case unless given.
+
+    Raises
+    ------
+    ValueError
+        For an unknown quantity, and where the stress is known of no member.
+    """
+    if quantity not in _STRESSES:
+        msg = f"'{quantity}' is no stress that is drawn; allowed are {', '.join(_STRESSES)}"
+        raise ValueError(msg)
+    words, names = _STRESSES[quantity]
+    mesh, pieces = solution.model.mesh, _pieces(solution)
+    found = stresses_on_lines(solution, pieces)
+    curves = [found[name][..., case] for name in names]
+    known = ~np.isnan(curves[0]).all(axis=1)
+    if not known.any():
+        msg = f"the {words} is known of no member; sections need a shape"
+        raise ValueError(msg)
+    largest = float(np.nanmax(np.abs(curves)))
+    factor, unit = (1e-6, "MPa") if largest >= _LEAST_MPA else (1.0, "Pa")
+    curves = [factor * np.nan_to_num(c) for c in curves]
+    heading = f"{words} [{unit}], {solution.cases[case]}"
+    scene, tips = _diagram(solution, title or heading[0].upper() + heading[1:], 1, 1.0, *curves)
+    most = factor * largest or 1.0
+    if quantity == "normal":
+        bar = Bar(_NORMAL, Normalize(-most, most), f"normal stress [{unit}]")
+    else:
+        bar = Bar(style.misfit_map(), Normalize(0.0, most), f"von Mises stress [{unit}]")
+    scene.bars.append(bar)
+    # one member's area behind another's where they overlap in one plane; lines are before all of them
+    behind = -scene.lift * (1 + np.argsort(mesh.chains()[0])[:, None, None] / mesh.n_lines)
+    base = _base(solution, pieces) + behind
+    for ends, values in zip(tips, curves, strict=True):
+        _add_ribbons(scene, base, ends + behind, values, bar)
+    named = np.concatenate(tips, axis=1), np.concatenate(curves, axis=1)
+    _name_extremes(scene, solution, *named, ink=style.INK, least=quantity == "normal")
+    if not known.all():
+        scene.legend.append(Line2D([], [], color=style.MUTED, linewidth=1.6, label="stress not known"))
+    return scene.save(path)
+
+
+def drawn_stresses(solution: StaticSolution, case: int) -> tuple[str, ...]:
+    """Return the stresses that are known of a member and not zero in a load case."""
+    found = stresses_on_lines(solution, 4)
+    return tuple(
+        quantity
+        for quantity, (_, names) in _STRESSES.items()
+        if any(np.nan_to_num(found[name][..., case]).any() for name in names)
+    )
+
+
+def _pieces(solution: StaticSolution) -> int:
+    """Return the number of pieces of each line in diagrams."""
+    return -(-_PIECES // min(len(rows) for rows in solution.model.mesh.members.values()))
+
+
+def _base(solution: StaticSolution, pieces: int) -> Floats:
+    """Return places along the axes of all lines, (n_lines, pieces + 1, 3) [m]."""
+    ends = _axis_ends(solution)
+    return np.asarray(ends[:, :1] + np.linspace(0, 1, pieces + 1)[:, None] * (ends[:, 1:] - ends[:, :1]))
+
+
+def _axis_ends(solution: StaticSolution) -> Floats:
+    mesh = solution.model.mesh
+    return np.asarray(mesh.points[mesh.lines] + solution.equilibrium.loads.axes.offset)
+
+
+def _diagram(
+    solution: StaticSolution, title: str, axis: int, sense: float, *curves: Floats
+) -> tuple[Scene, list[Floats]]:
+    """Return a scene with the axes of the structure and outlines of curves over them, and the curves' tips.
+
+    Parameters
+    ----------
+    axis : int
+        Local axis along which values are drawn (0: y, 1: z).
+    sense : float
+        Sense of positive values along it.
+    *curves : ndarray (n_lines, pieces + 1)
+        Values along the lines, drawn to one scale.
+    """
+    mesh, ends = solution.model.mesh, _axis_ends(solution)
+    base = _base(solution, curves[0].shape[1] - 1)
+    largest = max(float(abs(values).max()) for values in curves)
+    scale = sense * _HEIGHT * mesh.size / largest if largest else 0.0
+    way = solution.equilibrium.loads.axes.R[:, None, 1 + axis]
+    tips = [np.asarray(base + (scale * values)[..., None] * way) for values in curves]
+    scene = Scene(mesh.points, *(t.reshape(-1, 3) for t in tips), title=title)
+    scene.actors.append((wire_mesh(ends.reshape(-1, 3), _pairs(len(ends))), dict(_AXIS)))
+    for values, at in zip(curves, tips, strict=True):
+        edges = [_outline(base[rows], at[rows]) for rows in mesh.members.values() if values[rows].any()]
+        scene.actors += [(edge, {"color": style.INK, "line_width": 1.6}) for edge in edges]
+    scene.add_effects(_holders(solution.model))
+    return scene, tips
 
 
 def drawn_quantities(solution: StaticSolution, case: int) -> tuple[str, ...]:
     """Return the section forces that are more than rounding in a load case."""
     size = abs(forces_on_lines(solution, 4)[..., case]).max(axis=(0, 1))
     largest = np.repeat([size[:3].max(), size[3:].max()], 3)
-    kept = (size > 0) & (size > _SMALL * largest)
+    kept = size > np.maximum(_SMALL * largest, np.repeat(solution.rounding[:, case], 3))
     return tuple(q for q, yes in zip(SECTION_FORCES, kept.tolist(), strict=True) if yes)
 
 
@@ -141,35 +256,45 @@ def _add_deformed(scene: Scene, surface: Surface, scale: float) -> None:
     scene.bars = [Bar(bar.cmap, type(bar.norm)(0, largest or 1.0), "displacement [mm]")]
 
 
-def _add_ribbons(scene: Scene, base: Floats, tips: Floats, values: Floats) -> None:
-    """Add the areas between the axis and the ordinates, cut where the sign changes, and their outline."""
+def _add_ribbons(scene: Scene, base: Floats, tips: Floats, values: Floats, bar: Bar | None = None) -> None:
+    """Add the areas between the axis and the ordinates, cut where the sign changes.
+
+    They have the colours of a bar by the value at each height, or two colours by sign.
+    """
     vertices: list[Floats] = []
+    heights: list[float] = []
     triangles: list[list[int]] = []
     positive: list[bool] = []
 
-    def add(points: list[Floats], sign: bool) -> None:
+    def add(points: list[Floats], at: list[float]) -> None:
         first = len(vertices)
         vertices.extend(points)
+        heights.extend(at)
         triangles.extend([first, first + i, first + i + 1] for i in range(1, len(points) - 1))
-        positive.extend([sign] * (len(points) - 2))
+        positive.extend([sum(at) > 0] * (len(points) - 2))
 
     for p, q, v in zip(base, tips, values, strict=True):
         for i in range(len(v) - 1):
-            a, b = v[i], v[i + 1]
+            a, b = float(v[i]), float(v[i + 1])
             if a == 0 and b == 0:
                 continue
             if a * b >= 0:
-                add([p[i], p[i + 1], q[i + 1], q[i]], a + b > 0)
+                add([p[i], p[i + 1], q[i + 1], q[i]], [0.0, 0.0, b, a])
             else:
                 middle = p[i] + a / (a - b) * (p[i + 1] - p[i])
-                add([p[i], middle, q[i]], a > 0)
-                add([middle, p[i + 1], q[i + 1]], b > 0)
+                add([p[i], middle, q[i]], [0.0, 0.0, a])
+                add([middle, p[i + 1], q[i + 1]], [0.0, 0.0, b])
     if not triangles:
         return
     mesh = polydata(np.array(vertices), np.array(triangles))
-    rgb = 255 * np.array([to_rgb(NEGATIVE), to_rgb(POSITIVE)])
-    mesh.cell_data["rgb"] = rgb[np.array(positive, dtype=int)].astype(np.uint8)
-    look = {"scalars": "rgb", "rgb": True, "opacity": 0.55, "ambient": 1.0, "diffuse": 0.0}
+    look: dict[str, Any] = {"ambient": 1.0, "diffuse": 0.0}
+    if bar is not None:
+        mesh.point_data["stress"] = np.array(heights)
+        look |= {"scalars": "stress", "cmap": bar.cmap, "clim": (bar.norm.vmin, bar.norm.vmax)}
+    else:
+        rgb = 255 * np.array([to_rgb(NEGATIVE), to_rgb(POSITIVE)])
+        mesh.cell_data["rgb"] = rgb[np.array(positive, dtype=int)].astype(np.uint8)
+        look |= {"scalars": "rgb", "rgb": True, "opacity": 0.55}
     scene.actors.append((mesh, look))
 
 
@@ -191,20 +316,29 @@ def _holders(model: Model) -> Model:
     return Model(model.mesh, tuple(drawn))
 
 
-def _name_extremes(scene: Scene, solution: StaticSolution, tips: Floats, values: Floats) -> None:
-    """Label the largest positive and negative value of each member, the largest of all first."""
+def _name_extremes(
+    scene: Scene,
+    solution: StaticSolution,
+    tips: Floats,
+    values: Floats,
+    *,
+    ink: str | None = None,
+    least: bool = True,
+) -> None:
+    """Label the largest value of each member and its least, the largest of all first."""
     found: list[tuple[float, Floats]] = []
     for rows in solution.model.mesh.members.values():
         own = values[rows]
         constant = np.isclose(own.max(), own.min(), rtol=1e-9, atol=0)
-        for at in (own.size // 2,) if constant else (int(own.argmax()), int(own.argmin())):
+        ends = (int(own.argmax()), int(own.argmin())) if least else (int(own.argmax()),)
+        for at in (own.size // 2,) if constant else ends:
             line, station = np.unravel_index(at, own.shape)
             value = float(own[line, station])
             if abs(value) > 0.02 * abs(values).max() and not _taken(found, value, tips[rows][line, station]):
                 found.append((value, tips[rows][line, station]))
     found.sort(key=lambda pair: -abs(pair[0]))
     for value, place in found[:_MOST_NAMED]:
-        colour = POSITIVE if value > 0 else NEGATIVE
+        colour = ink or (POSITIVE if value > 0 else NEGATIVE)
         scene.labels.append(Label(place, readable(value), colour, 7.0, bold=True))
 
 

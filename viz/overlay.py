@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.markers import MarkerStyle
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,8 +20,39 @@ from viz.shapes import Arrows
 from viz.stage import View
 from viz.triangles import Floats
 
-Mark = tuple[Floats, str, str, float]
-"""Place, marker, colour and size of a mark; the marker "ring" is an open circle."""
+
+class Mark(NamedTuple):
+    """A mark at a place.
+
+    Attributes
+    ----------
+    place : ndarray (3,)
+        [m].
+    shape : str
+        A marker of matplotlib, or ``"ring"`` for an open circle.
+    colour : str
+    size : float
+        [pt].
+    axes : ndarray (3, 3), optional
+        The mark is turned as these axes, rows in global components, are from the global ones.
+    """
+
+    place: Floats
+    shape: str
+    colour: str
+    size: float
+    axes: Floats | None = None
+
+    def turn(self, view: View) -> float:
+        """Return the angle by which it is turned in the picture, anticlockwise [rad]."""
+        if self.axes is None:
+            return 0.0
+        x, y = view.axes[:2] @ (self.axes.T @ view.axes[1])
+        return float(np.arctan2(-x, y)) if np.hypot(x, y) > _SEEN else 0.0
+
+
+_SEEN = 0.1
+"""Part of a direction that must lie in the picture's plane to be recognised [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +103,8 @@ def draw_comparison(ax: Any, view: View, measured: Arrows, computed: Floats, dpi
 def draw_marks(ax: Any, view: View, marks: Sequence[Mark], dpi: int) -> None:
     """Draw markers, one beside another at one place, and rings."""
     drawn: list[tuple[float, float]] = []
-    for place, shape, colour, size in marks:
+    for mark in marks:
+        place, shape, colour, size, _ = mark
         x, y = (float(v) for v in view.project(place)[0])
         if shape == "ring":
             for edge, width in (("white", 3.4), (colour, 1.8)):
@@ -79,12 +112,19 @@ def draw_marks(ax: Any, view: View, marks: Sequence[Mark], dpi: int) -> None:
                 ax.plot(x, y, "o", markersize=size, markerfacecolor="none", **look)
             continue
         step = size * dpi / 72
-        if shape in "^v":
-            y += step / 2
+        turn = mark.turn(view)
+        if shape in "^v":  # the tip of a support is at its point
+            x, y = x + step / 2 * np.sin(turn), y + step / 2 * np.cos(turn)
         while any(abs(x - u) < 0.8 * step and abs(y - v) < 0.8 * step for u, v in drawn):
             x += step  # beside the marker of another effect at the same place
         drawn.append((x, y))
-        ax.plot(x, y, shape, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.7)
+        if turn:  # a triangle alone would look alike after a third of a turn
+            across, down = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
+            ground = np.array([x, y]) + 0.62 * step * down + np.outer([-0.8, 0.8], step * across)
+            ax.plot(*ground.T, color=colour, linewidth=1.3, solid_capstyle="butt")
+        form = MarkerStyle(shape).rotated(rad=turn)
+        look = {"markeredgecolor": "white", "markeredgewidth": 0.7}
+        ax.plot(x, y, marker=form, color=colour, markersize=size, **look)
 
 
 def draw_triad(ax: Any, view: View, dpi: int) -> tuple[float, float, float, float]:
@@ -117,9 +157,9 @@ def occupied_pixels(
 ) -> NDArray[np.bool_]:
     """Return the pixels of a picture that labels must not cover: of the structure and of markers."""
     occupied = np.asarray(np.min(picture, axis=2) < 245)
-    for place, _, _, size in marks:
-        x, y = view.project(place)[0]
-        r = size * dpi / 72 / 2
+    for mark in marks:
+        x, y = view.project(mark.place)[0]
+        r = mark.size * dpi / 72 / 2
         occupied[max(int(y - r), 0) : int(y + 2 * r), max(int(x - r), 0) : int(x + r)] = True
     return occupied
 

@@ -26,6 +26,7 @@ from viz.models import displacement_at, member_families, model_surface, surface_
 from viz.overlay import (
     Bar,
     Label,
+    Mark,
     arrow_key,
 )
 from viz.scene import Scene, unit_vectors
@@ -262,7 +263,7 @@ def render_faults(
         if fault.kind in ("loose part", "mechanism"):
             continue  # its lines or its motion show its place
         for point in fault.points.tolist():
-            scene.marks.append((mesh.points[point], "ring", colour[fault.kind], 11.0))
+            scene.marks.append(Mark(mesh.points[point], "ring", colour[fault.kind], 11.0))
             if point not in named:
                 scene.labels.append(Label(mesh.points[point], str(point), colour[fault.kind], 7.5, bold=True))
             named.add(point)

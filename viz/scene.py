@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import Sensor
 from viz import style
@@ -174,26 +175,29 @@ class Scene:
             places = effect.locations(model)
             if not len(places):
                 continue
-            if effect.kind in seen:
-                shape, colour = seen[effect.kind]
-            elif effect.marker is None:
+            axes = effect.support_axes
+            kind, marker = (effect.kind, effect.marker) if axes is None else ("support", SUPPORT_MARKER)
+            if kind in seen:
+                shape, colour = seen[kind]
+            elif marker is None:
                 shape, colour = next(others), style.GREEN
             else:
-                shape, colour = SHAPES[effect.marker.shape], COLOURS[effect.marker.colour]
-            self.marks += [(place, shape, colour, 7.0) for place in places]
-            if effect.kind not in seen:
-                seen[effect.kind] = shape, colour
+                shape, colour = SHAPES[marker.shape], COLOURS[marker.colour]
+            turned = None if axes is None or np.array_equal(axes, np.eye(3)) else axes
+            self.marks += [Mark(place, shape, colour, 7.0, turned) for place in places]
+            if kind not in seen:
+                seen[kind] = shape, colour
                 key = Line2D(
                     [], [], linestyle="", marker=shape, color=colour, markersize=6, markeredgecolor="white"
                 )
-                key.set_label(effect.kind.replace("_", " "))
+                key.set_label(kind.replace("_", " "))
                 self.legend.append(key)
 
     def add_highlights(self, highlights: Sequence[tuple[ArrayLike, str]]) -> None:
         """Add rings with names."""
         for point, text in highlights:
             place = np.asarray(point, dtype=float)
-            self.marks.append((place, "ring", style.HIGHLIGHT, 13.0))
+            self.marks.append(Mark(place, "ring", style.HIGHLIGHT, 13.0))
             self.labels.insert(0, Label(place, text, style.HIGHLIGHT, 8.0, bold=True))
 
     # -------------------------------------------------------------------------------------- drawing

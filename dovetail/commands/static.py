@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say, without_rounding
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import STRESSES, StaticCases, factor_fields, factor_words
@@ -25,7 +25,10 @@ EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/sta
 
 RESULTS = Results(
     motions="displacements and section forces",
-    pictures=("the deflection and the diagrams of section forces of each case", "01-load-deflection.png"),
+    pictures=(
+        "the deflection and the diagrams of section forces and stresses of each case",
+        "01-load-deflection.png",
+    ),
 )
 
 Fields = dict[str, Any]
@@ -75,7 +78,7 @@ def run(options: Options, progress: Progress) -> None:
     progress.close()
     members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
     stresses = {m: s for m in members if (s := solution.stresses(m, options.pieces)) is not None}
-    on_lines = solution.forces_on_lines(4)
+    on_lines = solution.beyond_rounding(solution.forces_on_lines(4))
     write_json(
         options.json,
         {
@@ -135,6 +138,7 @@ def _case_fields(study: Study, solution: StaticCases, members: Fields, stresses:
             for name, s in members.items()
         },
         "residual": solution.residual[k],
+        "rounding": dict(zip(("force_N", "moment_Nm"), solution.rounding[:, k].tolist(), strict=True)),
     }
 
 
@@ -161,9 +165,8 @@ def _case_lines(
     """Return what is printed of a load case."""
     largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
-    held = without_rounding([float(value[k]) for value in solution.held.values()])
-    for (name, direction), value in zip(solution.held, held, strict=True):
-        rows.setdefault(name, {})[direction] = float(value)
+    for (name, direction), value in solution.held_beyond_rounding().items():
+        rows.setdefault(name, {})[direction] = float(value[k])
     width = max([len(r) for r in rows] + [8])
     out = [
         "",
@@ -176,7 +179,7 @@ def _case_lines(
         others = "".join(f"  {d} {v:.5g}" for d, v in row.items() if d not in DIRECTIONS)
         out.append(f"  {name:{width}} {cells}{others}")
     member = study.model.mesh.member_of_line()
-    each = np.moveaxis(without_rounding(on_lines[..., k]), -1, 0)
+    each = np.moveaxis(on_lines[..., k], -1, 0)
     for q, values in zip(SECTION_FORCES, each, strict=True):
         low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
         if values.any():
@@ -269,12 +272,10 @@ def _envelope_lines(
     found = _envelope_fields(study, solution, on_lines, stresses, columns)
     width = max(len(m) for m in found["members"])
     head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
-    ends = without_rounding(
-        [[own[q][k] for q in SECTION_FORCES for k in ("low", "high")] for own in found["members"].values()]
-    )
     rows = [
-        f"  {member:{width}} " + "".join(f"{value:11.4g}" for value in own)
-        for member, own in zip(found["members"], ends, strict=True)
+        f"  {member:{width}} "
+        + "".join(f"{own[q][end]:11.4g}" for q in SECTION_FORCES for end in ("low", "high"))
+        for member, own in found["members"].items()
     ]
     ranges = [
         f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"
@@ -299,8 +300,14 @@ def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:
 
 
 def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
-    """Draw deflections, and the diagrams of section forces that are there."""
-    from viz.diagrams import drawn_quantities, render_deflection, render_diagram
+    """Draw deflections, and the diagrams of section forces and stresses that are there."""
+    from viz.diagrams import (
+        drawn_quantities,
+        drawn_stresses,
+        render_deflection,
+        render_diagram,
+        render_stress,
+    )
 
     with result_folder(options.pictures, options.force) as scratch:
         for k, name in enumerate(solution.cases):
@@ -309,3 +316,6 @@ def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
             render_deflection(own, scratch / file_name(k + 1, name, "deflection"), column)
             for quantity in drawn_quantities(own, column):
                 render_diagram(own, quantity, scratch / file_name(k + 1, name, quantity), column)
+            for stress in drawn_stresses(own, column):
+                what = f"{stress.replace('_', '-')}-stress"
+                render_stress(own, stress, scratch / file_name(k + 1, name, what), column)

@@ -10,9 +10,10 @@ from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
 from fem.analysis.section_stress import SectionStresses, section_stresses
 from fem.analysis.statics import StaticSolution
-from fem.analysis.stations import Stations, forces_on_lines, stations
+from fem.analysis.stations import Stations, forces_on_lines, stations, stresses_on_lines
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
+from fem.model import DIRECTIONS
 
 STRESSES = {
     "low": "least normal stress",
@@ -84,6 +85,19 @@ class StaticCases:
             for key in keys
         }
 
+    @property
+    def rounding(self) -> np.ndarray:
+        """Forces and moments up to which section forces and reactions are rounding, (2, n_cases) [N, N·m]."""
+        return np.hstack([s.rounding for s in self.solutions])
+
+    def held_beyond_rounding(self) -> dict[tuple[str, str], np.ndarray]:
+        """Return the forces of :attr:`held`, 0 where they are rounding."""
+        return {key: _beyond(v, self.rounding[int(_is_moment(key))]) for key, v in self.held.items()}
+
+    def beyond_rounding(self, forces: np.ndarray) -> np.ndarray:
+        """Return section forces (..., 6, n_cases), 0 where they are rounding."""
+        return _beyond(forces, np.repeat(self.rounding, 3, axis=0))
+
     def case(self, name: str) -> int:
         """Return the column of a load case."""
         return self.cases.index(name)
@@ -108,24 +122,17 @@ class StaticCases:
     def stresses(self, member: str, pieces: int) -> SectionStresses | None:
         """Return the extremes of stresses at these places, each (pieces + 1, n_cases) [Pa].
 
-        None for a section without an outline.
+        None for a section without an outline. Section forces that are rounding make none.
         """
         found = self.stations(member, pieces)
-        return section_stresses(self._properties(member), found.positions / found.positions[-1], found.forces)
+        forces = self.beyond_rounding(found.forces)
+        return section_stresses(self._properties(member), found.positions / found.positions[-1], forces)
 
     def stresses_on_lines(self, pieces: int) -> dict[str, np.ndarray]:
         """Return the extremes of stresses of each line, each (n_lines, n_cases) [Pa]; NaN where unknown."""
-        mesh, forces = self.solutions[0].model.mesh, self.forces_on_lines(pieces)
-        along = mesh.arc_fractions()
-        out = {name: np.full((mesh.n_lines, forces.shape[-1]), np.nan) for name in STRESSES}
-        for member, rows in mesh.members.items():
-            x = along[rows, :1] + np.linspace(0, 1, pieces + 1) * np.diff(along[rows], axis=1)
-            own = forces[rows].reshape(-1, 6, forces.shape[-1])
-            found = section_stresses(self._properties(member), np.clip(x.ravel(), 0, 1), own)
-            for name, values in ({} if found is None else found.by_name).items():
-                each = values.reshape(len(rows), pieces + 1, -1)
-                out[name][rows] = each.min(axis=1) if name == "low" else each.max(axis=1)
-        return out
+        each = [stresses_on_lines(s, pieces) for s in self.solutions]
+        found = {name: np.concatenate([own[name] for own in each], axis=2) for name in each[0]}
+        return {name: v.min(axis=1) if name == "low" else v.max(axis=1) for name, v in found.items()}
 
     def _properties(self, member: str) -> MemberProperties:
         model = self.solutions[0].model
@@ -134,6 +141,15 @@ class StaticCases:
     def forces_on_lines(self, pieces: int) -> np.ndarray:
         """Return section forces along all lines, (n_lines, pieces + 1, 6, n_cases) [N, N·m]."""
         return np.concatenate([forces_on_lines(s, pieces) for s in self.solutions], axis=3)
+
+
+def _beyond(values: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    return np.where(abs(values) > limit, values, 0.0)
+
+
+def _is_moment(key: tuple[str, str]) -> bool:
+    """Whether a reaction is a moment: its direction is ``"rx"``, or ``"4 rx"`` of one of several points."""
+    return key[1].split()[-1] in DIRECTIONS[3:]
 
 
 def factor_fields(found: StaticCases) -> dict[str, Any]:

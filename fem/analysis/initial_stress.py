@@ -114,7 +114,7 @@ def _force_rounding(state: StressedState, stiffness: NDArray[np.float64]) -> NDA
     """Return the rounding of each section force of the lines, shape (n_lines, 6)."""
     u = abs(state.displacements[line_dofs(state.model)])
     terms = (abs(stiffness) @ u)[:, :, 0]
-    terms[:, :6] += abs(state.equilibrium.fixed[:, :, 0])
+    terms[:, :6] += abs(state.equilibrium.fixed[:, :6, 0])
     largest = terms.reshape(-1, 2, 2, 3).max(axis=(1, 3))
     return _ROUNDING * np.repeat(largest, 3, axis=1)
 

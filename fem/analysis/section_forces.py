@@ -38,8 +38,8 @@ class LineEquilibrium:
     ----------
     ends : ndarray (n_lines, 6, n_cases)
         Force and moment of the first node on the line, global [N, N·m].
-    fixed : ndarray (n_lines, 6, n_cases)
-        The same while all nodes rest.
+    fixed : ndarray (n_lines, 12, n_cases)
+        Forces and moments of both nodes while all nodes rest.
     initial : ndarray (n_lines, 2, 2, 3)
         Forces and moments of geometric stiffness at both nodes (`initial_forces`).
     loads : SpreadLoads
@@ -206,7 +206,7 @@ def motion_between_nodes(
     """
     axes = held.loads.axes
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
-    at_rest = replace(held, ends=held.fixed, initial=0 * held.initial)
+    at_rest = replace(held, ends=held.fixed[:, :6], initial=0 * held.initial)
     breaks = np.unique(np.clip([a, b, *held.loads.xi[held.loads.line == line].ravel()], a, b))
 
     n_points = tapered.N_STATIONS if model.of_kind(Frame)[0].has_tapers else 4

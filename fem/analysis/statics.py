@@ -7,7 +7,7 @@ Loads are in `fem.analysis.loads`, internal forces in `fem.analysis.section_forc
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -34,11 +34,13 @@ from fem.analysis.section_forces import (
     motion_between_nodes,
     section_forces,
 )
+from fem.analysis.static_rounding import force_rounding
 from fem.elements.frame import Frame
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
+from fem.recent import Recent
 from fem.summary import fields_summary
-from fem.system import System, constraint_groups, full_matrices, particular, rigid_motions
+from fem.system import System, assemble, constraint_groups, full_matrices, particular, rigid_motions
 
 _LEAST_RESISTANCE = 1e-15
 """K is singular where inverse iteration finds less resistance than this, relative to entries one by one."""
@@ -79,8 +81,24 @@ class StaticSolution:
     line_forces: NDArray[np.float64]
     residual: NDArray[np.float64]
     equilibrium: LineEquilibrium
+    _kept: Recent = field(default_factory=lambda: Recent(1), init=False, repr=False)
 
     __repr__ = fields_summary
+
+    @property
+    def rounding(self) -> NDArray[np.float64]:
+        """Forces [N] and moments [N·m], of members and reactions, that rounding may make; (2, n_cases).
+
+        See :func:`fem.analysis.static_rounding.force_rounding`. Computed when first asked for, with a
+        factorisation of its own.
+        """
+        value: NDArray[np.float64] = self._kept.get("rounding", self._rounding)
+        return value
+
+    def _rounding(self) -> NDArray[np.float64]:
+        system = assemble(self.model, reciprocal=False)
+        factor = factor_held(system) if system.n_free else None
+        return force_rounding(system, factor, self.equilibrium, self.displacements)
 
     @property
     def n_cases(self) -> int:
@@ -272,7 +290,7 @@ class Loading:
         ends = stiffness @ u[line_dofs(model)] - self.on_lines - self.weights
         initial = initial_forces(model, self.axes, stiffness)
         spread = with_weights(model, self.axes, self.spread, self.gravity, self.weights)
-        fixed = -(self.on_lines + self.weights)[:, :6]
+        fixed = -(self.on_lines + self.weights)
         return LineEquilibrium(ends[:, :6], fixed, initial, spread, self.strain, self.gravity)
 
     def reactions(self, force: NDArray[np.float64]) -> dict[Key, NDArray[np.float64]]:

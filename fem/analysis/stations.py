@@ -1,4 +1,4 @@
-"""Section forces and displacements at stations along members."""
+"""Section forces, stresses and displacements at stations along members."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.section_forces import section_forces
+from fem.analysis.section_stress import section_stresses
 from fem.analysis.statics import StaticSolution
+from fem.elements.frame import Frame
 from fem.model import ModelError
 from fem.summary import fields_summary
+
+STRESSES = ("low", "high", "shear", "von_mises")
+"""Least and largest normal stress, largest shear and largest von Mises stress of a section."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,3 +60,27 @@ def forces_on_lines(solution: StaticSolution, pieces: int) -> NDArray[np.float64
     xi = np.tile(np.linspace(0, 1, pieces + 1), n)
     found = section_forces(solution.model, solution.equilibrium, solution.displacements, lines, xi)
     return found.reshape(n, pieces + 1, 6, -1)
+
+
+def stresses_on_lines(solution: StaticSolution, pieces: int) -> dict[str, NDArray[np.float64]]:
+    """Return the extremes of stresses at the ends of equal pieces of all lines, by the names of `STRESSES`.
+
+    Section forces that are rounding make none.
+
+    Returns
+    -------
+    dict of str to ndarray (n_lines, pieces + 1, n_cases)
+        [Pa]; NaN where a stress is not known.
+    """
+    mesh, along = solution.model.mesh, solution.model.mesh.arc_fractions()
+    forces = forces_on_lines(solution, pieces)
+    forces = np.where(abs(forces) > np.repeat(solution.rounding, 3, axis=0), forces, 0.0)
+    out = {name: np.full((*forces.shape[:2], forces.shape[-1]), np.nan) for name in STRESSES}
+    properties = {m: p for f in solution.model.of_kind(Frame) for m, p in f.members.items()}
+    for member, rows in mesh.members.items():
+        x = along[rows, :1] + np.linspace(0, 1, pieces + 1) * np.diff(along[rows], axis=1)
+        own = forces[rows].reshape(-1, 6, forces.shape[-1])
+        found = section_stresses(properties[member], np.clip(x.ravel(), 0, 1), own)
+        for name, values in ({} if found is None else found.by_name).items():
+            out[name][rows] = values.reshape(len(rows), pieces + 1, -1)
+    return out

@@ -83,7 +83,7 @@ class AddedMass(Effect):
         return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield a mass above that of the members, and an arm or an inertia larger than the structure."""
+        """Yield a mass that no member carries, and an arm or an inertia larger than the structure."""
         yield from too_heavy(self.name, self.mass, structure)
         arm = float(np.linalg.norm(self.arm))
         if arm > structure.size:
@@ -166,7 +166,7 @@ class PointMass(Effect):
         return ((model.mesh.locate(self.member, float(np.real(self.position))), np.real(self.mass)),)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield a mass above that of the members."""
+        """Yield a mass that no member carries."""
         yield from too_heavy(self.name, self.mass, structure)
 
     @classmethod
@@ -205,11 +205,12 @@ class PointMass(Effect):
 
 
 def too_heavy(name: str, mass: Any, structure: Yardstick) -> Iterator[tuple[str, str]]:
-    """Yield a mass above that of all members."""
-    mass = float(np.real(mass))
-    if mass > structure.mass:
-        hint = f"; is it in grams ({mass / 1000:.4g} kg)?" if mass / 1000 < structure.mass else ""
+    """Yield a mass whose weight no member carries."""
+    mass, most = float(np.real(mass)), structure.most_mass
+    if mass > most:
+        hint = f"; is it in grams ({mass / 1000:.4g} kg)?" if mass / 1000 < most else ""
         yield (
             "mass",
-            f"'{name}' has {mass:.4g} kg, more than all members together ({structure.mass:.4g} kg){hint}",
+            f"'{name}' has {mass:.4g} kg, and {most:.4g} kg would bend the stiffest member, held at both "
+            f"ends, by its length{hint}",
         )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import ArmForce, Marker, Role, StaticState, Yardstick
+from fem.effects.added_mass import too_heavy
 from fem.model import (
     DIRECTIONS,
     Constraint,
@@ -232,6 +233,12 @@ class Joint(PointPair):
         return self.rigid
 
     @property
+    def support_axes(self) -> NDArray[np.float64] | None:
+        """Its axes, if it holds a point to the ground and does nothing else."""
+        more = any(np.any(X) for X in (self.K, self.C, self.D, self.M))
+        return self.axes if self.point2 is None and self.rigid and not more else None
+
+    @property
     def elastic(self) -> tuple[str, ...]:
         """Directions with a stiffness of their own."""
         diagonal = np.real(np.diag(self.K))
@@ -282,7 +289,7 @@ class Joint(PointPair):
         return tuple(parts)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield absurd stiffnesses, a loss factor above 1, and a mass above that of the members."""
+        """Yield absurd stiffnesses, a loss factor above 1, and a mass that no member carries."""
         for d in self.elastic:
             k = float(np.real(self.K[DIRECTIONS.index(d), DIRECTIONS.index(d)]))
             if k > 0 and (text := structure.odd_stiffness(d, k)):
@@ -295,12 +302,8 @@ class Joint(PointPair):
                 f"per cent it would be {eta / 100:g}",
             )
         mass = float(np.real(np.diag(self.M)[:3]).max())
-        if mass > structure.mass:
-            yield (
-                "M",
-                f"joint '{self.name}' has {mass:.4g} kg, more than all members together "
-                f"({structure.mass:.4g} kg)",
-            )
+        for _, text in too_heavy(self.name, mass, structure):
+            yield "M", f"joint {text}"
 
     def constraints(self, model: Model) -> tuple[Constraint, ...]:
         """No relative motion in the rigid directions."""

@@ -145,7 +145,7 @@ class SprungMass(Effect):
         return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
-        """Yield a mass above that of the members."""
+        """Yield a mass that no member carries."""
         yield from too_heavy(self.name, self.mass, structure)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

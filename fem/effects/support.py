@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fem.declarations import Marker, Role
+from fem.declarations import SUPPORT_MARKER, Marker, Role
 from fem.effects.places import AtPoint
 from fem.model import DIRECTIONS, Constraint, Model, Parameter
 
@@ -25,13 +26,18 @@ class Support(AtPoint):
 
     kind: ClassVar[str] = "support"
     role: ClassVar[Role] = Role.CONSTRAINT
-    marker: ClassVar[Marker | None] = Marker("triangle", "support")
+    marker: ClassVar[Marker | None] = SUPPORT_MARKER
     fixed: tuple[str, ...] = DIRECTIONS
 
     @property
     def where(self) -> str:
         """The support's name."""
         return f"support {self.name}"
+
+    @property
+    def support_axes(self) -> NDArray[np.float64]:
+        """Global axes."""
+        return np.eye(3)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None: a rigid support has nothing to estimate; support flexibility is an effect of its own."""

@@ -70,6 +70,12 @@ def column(tmp_path):
     return path
 
 
+def with_shape(text):
+    """Return the study with a round bar of 60 mm."""
+    bar = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
+    return bar + '[sections.bar]\nshape = "circle"\nd = 0.06\n'
+
+
 def printed(capsys, *arguments):
     assert main([str(a) for a in arguments]) == 0
     return json.loads(capsys.readouterr().out)
@@ -101,10 +107,24 @@ def test_static(column, capsys):
     assert "did you mean 'wind'" in refused(capsys, "static", column, "--case", "win")
 
 
+def test_forces_and_stresses_of_free_expansion_are_printed_as_0(column, tmp_path, capsys):
+    text = column.read_text(encoding="utf-8").replace("B = [0, 0, 2]", "B = [0.3, 0.4, 2]")
+    text = with_shape(text[: text.index("[[loads]]")])
+    column.write_text(text + "[[loads]]\ntemperature = 80\nexpansion = 12e-6\n", encoding="utf-8")
+    case = printed(capsys, "static", column, "--json", "-")["cases"]["load"]
+    assert any(case["members"]["column"]["N"])  # as computed
+    assert max(map(abs, case["members"]["column"]["N"])) < case["rounding"]["force_N"] < 1e-3
+    assert main(["static", str(column), "--pictures", str(tmp_path / "pictures")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (held,) = (line.split()[1:] for line in lines if line.startswith("  A "))
+    assert held == ["0"] * 6
+    assert not [line for line in lines if line.startswith("  N ")]
+    assert "  largest von Mises stress 0 MPa in column" in lines
+    assert [p.name for p in (tmp_path / "pictures").glob("*.png")] == ["01-load-deflection.png"]
+
+
 def test_static_stresses_and_their_envelope(column, capsys):
-    text = column.read_text(encoding="utf-8")
-    bar = text.replace("{ A = 1e-3, Iy = 1e-6, Iz = 2e-6, J = 1e-6 }", '"bar"')
-    column.write_text(bar + '[sections.bar]\nshape = "circle"\nd = 0.06\n', encoding="utf-8")
+    column.write_text(with_shape(column.read_text(encoding="utf-8")), encoding="utf-8")
     found = printed(capsys, "static", column, "--json", "-", "--pieces", "4")
     bent = 1.5 * 500 * (2 - np.linspace(0, 2, 5)) ** 2 / 2 / (np.pi * 0.06**3 / 32)
     own = found["cases"]["both"]["members"]["column"]
@@ -163,8 +183,10 @@ def test_static_writes_a_field(column, tmp_path, capsys):
 @pytest.mark.usefixtures("offscreen")
 def test_static_and_buckling_draw(column, tmp_path):
     folder = tmp_path / "pictures"
+    column.write_text(with_shape(column.read_text(encoding="utf-8")), encoding="utf-8")
     assert main(["static", str(column), "--case", "weight", "--pictures", str(folder), "--quiet"]) == 0
-    assert sorted(p.name for p in folder.glob("*.png")) == ["01-weight-N.png", "01-weight-deflection.png"]
+    drawn = ("N", "deflection", "normal-stress", "von-mises-stress")
+    assert sorted(p.name for p in folder.glob("*.png")) == [f"01-weight-{what}.png" for what in drawn]
     arguments = ["--case", "weight", "--number", "1", "--pictures", str(folder), "--quiet"]
     assert main(["buckling", str(column), *arguments]) == 0
     assert [p.name for p in folder.glob("*.png")] == ["buckling-01.png"]

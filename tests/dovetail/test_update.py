@@ -1,7 +1,12 @@
 """The commands that identify modes, match geometry and update, as a user calls them."""
 
+import importlib.util
 import json
+import os
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -533,3 +538,41 @@ def test_the_command_writes_a_bootstrap(by_frequencies, tmp_path, capsys):
     assert "bootstrap: 12 refits of 12 resamples" in capsys.readouterr().out
     assert main([*words[:-2], "5"]) == 2
     assert "at least 10 resamples are needed" in capsys.readouterr().err
+
+
+ON_DASK = """
+import sys
+from distributed import LocalCluster
+from dovetail.cli import main
+
+if __name__ == "__main__":
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as two:
+        sys.exit(main([*sys.argv[1:], "--scheduler", two.scheduler_address]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="the extra 'cluster' (distributed) is missing"
+)
+def test_a_bootstrap_on_dask_has_the_numbers_of_one_process(by_frequencies, tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(ON_DASK)
+    path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    found = {}
+    for name, start in (("one", ["-m", "dovetail"]), ("dask", [str(program)])):
+        words = ["update", str(by_frequencies), "--bootstrap", "12", "--quiet", "--out", str(tmp_path / name)]
+        more = ["--processes", "1"] if name == "one" else []
+        done = subprocess.run(
+            [sys.executable, "-W", "ignore", *start, *words, *more],
+            env=os.environ | {"PYTHONPATH": path},
+            capture_output=True, text=True, timeout=240, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        data = json.loads((tmp_path / name / "update.json").read_text(encoding="utf-8"))
+        values = np.loadtxt(tmp_path / name / "bootstrap.csv", delimiter=",", skiprows=1, ndmin=2)
+        found[name] = data["bootstrap"], values
+    assert found["one"][1].shape == (12, 1)
+    assert np.unique(found["one"][1]).size == 12
+    np.testing.assert_array_equal(found["one"][1], found["dask"][1])
+    assert found["one"][0] == found["dask"][0]

@@ -1,5 +1,6 @@
 """Modes by SLEPc and MUMPS in two processes, where they are installed: the same, all repeated ones too."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -13,8 +14,9 @@ import scipy.sparse as sp
 
 from benchmarks.modes import block_of_cells
 from fem import assemble
-from fem.analysis.modes import solve_modes
+from fem.analysis.modes import DENSE_LIMIT, solve_modes
 from fem.linalg.processes import ProcessesError, _reason, lowest_by_processes, write_petsc
+from fem.linalg.slepc_program import METIS, MINIMUM_FILL, SCOTCH
 
 DEBIAN = {
     f"{name}_DIR": str(path)
@@ -51,15 +53,67 @@ def two(monkeypatch):
     monkeypatch.setenv("DOVETAIL_SOLVER", "slepc")
 
 
-@pytest.mark.slow
 def test_two_processes_find_the_same_modes(two, monkeypatch):
-    system = assemble(block_of_cells(4, 4, 5))  # a square tower: bending modes come in pairs
-    theirs = solve_modes(system, 20)
+    # a chain of lattice cells: few messages, each of which takes long where other work keeps the cores busy
+    system = assemble(block_of_cells(2, 1, 30))
+    assert system.n_free > DENSE_LIMIT  # smaller ones are solved here
+    theirs = solve_modes(system, 4)
     monkeypatch.delenv("DOVETAIL_SOLVER")
-    ours = solve_modes(system, 20)
+    ours = solve_modes(system, 4)
     np.testing.assert_allclose(theirs.frequency, ours.frequency, rtol=1e-9)
     X, M = system.Q.T @ theirs.shapes, system.M
-    np.testing.assert_allclose(X.T @ (M @ X), np.eye(20), atol=1e-9)
+    np.testing.assert_allclose(X.T @ (M @ X), np.eye(4), atol=1e-9)
+
+
+WITHOUT_ORDERINGS = """
+import importlib.util, json, sys
+from pathlib import Path
+
+file, folder = Path(sys.argv[-2]), Path(sys.argv[-1])
+spec = importlib.util.spec_from_file_location("program", file)
+program = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(program)
+for name in sys.argv[2:-2]:
+    setattr(program, name, 7)  # MUMPS chooses itself, as it does where it lacks what it is asked for
+solver = program._solver
+
+
+def recorded(K, M, shift):
+    from petsc4py import PETSc
+
+    eps = solver(K, M, shift)
+    factor = eps.getST().getKSP().getPC().getFactorMatrix()
+    options = PETSc.Options()
+    passed = [options.getInt(f"{prefix}mat_mumps_icntl_7") for prefix in ("", "st_")]
+    if K.comm.rank == 0:
+        used = [K.comm.size, *passed, factor.getMumpsIcntl(7), factor.getMumpsInfog(7)]
+        Path(sys.argv[1]).write_text(json.dumps(used))
+    return eps
+
+
+program._solver = recorded
+program.main(folder)
+"""
+"""Runs the program as if MUMPS lacked the orderings named, and writes what MUMPS was given and has used."""
+
+
+@pytest.mark.parametrize("lacking", [("METIS", "SCOTCH"), ()], ids=["without", "as installed"])
+def test_mumps_takes_minimum_fill_where_it_has_no_nested_dissection(two, lacking, tmp_path):
+    (tmp_path / "program.py").write_text(WITHOUT_ORDERINGS)
+    used = tmp_path / "used.json"
+    start = ("mpirun", "-n", "2", python(), str(tmp_path / "program.py"), str(used), *lacking)
+    n = 300
+    K = sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1], format="csc")
+    found = lowest_by_processes(K, sp.eye_array(n, format="csc"), -1e-6, 5, np.zeros((n, 0)), start)
+    exact = 2 - 2 * np.cos(np.arange(1, 6) * np.pi / (n + 1))  # of a chain of equal springs and masses
+    np.testing.assert_allclose(found.pairs.eigenvalues, exact, rtol=1e-9)
+    n_processes, *orderings = json.loads(used.read_text())
+    assert n_processes == 2
+    assert len(set(orderings)) == 1  # passed to both solvers, taken by MUMPS, and used by it
+    if lacking:
+        assert orderings[0] == MINIMUM_FILL
+    else:
+        assert orderings[0] in (METIS, SCOTCH, MINIMUM_FILL)
 
 
 def test_a_repeated_eigenvalue_is_found_as_often_as_it_is_there(two, monkeypatch):

@@ -8,11 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from fem.analysis.modes import Modes, solve_modes
 from fem.checks import check_mesh, check_model
 from fem.effects import effect_classes
+from fem.effects.joint import Joint
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
@@ -25,8 +27,10 @@ from tests.frames import beam, chain, fix, with_part
 from updating.measurement.measurement import Sensor
 from viz import animation, render, shapes, style
 from viz.markers import COLOURS, SHAPES
+from viz.overlay import Mark, draw_marks
 from viz.scene import DPI, Scene
 from viz.shapes import view_axes
+from viz.stage import View
 
 STEEL = Material("steel", 210e9, 7850)
 
@@ -290,3 +294,34 @@ def test_kinds_without_a_marker_get_different_shapes():
     shapes = [mark[1] for mark in scene.marks]
     assert shapes[0] == SHAPES["triangle"]
     assert len(set(shapes)) == 4
+
+
+def test_a_skew_support_is_drawn_as_a_support_turned_by_its_axes():
+    """On a slope of 30° seen from the side, the triangle leans to the left by as much."""
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    axes = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    tip = {"name": "slope", "point1": 1, "location": np.array([1.0, 0, 0]), "axes": axes}
+    model = beam(4, effects=(fix(0, name="wall"), Joint(rigid=("y", "z"), **tip)))
+    scene = Scene(model.mesh.points)
+    scene.add_effects(model)
+    assert [mark.shape for mark in scene.marks] == [SHAPES["triangle"]] * 2
+    assert [key.get_label() for key in scene.legend] == ["support"]
+    side = View(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3), 2.0, 2.0, (200, 200))
+    assert [mark.turn(side) for mark in scene.marks] == [0.0, pytest.approx(np.pi / 6)]
+    above = View(np.eye(3), np.zeros(3), 2.0, 2.0, (200, 200))
+    assert scene.marks[1].turn(above) == pytest.approx(0.0)
+    # an elastic element to the ground in these axes, and a joint of two members, are none
+    for other in (Joint(K=np.diag([0, 0, 1e3, 0, 0, 0]), **tip), Joint(rigid=("z",), point2=0, **tip)):
+        assert other.support_axes is None
+
+
+def test_a_turned_support_stands_on_a_line_along_its_ground():
+    figure = Figure(figsize=(1, 1), dpi=100)
+    ax, axes = figure.add_subplot(), np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
+    side = View(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3), 2.0, 2.0, (200, 200))
+    draw_marks(ax, side, [Mark(np.zeros(3), "^", "k", 7.0, axes), Mark(np.ones(3), "^", "k", 7.0)], 100)
+    (ground,) = (line for line in ax.lines if len(line.get_xdata()) == 2)
+    (x, y) = (np.diff(v)[0] for v in ground.get_data())
+    assert -y / x == pytest.approx(0.6 / 0.8)  # pixels count downwards
+    assert np.mean(ground.get_xdata()) > 100  # below and to the right of the tip
+    assert np.mean(ground.get_ydata()) > 100

@@ -8,6 +8,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import Sensor
 from viz import style
@@ -219,10 +220,11 @@ def _effect_traces(model: Model) -> list[dict[str, Any]]:
     by_kind: dict[str, list[tuple[Any, NDArray[np.float64]]]] = {}
     for effect in model.effects:
         for point in effect.locations(model):
-            by_kind.setdefault(effect.kind, []).append((effect, point))
+            kind = effect.kind if effect.support_axes is None else "support"
+            by_kind.setdefault(kind, []).append((effect, point))
     out = []
     for kind, found in by_kind.items():
-        declared = found[0][0].marker
+        declared = SUPPORT_MARKER if found[0][0].support_axes is not None else found[0][0].marker
         colour = COLOURS[declared.colour] if declared else style.GREEN
         symbol = SYMBOLS.get(declared.shape, "square") if declared else "square"
         words = kind.replace("_", " ")
