@@ -34,7 +34,7 @@ def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = 
         size = np.sqrt((np.abs(measured.H) ** 2).mean(axis=(1, 2)))
         inside = (measured.frequency >= low) & (measured.frequency <= high) & (size > 0)
         level.semilogy(measured.frequency[inside], size[inside], color=style.GREY, alpha=0.7, linewidth=1.0)
-        level.set_ylabel(f"root mean square {measured.kind} [{measured.kind.unit}]")
+        level.set_ylabel(f"root mean square {measured.quantity} [{measured.unit}]")
         level.grid(visible=False)
         level.spines["right"].set_visible(True)
         ax.set_zorder(level.get_zorder() + 1)

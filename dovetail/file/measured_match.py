@@ -11,7 +11,7 @@ from dovetail.file.sensors import Channel
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF
 from updating.measurement.held_out import EXAMPLE, Band, band_of
-from updating.measurement.measurement import Measurement, at_values_of
+from updating.measurement.measurement import BaseMotion, Measurement, at_values_of
 from updating.quality.corrections import Fault, set_right
 
 
@@ -53,7 +53,8 @@ def match(
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
         H = H * sign if r.phase else np.abs(H)
-        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names)
+        base = [c.sensor.name for c, _, _ in columns if isinstance(c.sensor, BaseMotion)]
+        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names, base=base)
         _refuse_zero(r, frf)
         picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
         chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])

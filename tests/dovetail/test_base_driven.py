@@ -100,6 +100,23 @@ def test_a_right_model_meets_its_transmissibilities_up_to_noise(right):
     assert pytest.approx(right.measurements[0].frf.H, rel=0.015) == right.frf().H
 
 
+def test_transmissibilities_are_named_so_and_have_no_unit(right, tmp_path, capsys):
+    from viz.curves import plot_frf
+    from viz.interactive.frf import frf_figure
+
+    measured = right.measurements[0].frf
+    assert (measured.quantity, measured.unit) == ("transmissibility", "-")
+    assert "'frf.npz' transmissibility [-]: " in repr(right.measurements[0])
+    assert plot_frf(measured).axes[0].get_ylabel() == "transmissibility [-]"
+    assert frf_figure(measured).layout["yaxis"]["title"]["text"] == "transmissibility<br>[dB]"
+    assert right.frf().as_kind("mobility").unit == "s"
+    both = FRF.from_arrays([1.0], np.ones((1, 1, 2)), "accelerance", ["a"], ["tip", "base x"], ["base x"])
+    assert both.unit == "(m/s²)/N, -"
+    assert both.select(inputs=["tip"]).unit == "(m/s²)/N"
+    assert main(["frf", str(right.path), "--out", str(tmp_path / "f.csv")]) == 0
+    assert "transmissibility [-], 3 responses to 1 excitation(s)" in capsys.readouterr().out
+
+
 def test_a_hidden_mass_is_found_on_a_table(tmp_path):
     path = mast(tmp_path)
     found = load_study(path).diagnose()
@@ -152,6 +169,7 @@ def test_a_universal_file_keeps_transmissibilities(tmp_path):
     assert main(["frf", str(path), "--out", str(out), "--quiet"]) == 0
     read = read_uff(out).frf()
     assert read.inputs == ("1X+",)
+    assert repr(read).startswith("<FRF transmissibility [-]: ")
     path.write_text(path.read_text().replace('kind = "transmissibility"\n', "").replace("frf.npz", "frf.uff"))
     study = load_study(path)
     assert pytest.approx(study.frf().H, rel=1e-12) == study.measurements[0].frf.H

@@ -355,7 +355,7 @@ def _result(
         tuple((data.outputs[i], data.inputs[j]) for i, j, _ in points),
         lower,
         upper,
-        FRF.from_arrays(data.frequency, H, data.kind, data.outputs, data.inputs),
+        replace(data, H=H, accuracy=None),
         error,
         sigma,
         stabilisation,
