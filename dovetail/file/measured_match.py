@@ -34,6 +34,14 @@ def match(
     for r in raw:
         rows = _pick(r, sensors, r.frf.outputs, "responses")
         columns = _pick(r, excitations, r.frf.inputs, "forces")
+        for c, label, _ in columns:
+            if label in r.frf.base and not isinstance(c.sensor, BaseMotion):
+                r.table.refuse(
+                    "file",
+                    f"its FRFs to {label} are to an acceleration, and excitation '{c.sensor.name}' is a "
+                    'force; for a shaker table give [[excitations]] base = "x", or give kind if the file is '
+                    "wrong",
+                )
         used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
         for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
             rest = [x for x in have if x not in {label for _, label, _ in got}]

@@ -196,6 +196,43 @@ def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
     assert frf.H[:, 0, 0] == pytest.approx(factor * values, rel=1e-12)
 
 
+def test_a_force_in_place_of_the_base_is_refused_where_the_file_says_otherwise(tmp_path):
+    path = mast(tmp_path)
+    f = load_study(path).measurements[0].frf
+    records = [
+        Function(
+            5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], 18, 12, 12, "Hz", "g", "g", ("T",),
+            0, 0, "", "Hz",
+        )
+        for i in range(3)
+    ]  # fmt: skip
+    write_uff(tmp_path / "frf.uff", functions=records)
+    text = path.read_text().replace("frf.npz", "frf.uff")
+    for k, name in enumerate(("tip", "middle", "low"), 3):
+        text = text.replace(f'name = "{name}"', f'name = "{name}"\nlabel = "{k}X+"')
+    force = text.replace('base = "x"', 'sensor = "tip"\nlabel = "1X+"')
+    path.write_text(force.replace('kind = "transmissibility"\n', ""))
+    with pytest.raises(StudyError, match=r"are to an acceleration, and excitation 'tip' is a force"):
+        load_study(path)
+    path.write_text(force.replace('kind = "transmissibility"', 'kind = "accelerance"'))
+    assert load_study(path).measurements[0].frf.unit == "(m/s²)/N"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kind = "transm', 'scale = 9.80665\nkind = "transm', "responses in m/s² to a base in g"),
+        ('base = "x"', 'base = "y"\nlabel = "base x"', "hardly moves at its sensors"),
+    ],
+)
+def test_wrong_units_and_directions_of_the_base_are_named(tmp_path, old, new, words):
+    path = mast(tmp_path)
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    (warning,) = load_study(path).warnings
+    assert words in warning
+
+
 @pytest.mark.parametrize("phase", [True, False])
 def test_updating_takes_transmissibilities_with_and_without_phase(tmp_path, phase):
     path = mast(tmp_path, mass=0.0, phase=phase)
