@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import determined
 from viz import style
-from viz.axes import legend_above
+from viz.axes import keys_of, legend_above
 
 __all__ = ["plot_ambient"]
 
@@ -39,12 +39,7 @@ def plot_ambient(found: AmbientModes, title: str = "") -> Figure:
         top.set_xlim(found.band)
         top.tick_params(labelbottom=False)
         low.set_xlabel("frequency [Hz]")
-        keys = {
-            label: key
-            for ax in (top, low)
-            for key, label in zip(*ax.get_legend_handles_labels(), strict=True)
-        }
-        legend_above(figure, title, list(keys.values()))
+        legend_above(figure, title, keys_of(top, low))
     return figure
 
 
