@@ -98,7 +98,19 @@ def identify_study(
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
     found, said = modes_in(data, band or study.band, limits or study.shape_limits)
-    return found, data, said
+    return found, data, (*_beyond(data, band), *said)
+
+
+def _beyond(data: Measurement, band: tuple[float, float] | None) -> tuple[str, ...]:
+    """Return a warning of a band wider than the measurement's lines."""
+    f = data.frf.frequency
+    step = float(np.diff(f).max(initial=0.0))
+    if band is None or (band[0] >= f[0] - step and band[1] <= f[-1] + step):
+        return ()
+    return (
+        f"the band {band[0]:g} to {band[1]:g} Hz is wider than that of {data.name}, {f[0]:g} to {f[-1]:g} "
+        "Hz; band in [[measurements]] may leave lines out",
+    )
 
 
 def update_study(study: Study) -> StudyUpdate:

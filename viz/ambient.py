@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import determined
 from viz import style
-from viz.axes import legend_above
+from viz.axes import keys_of, legend_above
 
 __all__ = ["plot_ambient"]
 
@@ -39,12 +39,7 @@ def plot_ambient(found: AmbientModes, title: str = "") -> Figure:
         top.set_xlim(found.band)
         top.tick_params(labelbottom=False)
         low.set_xlabel("frequency [Hz]")
-        keys = {
-            label: key
-            for ax in (top, low)
-            for key, label in zip(*ax.get_legend_handles_labels(), strict=True)
-        }
-        legend_above(figure, title, list(keys.values()))
+        legend_above(figure, title, keys_of(top, low))
     return figure
 
 
@@ -52,12 +47,13 @@ def _spectra(ax: Axes, found: AmbientModes) -> None:
     """Draw singular values, and peaks without a mode."""
     s = found.spectra
     inside = (s.frequency >= found.band[0]) & (s.frequency <= found.band[1])
-    for k in range(min(SHOWN_VALUES, s.values.shape[1]))[::-1]:
+    for k in range(min(SHOWN_VALUES, s.values.shape[1])):
         first = k == 0
         ax.plot(
             s.frequency[inside], 10 * np.log10(np.maximum(s.values[inside, k], 1e-300)),
             color=style.MEASURED if first else style.GREY, linewidth=1.1 if first else 0.7,
-            label="largest singular value" if first else "next ones" if k == 1 else "_",
+            label="largest singular value" if first else "next singular values" if k == 1 else "_",
+            zorder=2 - 0.1 * k,
         )  # fmt: skip
     level = s.values[:, 0]
     at = [int(np.argmin(np.abs(s.frequency - p.frequency))) for p in found.unexplained]
@@ -66,7 +62,7 @@ def _spectra(ax: Axes, found: AmbientModes) -> None:
             s.frequency[at], 10 * np.log10(level[at]), linestyle="none", marker="v", color=style.PURPLE,
             label="peak without a mode",
         )  # fmt: skip
-    ax.set_ylabel("spectrum [dB re 1/Hz]")
+    ax.set_ylabel("singular values [dB re 1/Hz]")
 
 
 def _poles(ax: Axes, found: AmbientModes) -> None:
@@ -86,5 +82,5 @@ def _poles(ax: Axes, found: AmbientModes) -> None:
         )  # fmt: skip
     ax.axhline(found.order - 1, color=style.MUTED, linewidth=0.8, linestyle="--", label="order of the record")
     ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
-    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 4, 10]))
     ax.set_ylabel("order of the model")

@@ -34,6 +34,12 @@ def curve_keys(ax: Axes, held_out: Sequence[Band] = (), *, floor: bool = False) 
     return keys
 
 
+def keys_of(*axes: Axes) -> list[Any]:
+    """Return the legend's keys of the curves of several axes, each label once."""
+    pairs = (pair for ax in axes for pair in zip(*ax.get_legend_handles_labels(), strict=True))
+    return list({label: key for key, label in pairs}.values())
+
+
 def legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
     """Set the heading and the legend above the axes, in as many columns as the width allows."""
     longest = max((len(str(key.get_label())) for key in keys), default=1)

@@ -234,7 +234,7 @@ def _frf_axes(
         top.set_ylim(10 ** (bottom - room), 10 ** (ceiling + room))
     top.set_xlim(frf.frequency[0], frf.frequency[-1])
     if first:
-        top.set_ylabel(f"{frf.kind} [{frf.kind.unit}]")
+        top.set_ylabel(f"{frf.quantity} [{frf.unit}]")
     if last:
         (top if low is None else low).set_xlabel("frequency [Hz]")
     if low is None:

@@ -1,21 +1,29 @@
-"""Pictures of an identification of modes: stabilisation diagram, and synthesised over measured FRFs."""
+"""Pictures of an identification of modes: indicators over the poles, and synthesised over measured FRFs."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from updating.modal.identified_modes import IdentifiedModes
+from updating.modal.peaks import mode_indicator
 from viz import style
-from viz.axes import legend_above
+from viz.axes import keys_of, legend_above
 from viz.curves import plot_frf
 
 __all__ = ["plot_stabilisation", "plot_synthesis"]
 
+DEEPEST_DB = 120.0
+"""Range of the mode indicator that is drawn: what is left of exact data is rounding [dB]."""
+
 
 def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = "") -> Figure:
-    """Plot the poles of all orders over frequency, the modes that were taken, and the FRFs' level.
+    """Plot mode indicators, measured, fitted and of what is left, and below them the poles of all orders.
+
+    The indicator is the sum of |H|² over all FRFs, each over its mean square, so that 0 dB is the mean.
 
     Parameters
     ----------
@@ -25,44 +33,68 @@ def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = 
     title : str
         Heading.
     """
-    s = identified.stabilisation
     low, high = identified.synthesised.frequency[[0, -1]]
     with style.look():
-        figure = style.new_figure(height=4.2 + 0.25 * bool(title))
-        ax = figure.add_subplot()
-        level = ax.twinx()
-        size = np.sqrt((np.abs(measured.H) ** 2).mean(axis=(1, 2)))
-        inside = (measured.frequency >= low) & (measured.frequency <= high) & (size > 0)
-        level.semilogy(measured.frequency[inside], size[inside], color=style.GREY, alpha=0.7, linewidth=1.0)
-        level.set_ylabel(f"root mean square {measured.kind} [{measured.kind.unit}]")
-        level.grid(visible=False)
-        level.spines["right"].set_visible(True)
-        ax.set_zorder(level.get_zorder() + 1)
-        ax.patch.set_visible(False)
-        partly = s.stable_frequency & ~s.stable
-        for rows, label, marker, colour, face in (
-            (~s.stable_frequency, "new", "x", style.GREY, style.GREY),
-            (partly, "frequency stable", "o", style.ORANGE, "none"),
-            (s.stable, "frequency, damping and participation stable", "o", style.BLUE, style.BLUE),
-        ):
-            ax.plot(
-                s.frequency[rows],
-                s.order[rows],
-                linestyle="none",
-                marker=marker,
-                markersize=3,
-                color=colour,
-                markerfacecolor=face,
-                label=label,
-            )
-        for k, f in enumerate(identified.modes.frequency):
-            ax.axvline(f, color=style.VERMILION, linewidth=0.9, label="mode" if k == 0 else "_", zorder=0.5)
-        ax.set_xlim(low, high)
-        ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("order of the denominator")
-        legend_above(figure, title, ax.get_legend_handles_labels()[0])
+        figure = style.new_figure(height=5.8 + 0.25 * bool(title))
+        grid = figure.add_gridspec(2, 1, height_ratios=[1, 1.1])
+        top = figure.add_subplot(grid[0])
+        bottom = figure.add_subplot(grid[1], sharex=top)
+        _indicators(top, measured, identified)
+        _poles(bottom, identified)
+        for ax in (top, bottom):
+            for k, f in enumerate(identified.modes.frequency):
+                label = "mode" if k == 0 else "_"
+                ax.axvline(f, color=style.VERMILION, linewidth=0.9, label=label, zorder=0.5)
+        top.set_xlim(low, high)
+        top.tick_params(labelbottom=False)
+        bottom.set_xlabel("frequency [Hz]")
+        legend_above(figure, title, keys_of(top, bottom))
     return figure
+
+
+def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
+    """Draw the mode indicators, and peaks without a mode."""
+    fit = identified.synthesised
+    data = measured.select(lines=np.isin(measured.frequency, fit.frequency))
+    size = np.sqrt((np.abs(data.H) ** 2).mean(axis=0))
+    pairs = max(int((size > 0).sum()), 1)
+
+    def level(H: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return 10 * np.log10(np.maximum(mode_indicator(H, size) / pairs, 1e-300))
+
+    of_data, left = level(data.H), level(data.H - fit.H)
+    ax.plot(fit.frequency, of_data, color=style.MEASURED, linewidth=1.8, label="measured")
+    ax.plot(
+        fit.frequency, level(fit.H), color=style.SKY, linewidth=1.1, linestyle="-.",
+        label="fitted modes and residuals",
+    )  # fmt: skip
+    ax.plot(fit.frequency, left, color=style.GREY, linewidth=0.8, label="what is left", zorder=1.5)
+    at = [int(np.argmin(np.abs(fit.frequency - p.frequency))) for p in identified.unexplained]
+    if at:
+        ax.plot(
+            fit.frequency[at], of_data[at], linestyle="none", marker="v", color=style.PURPLE,
+            label="peak without a mode",
+        )  # fmt: skip
+    floor = float(np.percentile(np.minimum(left, of_data), 1))
+    ax.set_ylim(max(floor, float(of_data.max()) - DEEPEST_DB) - 3, float(of_data.max()) + 4)
+    ax.set_ylabel("mode indicator [dB]")
+
+
+def _poles(ax: Axes, identified: IdentifiedModes) -> None:
+    """Draw the poles of all orders by what is stable in them."""
+    s = identified.stabilisation
+    partly = s.stable_frequency & ~s.stable
+    for rows, label, marker, colour, face in (
+        (~s.stable_frequency, "new", "x", style.GREY, style.GREY),
+        (partly, "frequency stable", "o", style.ORANGE, "none"),
+        (s.stable, "frequency, damping and participation stable", "o", style.BLUE, style.BLUE),
+    ):
+        ax.plot(
+            s.frequency[rows], s.order[rows], linestyle="none", marker=marker, markersize=3, color=colour,
+            markerfacecolor=face, label=label,
+        )  # fmt: skip
+    ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
+    ax.set_ylabel("order of the denominator")
 
 
 def plot_synthesis(

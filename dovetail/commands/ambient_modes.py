@@ -58,7 +58,7 @@ def identify_ambient_modes(options: Options, study: Study, progress: Progress) -
     _write(options, study, found, data)
     if options.picture is not None:
         progress("drawing", 0.9)
-        _draw(options.picture, set_ups)
+        _draw(options.picture, set_ups, [path.name for path in test.paths])
     progress.close()
     write_json(options.json, _as_json(study, found, data))
     cycles = found.duration * float(found.modes.frequency.min(initial=np.inf))
@@ -74,15 +74,15 @@ def identify_ambient_modes(options: Options, study: Study, progress: Progress) -
     )
 
 
-def _draw(path: Path, set_ups: Sequence[AmbientModes]) -> None:
-    """Draw each set-up; of several each has its number in the name of its picture."""
+def _draw(path: Path, set_ups: Sequence[AmbientModes], names: Sequence[str]) -> None:
+    """Draw each set-up; of several each has its file as heading, and its number in the picture's name."""
     from viz.ambient import plot_ambient
     from viz.style import save
 
-    for k, found in enumerate(set_ups, 1):
+    for k, (found, name) in enumerate(zip(set_ups, names, strict=True), 1):
         own = path if len(set_ups) == 1 else path.with_stem(f"{path.stem}-{k}")
         with replacing(own) as scratch:
-            save(plot_ambient(found), scratch)
+            save(plot_ambient(found, name if len(set_ups) > 1 else ""), scratch)
 
 
 def _write(

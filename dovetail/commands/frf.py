@@ -76,20 +76,20 @@ def run(options: Options, progress: Progress) -> None:
     frequency = asked_lines(study, options, len(study.sensors) * len(study.excitations))
     progress("computing FRFs")
     own = study.frf(frequency, options.kind)
-    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels)
+    driven = zip(study.excitations, labels[1], strict=True)
+    base = [label for e, label in driven if isinstance(e, BaseMotion)]
+    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels, base=base)
     writer = writers[suffix]
     if writer is not None:
         writer(options.out, computed)
     elif nodes is not None:
-        driven = zip(study.excitations, computed.inputs, strict=True)
-        base = [label for e, label in driven if isinstance(e, BaseMotion)]
-        write_with_nodes(options.out, nodes, frf=computed, base=base)
+        write_with_nodes(options.out, nodes, frf=computed)
     new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
     progress.close()
     words = {
         "file": str(options.out),
         "kind": str(computed.kind),
-        "unit": computed.kind.unit,
+        "unit": computed.unit,
         "lines": computed.n_freq,
         "first_Hz": frequency[0],
         "last_Hz": frequency[-1],
@@ -101,8 +101,8 @@ def run(options: Options, progress: Progress) -> None:
     write_json(options.json, words)
     say(
         options,
-        f"{options.out}: {computed.kind} [{computed.kind.unit}], {len(own.outputs)} responses to "
-        f"{len(own.inputs)} force(s), "
+        f"{options.out}: {computed.quantity} [{computed.unit}], {len(own.outputs)} responses to "
+        f"{len(own.inputs)} excitation(s), "
         f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
         *([f"note: the file has {new}; give these labels in the study to read it back"] if new else []),
     )

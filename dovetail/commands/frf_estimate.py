@@ -192,7 +192,7 @@ def _estimate(
         if not same or not np.isclose(record.sample_rate, records[0].sample_rate, rtol=1e-6):
             msg = f"{record.name}: it has other channels or another sample rate than {records[0].name}"
             raise OutputError(msg)
-    rate, notes = records[0].sample_rate, []
+    rate, notes = records[0].sample_rate, [r.rate_note for r in records if r.rate_note]
     force, response = first.force, first.response
     if options.hits is not None:
         if force.shape[1] != 1:

@@ -56,7 +56,7 @@ def write_update_report(
         shown.append(picture("modes", plot_mode_pairs(result.after), caption))
     if result.identified is not None:
         data = study.measurements[0].frf
-        caption = "Poles of all orders, and the modes that were taken."
+        caption = "Mode indicators, poles of all orders, and the modes that were taken."
         shown.append(picture("stabilisation", plot_stabilisation(data, result.identified), caption))
     m = result.measurement
     if m is not None:

@@ -13,6 +13,7 @@ from fem.analysis.frf import FRF
 from fem.io.atomic import replacing
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
+from updating.measurement.measurement import quantity_of
 
 BANDS, FREQUENCIES, FRFS, PICTURE = "bands.npz", "frequencies.csv", "frf-bands.csv", "bands.png"
 """Files in the folder of an ensemble."""
@@ -46,7 +47,11 @@ def write_files(ensemble: Ensemble, study: Study, folder: Path) -> None:
     rows = np.column_stack([np.arange(1, f.value.shape[1] + 1), f.value.T, f.error.T])
     _write_csv(folder / FREQUENCIES, head, rows)
     if levels.value.size:
-        head = ["frequency [Hz]", *(f"{n} {q} [{model.kind.unit}]" for n in names for q in _words())]
+        units = [quantity_of(model.kind, i)[1] for _ in study.sensors for i in study.excitations]
+        head = [
+            "frequency [Hz]",
+            *(f"{n} {q} [{u}]" for n, u in zip(names, units, strict=True) for q in _words()),
+        ]
         by_frf = np.exp(levels.value).transpose(1, 2, 3, 0).reshape(len(model.frequency), -1)
         _write_csv(folder / FRFS, head, np.column_stack([model.frequency, by_frf]))
     draw(ensemble, study, folder / PICTURE)
@@ -66,7 +71,8 @@ def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
                 bands.append((name, np.exp(ensemble.levels.value[:, :, i, j]), line))
     shown = f", {MOST_DRAWN} of {len(bands)} FRFs" if len(bands) > MOST_DRAWN else ""
     title = f"{study.name}: {ensemble.n} samples{shown}"
-    unit = f"{model.kind} [{model.kind.unit}]"
+    quantities = dict.fromkeys(quantity_of(model.kind, i) for i in study.excitations)
+    unit = ", ".join(f"{word} [{unit}]" for word, unit in quantities)
     save(
         plot_bands(model.frequency, bands[:MOST_DRAWN], ensemble.frequency.value, unit, title), path
     )  # fmt: skip

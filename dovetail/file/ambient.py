@@ -125,6 +125,8 @@ def _at_sensors(test: AmbientTest, data: TimeData) -> AmbientChannels:
         for k, label in enumerate(labels)
         if full is not None and (np.abs(values[:, k]) >= 0.999 * full).any()
     ]
+    if data.rate_note:
+        notes.append(data.rate_note)
     rest = [c for c in data.channels if c not in labels]
     if rest:
         shown = f"{', '.join(rest[:8])}{' …' if len(rest) > 8 else ''}"

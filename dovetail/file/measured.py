@@ -367,6 +367,8 @@ def _read(
             f"{Path(files[0]).name} calls its FRFs {frfs[0].kind}; the study's kind, {kind}, takes precedence"
         )
         frfs = [replace(frf, kind=FRFKind(kind)) for frf in frfs]
+    if kind is not None:  # it also says what the reference is
+        frfs = [replace(frf, base=()) for frf in frfs]
     return replace(reading, frfs=tuple(frfs), axes=reading.axes or ((),) * len(frfs))
 
 
@@ -453,4 +455,5 @@ def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence
                 f"{len(want)} labels are given for the {len(have)} {key} of the file "
                 f"({', '.join(have[:6])} …)",
             )
-    return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs)
+    base = [new for old, new in zip(frf.inputs, inputs or frf.inputs, strict=True) if old in frf.base]
+    return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs, base)

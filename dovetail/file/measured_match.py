@@ -11,7 +11,7 @@ from dovetail.file.sensors import Channel
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF
 from updating.measurement.held_out import EXAMPLE, Band, band_of
-from updating.measurement.measurement import Measurement, at_values_of
+from updating.measurement.measurement import BaseMotion, Measurement, at_values_of
 from updating.quality.corrections import Fault, set_right
 
 
@@ -34,6 +34,14 @@ def match(
     for r in raw:
         rows = _pick(r, sensors, r.frf.outputs, "responses")
         columns = _pick(r, excitations, r.frf.inputs, "forces")
+        for c, label, _ in columns:
+            if label in r.frf.base and not isinstance(c.sensor, BaseMotion):
+                r.table.refuse(
+                    "file",
+                    f"its FRFs to {label} are to an acceleration, and excitation '{c.sensor.name}' is a "
+                    'force; for a shaker table give [[excitations]] base = "x", or give kind if the file is '
+                    "wrong",
+                )
         used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
         for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
             rest = [x for x in have if x not in {label for _, label, _ in got}]
@@ -53,7 +61,8 @@ def match(
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
         H = H * sign if r.phase else np.abs(H)
-        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names)
+        base = [c.sensor.name for c, _, _ in columns if isinstance(c.sensor, BaseMotion)]
+        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names, base=base)
         _refuse_zero(r, frf)
         picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
         chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])

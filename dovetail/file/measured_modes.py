@@ -203,6 +203,9 @@ def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]
                 nodes = dict(zip(labels, xyz, strict=True))
         elif path.suffix.lower() in TABLE_SUFFIXES:
             modes, std = read_mode_table(path)
+        elif path.suffix.lower() != ".npz":
+            allowed = f"{', '.join(UFF_SUFFIXES)}, .npz or {', '.join(TABLE_SUFFIXES)}"
+            t.refuse("file", f"'{file}' is not allowed; a file of the kind {allowed} is needed")
         else:
             modes = read_modes(path)
             std = read_npz_mode_std(path)

@@ -228,7 +228,8 @@ def _places(
         yield str(node or ""), geometry.on_member(t), member, node
     elif node is not None:
         if node not in nodes:
-            held = f"have {len(nodes)} nodes" if nodes else "have no coordinates of nodes"
+            none = "have no coordinates of nodes (dataset 15 or 2411)"
+            held = f"have {len(nodes)} nodes" if nodes else none
             t.refuse(
                 "node",
                 f"there is no node {node} in the measured files, which {held}; give point, or "
@@ -328,6 +329,12 @@ def channels_of_labels(
             node, d = parse_label(label)
         except UffError:
             node, d = -1, 0
+        if node > 0 and not nodes:
+            top.refuse(
+                "",
+                f"there is no [[{what}]], and the measured files have no coordinates of node {node} (dataset "
+                f"15 or 2411); give [[{what}]], or a file with them",
+            )
         if node not in nodes or not 1 <= abs(d) <= 3:
             top.refuse(
                 "",

@@ -34,6 +34,18 @@ SUSPECTS: tuple[tuple[float, str], ...] = (
 )
 """Measured over computed, and possible causes in the data."""
 
+BASE_SUSPECTS: tuple[tuple[float, str], ...] = (
+    (G0, "of responses in m/s² to a base in g"),
+    (1 / G0, "of responses in g to a base in m/s²"),
+    (1e3, "of responses in mm to a base in m"),
+    (1e-3, "of responses in m to a base in mm"),
+    (1e3 * G0, "of responses in mm/s² to a base in g"),
+)
+"""The same of responses to a motion of the base, whose size does not depend on mass and stiffness."""
+
+STILL = 1e8
+"""Ratio of measured to computed FRFs beyond which the model counts as at rest at the sensors [-]."""
+
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
 SUSPECT_FACTOR = 1.5
@@ -244,14 +256,24 @@ def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -
         )
     if abs(level) < np.log10(LARGE_FACTOR):
         return ""
-    distance, suspect, words = min((abs(level - np.log10(f)), f, words) for f, words in SUSPECTS)
+    if factor > STILL:
+        return (
+            f"are {factor:.3g} times the model's, which hardly moves at its sensors: look at the directions "
+            "of sensors and excitations"
+        )
+    driven = frf.base == frf.inputs
+    suspects = BASE_SUSPECTS if driven else SUSPECTS
+    distance, suspect, words = min((abs(level - np.log10(f)), f, words) for f, words in suspects)
     data = "their unit is wrong"
     if distance < np.log10(SUSPECT_FACTOR):
         data = f"they are {words} (scale = {1 / suspect:.6g} corrects that)"
     off = f"{max(factor, 1 / factor):.3g} times too {'light and soft' if factor < 1 else 'heavy and stiff'}"
+    model = f"is as if {off}; look at its sections, densities, masses, joints and damping"
+    if driven:
+        model = "moves otherwise on its base; look at its supports and at the direction of the base"
     return (
-        f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model is as "
-        f"if {off}; look at its sections, densities, masses, joints and damping"
+        f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model "
+        f"{model}"
     )
 
 

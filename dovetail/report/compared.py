@@ -30,8 +30,8 @@ def compared(result: RunResult, shown: Shown) -> Markup:
         rows.append(
             [
                 name,
-                str(m.frf.kind),
-                m.frf.kind.unit,
+                m.frf.quantity,
+                m.frf.unit,
                 len(m.frf.outputs),
                 len(m.frf.inputs),
                 m.frf.n_freq,
@@ -39,7 +39,7 @@ def compared(result: RunResult, shown: Shown) -> Markup:
                 force,
             ]
         )
-    head = ["data", "kind", "unit", "responses", "forces", "lines", "band [Hz]", "force [N]"]
+    head = ["data", "kind", "unit", "responses", "excitations", "lines", "band [Hz]", "force [N]"]
     mesh = study.model.mesh
     return section(
         "Compared data",

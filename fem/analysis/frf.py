@@ -37,6 +37,15 @@ class FRFKind(StrEnum):
         """SI unit of a translational FRF."""
         return {"receptance": "m/N", "mobility": "(m/s)/N", "accelerance": "(m/s²)/N"}[self.value]
 
+    @property
+    def to_base(self) -> tuple[str, str]:
+        """Name and SI unit of a translational FRF to an acceleration, of a base for example."""
+        return {
+            "receptance": ("displacement per acceleration", "s²"),
+            "mobility": ("velocity per acceleration", "s"),
+            "accelerance": ("transmissibility", "-"),
+        }[self.value]
+
 
 class FRFError(ValueError):
     """Frequency response data that cannot be used; the message gives the value found and those allowed."""
@@ -93,6 +102,9 @@ class FRF:
         Labels of the responses and of the forces, such as ``"U1z"`` or ``"12Z+"``.
     accuracy : Accuracy or None
         For computed data: the method, and a bound of the error.
+    base : tuple of str
+        Those of ``inputs`` that are accelerations, of a base for example, in place of forces: FRFs to them
+        are transmissibilities.
     """
 
     frequency: NDArray[np.float64]
@@ -101,12 +113,27 @@ class FRF:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     accuracy: Accuracy | None = None
+    base: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return kind, unit, lines and labels on one line."""
         lines = f"{counted(self.n_freq, 'line')}, {span(self.frequency, 'Hz')}"
         ends = f"{len(self.outputs)} outputs ({listed(self.outputs)}) × {len(self.inputs)} inputs"
-        return summary(self, f"{self.kind} [{self.kind.unit}]: {lines}; {ends} ({listed(self.inputs)})")
+        return summary(self, f"{self.quantity} [{self.unit}]: {lines}; {ends} ({listed(self.inputs)})")
+
+    @property
+    def quantity(self) -> str:
+        """Name of the FRFs: their kind, or transmissibility; both where it has inputs of both sorts."""
+        return self._of_inputs(str(self.kind), self.kind.to_base[0])
+
+    @property
+    def unit(self) -> str:
+        """SI unit of translational FRFs; two where it has forces and accelerations as inputs."""
+        return self._of_inputs(self.kind.unit, self.kind.to_base[1])
+
+    def _of_inputs(self, of_forces: str, of_base: str) -> str:
+        driven = [name in self.base for name in self.inputs]
+        return ", ".join([of_forces] * (not all(driven)) + [of_base] * any(driven))
 
     @property
     def has_phase(self) -> bool:
@@ -161,16 +188,18 @@ class FRF:
         kind: FRFKind | str = FRFKind.ACCELERANCE,
         outputs: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
+        base: Sequence[str] = (),
     ) -> "FRF":
         """Build an FRF from bare arrays, checking them.
 
         ``H`` (n_freq, n_out) has the responses to one force, ``H`` (n_freq,) one response to one force.
+        ``base`` names the inputs that are accelerations.
 
         Raises
         ------
         FRFError
             For shapes that do not fit, frequencies that do not increase or are negative, values that are not
-            finite, labels given twice, or an unknown kind.
+            finite, labels given twice, a base that is no input, or an unknown kind.
         """
         try:
             kind = FRFKind(kind)
@@ -199,6 +228,13 @@ class FRF:
                 twice = next(name for name in names if names.count(name) > 1)
                 msg = f"the {word} label '{twice}' occurs twice; labels must differ"
                 raise FRFError(msg)
+        stranger = next((name for name in base if name not in inputs), None)
+        if stranger is not None:
+            msg = (
+                f"there is no input '{stranger}' that could be an acceleration; the data have "
+                f"{', '.join(inputs)}"
+            )
+            raise FRFError(msg)
         if not np.isfinite(frequency).all() or (frequency < 0).any():
             msg = "frequencies must be finite and not negative [Hz]"
             raise FRFError(msg)
@@ -219,7 +255,7 @@ class FRF:
             raise FRFError(msg)
         frequency.flags.writeable = False
         H.flags.writeable = False
-        return cls(frequency, H, kind, outputs, inputs)
+        return cls(frequency, H, kind, outputs, inputs, base=tuple(base))
 
     @property
     def n_freq(self) -> int:
@@ -308,4 +344,5 @@ class FRF:
             tuple(self.outputs[k] for k in i),
             tuple(self.inputs[k] for k in j),
             accuracy,
+            tuple(self.inputs[k] for k in j if self.inputs[k] in self.base),
         )

@@ -35,8 +35,8 @@ def frf_array(frf: "FRF") -> Any:
             "output": list(frf.outputs),
             "input": list(frf.inputs),
         },
-        name=str(frf.kind),
-        attrs={"units": frf.kind.unit, "kind": str(frf.kind), "time_dependence": "exp(+i omega t)"},
+        name=frf.quantity,
+        attrs={"units": frf.unit, "kind": str(frf.kind), "time_dependence": "exp(+i omega t)"},
     )
     array["frequency"].attrs["units"] = "Hz"
     return array
@@ -48,5 +48,5 @@ def frf_frame(frf: "FRF") -> Any:
     columns = pandas.MultiIndex.from_product([frf.outputs, frf.inputs], names=["output", "input"])
     index = pandas.Index(np.array(frf.frequency), name="frequency [Hz]")
     frame = pandas.DataFrame(frf.H.reshape(frf.n_freq, -1), index=index, columns=columns)
-    frame.attrs = {"units": frf.kind.unit, "kind": str(frf.kind)}
+    frame.attrs = {"units": frf.unit, "kind": str(frf.kind)}
     return frame

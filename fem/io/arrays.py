@@ -281,7 +281,7 @@ def write_csv(path: str | os.PathLike[str], frf: FRF) -> None:
     for i, j in pairs:
         columns += [frf.H[:, i, j].real, frf.H[:, i, j].imag]
     with replacing(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as file:
-        file.write(f"# kind: {frf.kind}, {frf.kind.unit}\n")
+        file.write(f"# kind: {frf.kind}, {frf.unit}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
         writer.writerows([repr(float(v)) for v in row] for row in np.column_stack(columns))

@@ -21,6 +21,8 @@ from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
 from fem.io.uff import read_quietly
 from fem.io.uff_units import TIME, abscissa_factor, force_factor, motion_factor
 
+SAME_RATE = 1e-3
+"""Relative difference of sample rates that is rounding [-]."""
 UNEVEN = 1e-3
 """Largest deviation of a time step from the median one, beyond which samples do not follow evenly [-]."""
 
@@ -50,6 +52,8 @@ class TimeData:
         Labels; empty where the file has none.
     full_scale : float or None
         Value at which a sample is clipped, where the format has one.
+    stated_rate : float or None
+        Sample rate of the file where the one asked for took its place [Hz].
     """
 
     name: str
@@ -58,6 +62,17 @@ class TimeData:
     values: Floats
     units: tuple[str, ...]
     full_scale: float | None = None
+    stated_rate: float | None = None
+
+    @property
+    def rate_note(self) -> str:
+        """A note that the sample rate is not that of the file; empty where the file states no other."""
+        if self.stated_rate is None or np.isclose(self.stated_rate, self.sample_rate, rtol=SAME_RATE):
+            return ""
+        return (
+            f"{self.name} states a sample rate of {self.stated_rate:.6g} Hz, and {self.sample_rate:.6g} Hz, "
+            "as asked for, takes its place"
+        )
 
     def channel(self, name: str) -> int:
         """Return the index of a channel.
@@ -123,7 +138,7 @@ def read_time_data(path: str | os.PathLike[str], sample_rate: float | None = Non
         raise TableError(msg)
     data = reader.read(file, sample_rate)
     if sample_rate is not None:
-        data = replace(data, sample_rate=sample_rate)
+        data = replace(data, sample_rate=sample_rate, stated_rate=_stated_rate(reader, file))
     if len(set(data.channels)) < len(data.channels):
         twice = next(c for c in data.channels if data.channels.count(c) > 1)
         _refuse(file, f"two channels are called '{twice}'; names must differ")
@@ -139,6 +154,14 @@ def read_time_data(path: str | os.PathLike[str], sample_rate: float | None = Non
             "must follow evenly, without gaps",
         )
     return data
+
+
+def _stated_rate(reader: TimeReader, file: Path) -> float | None:
+    """Return the sample rate that a file states; None where it states none, or times that are uneven."""
+    try:
+        return reader.read(file, None).sample_rate
+    except TableError:
+        return None
 
 
 def _refuse(path: Path, text: str) -> NoReturn:

@@ -129,7 +129,10 @@ class UffFile:
         """
         if not self.modes:
             reasons = [line for line in self.skipped if line.startswith(("dataset 55", "dataset 2414"))]
-            msg = f"{self.name}: no mode shapes that can be used; it holds {self.contents}"
+            msg = (
+                f"{self.name}: no mode shapes that can be used; it holds {self.contents} (mode shapes are in "
+                "datasets 55 and 2414)"
+            )
             raise UffError("; ".join([msg, *reasons[:3]]))
         if len(self.modes) != 1:
             groups = "; ".join(

@@ -385,7 +385,8 @@ def _add_parts(out: FRFGroups, group: _Group, run: str, file: str) -> None:
         first = cells[outputs[0], inputs[0]]
         H = np.stack([np.stack([cells[o, i].values for i in inputs], -1) for o in outputs], 1)
         try:
-            frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs)
+            base = [i for i in inputs if any(cells[o, i].of_motion for o in outputs)]
+            frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs, base)
         except FRFError as reason:
             msg = f"{file}: FRFs from {first.place} on: {reason}"
             raise UffError(msg) from reason

@@ -7,7 +7,7 @@ again for each trace line) and 2412 (no orientation record for beams).
 
 import os
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +48,6 @@ def write_uff(
     geometry: "Points | None" = None,
     trace_lines: "Sequence[TraceLine]" = (),
     functions: "Sequence[Function]" = (),
-    base: Collection[str] = (),
 ) -> None:
     """Write FRFs, other functions, mode shapes and a geometry to a universal file, in SI units.
 
@@ -88,8 +87,6 @@ def write_uff(
         Lines through them, in place of a mesh's members.
     functions : sequence of Function, optional
         Time data, spectra, coherences, as they are: in the units that their labels say.
-    base : collection of str, optional
-        Inputs of the FRFs that are accelerations, of a base for example: such FRFs are transmissibilities.
 
     Raises
     ------
@@ -111,7 +108,7 @@ def write_uff(
     if modes is not None:
         parts.extend(text.encode() for text in _shape_texts(modes, dofs or {}, modal_a))
     for one in frfs:
-        parts.extend(_records(one, binary, double, dofs or {}, base))
+        parts.extend(_records(one, binary, double, dofs or {}))
     parts.extend(_function_record(one, binary, double) for one in functions)
     with replacing(path) as scratch:
         scratch.write_bytes(b"".join(parts))
@@ -286,9 +283,7 @@ def _group_text(mesh: Mesh) -> str:
 # Functions: datasets 58 and 58b -----------------------------------------------------------------------------
 
 
-def _records(
-    frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str], base: Collection[str]
-) -> list[bytes]:
+def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> list[bytes]:
     start, step = _even_spacing(frf.frequency)
     if not step:
         _check_told_apart(frf.frequency, binary, double)
@@ -301,7 +296,7 @@ def _records(
             ends = (_dof(response, dofs), _dof(reference, dofs))
             values = _columns(frf, i, j, bool(step))
             payload = _payload(values, binary, double, bool(step))
-            head = _function_head(frf, ends, double, start, step, reference in base)
+            head = _function_head(frf, ends, double, start, step, reference in frf.base)
             kind = f"{58:6d}"
             if binary:
                 kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"

@@ -141,6 +141,14 @@ def test_too_few_channels_dead_ones_and_files_that_are_not_there_are_refused(stu
     assert "ambient.file: there is no file" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("rate", "noted"), [("1000", True), ("50", False)])
+def test_another_sample_rate_than_that_of_the_file_is_noted(study, capsys, rate, noted):
+    edited(study, ("band = [0.8, 20.0]", f"band = [0.8, 20.0]\nsample_rate = {rate}"))
+    assert main(["identify-modes", str(study), "--ambient"]) == 0
+    words = f"wind.npz states a sample rate of 50 Hz, and {rate} Hz, as asked for, takes its place"
+    assert (words in capsys.readouterr().out) == noted
+
+
 def test_motions_of_different_kinds_are_refused(study, capsys):
     with np.load(study.parent / "wind.npz") as file:
         y, names = file["acc"], file["channels"].tolist()

@@ -100,6 +100,23 @@ def test_a_right_model_meets_its_transmissibilities_up_to_noise(right):
     assert pytest.approx(right.measurements[0].frf.H, rel=0.015) == right.frf().H
 
 
+def test_transmissibilities_are_named_so_and_have_no_unit(right, tmp_path, capsys):
+    from viz.curves import plot_frf
+    from viz.interactive.frf import frf_figure
+
+    measured = right.measurements[0].frf
+    assert (measured.quantity, measured.unit) == ("transmissibility", "-")
+    assert "'frf.npz' transmissibility [-]: " in repr(right.measurements[0])
+    assert plot_frf(measured).axes[0].get_ylabel() == "transmissibility [-]"
+    assert frf_figure(measured).layout["yaxis"]["title"]["text"] == "transmissibility<br>[dB]"
+    assert right.frf().as_kind("mobility").unit == "s"
+    both = FRF.from_arrays([1.0], np.ones((1, 1, 2)), "accelerance", ["a"], ["tip", "base x"], ["base x"])
+    assert both.unit == "(m/s²)/N, -"
+    assert both.select(inputs=["tip"]).unit == "(m/s²)/N"
+    assert main(["frf", str(right.path), "--out", str(tmp_path / "f.csv")]) == 0
+    assert "transmissibility [-], 3 responses to 1 excitation(s)" in capsys.readouterr().out
+
+
 def test_a_hidden_mass_is_found_on_a_table(tmp_path):
     path = mast(tmp_path)
     found = load_study(path).diagnose()
@@ -152,6 +169,7 @@ def test_a_universal_file_keeps_transmissibilities(tmp_path):
     assert main(["frf", str(path), "--out", str(out), "--quiet"]) == 0
     read = read_uff(out).frf()
     assert read.inputs == ("1X+",)
+    assert repr(read).startswith("<FRF transmissibility [-]: ")
     path.write_text(path.read_text().replace('kind = "transmissibility"\n', "").replace("frf.npz", "frf.uff"))
     study = load_study(path)
     assert pytest.approx(study.frf().H, rel=1e-12) == study.measurements[0].frf.H
@@ -176,6 +194,43 @@ def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
     frf = read_quietly(tmp_path / "t.uff").frf()
     assert frf.kind == kind
     assert frf.H[:, 0, 0] == pytest.approx(factor * values, rel=1e-12)
+
+
+def test_a_force_in_place_of_the_base_is_refused_where_the_file_says_otherwise(tmp_path):
+    path = mast(tmp_path)
+    f = load_study(path).measurements[0].frf
+    records = [
+        Function(
+            5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], 18, 12, 12, "Hz", "g", "g", ("T",),
+            0, 0, "", "Hz",
+        )
+        for i in range(3)
+    ]  # fmt: skip
+    write_uff(tmp_path / "frf.uff", functions=records)
+    text = path.read_text().replace("frf.npz", "frf.uff")
+    for k, name in enumerate(("tip", "middle", "low"), 3):
+        text = text.replace(f'name = "{name}"', f'name = "{name}"\nlabel = "{k}X+"')
+    force = text.replace('base = "x"', 'sensor = "tip"\nlabel = "1X+"')
+    path.write_text(force.replace('kind = "transmissibility"\n', ""))
+    with pytest.raises(StudyError, match=r"are to an acceleration, and excitation 'tip' is a force"):
+        load_study(path)
+    path.write_text(force.replace('kind = "transmissibility"', 'kind = "accelerance"'))
+    assert load_study(path).measurements[0].frf.unit == "(m/s²)/N"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kind = "transm', 'scale = 9.80665\nkind = "transm', "responses in m/s² to a base in g"),
+        ('base = "x"', 'base = "y"\nlabel = "base x"', "hardly moves at its sensors"),
+    ],
+)
+def test_wrong_units_and_directions_of_the_base_are_named(tmp_path, old, new, words):
+    path = mast(tmp_path)
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    (warning,) = load_study(path).warnings
+    assert words in warning
 
 
 @pytest.mark.parametrize("phase", [True, False])

@@ -161,7 +161,7 @@ def test_frf_in_every_format(portal, tmp_path, capsys):
             )
             == 0
         )
-    assert "6 responses to 2 force(s)" in capsys.readouterr().out
+    assert "6 responses to 2 excitation(s)" in capsys.readouterr().out
     a, b, c = read_npz(tmp_path / "f.npz"), read_csv(tmp_path / "f.csv"), read_uff(tmp_path / "f.uff").frf()
     assert a.kind == b.kind == c.kind == "mobility"
     assert a.frequency[-1] == 100

@@ -1,5 +1,6 @@
 """Test points are found on a mesh whatever their axes, units, order and errors; symmetry is refused."""
 
+import time
 import warnings
 
 import numpy as np
@@ -179,6 +180,31 @@ def test_points_anywhere_on_members_are_placed(seed):
     # the distance of two placements: what the fit may move, a few standard deviations of a point
     assert np.linalg.norm(with_points.points[found.pairs[:, 1]] - places, axis=1).max() < 6 * s
     assert np.array_equal(with_points.points[: mesh.n_points], mesh.points)
+
+
+def storeys():
+    """Return three storeys of four legs, with four beams that break the symmetry."""
+    corners, heights = [(-0.15, -0.11), (0.15, -0.11), (0.15, 0.11), (-0.15, 0.11)], [0.0, 0.17, 0.34, 0.52]
+    points = [[x, y, z] for z in heights for x, y in corners]
+    legs = [[4 * k + c, 4 * (k + 1) + c] for k in range(3) for c in range(4)]
+    beams = [[4, 5], [9, 10], [12, 13], [12, 15]]
+    lines = legs + beams
+    return Mesh.from_lines(points, lines, {f"m{k}": [k] for k in range(len(lines))})
+
+
+@pytest.mark.parametrize(("stray", "limit"), [(0, 5.0), (2, 15.0)])
+def test_many_points_take_seconds_and_stray_ones_are_left(stray, limit):
+    rng, mesh = np.random.default_rng(3), storeys()
+    ends = mesh.points[mesh.lines[rng.integers(0, mesh.n_lines, 60)]]
+    places = ends[:, 0] + rng.uniform(0, 1, (60, 1)) * (ends[:, 1] - ends[:, 0])
+    places[:stray] += np.array([[0.07, 0.1, 0.03], [-0.15, 0.05, 0.08]])[:stray]
+    R, t = Rotation.random(rng=rng).as_matrix(), rng.uniform(-5, 5, 3)
+    test = (places + 5e-4 * rng.standard_normal(places.shape) - t) @ R
+    start = time.process_time()
+    found, _ = match_members(test, mesh, tolerance=0.005)
+    assert time.process_time() - start < limit  # [s] of one core; each base of three points adds to it
+    assert found.unmatched == tuple(range(stray))
+    assert np.linalg.norm(found.points - places, axis=1).max() < 0.005
 
 
 def test_members_that_are_alike_are_refused_and_the_same_axes_settle_it():

@@ -241,6 +241,15 @@ def test_measured_frame():
     assert along[:3].min() > 5 * along[3:].max()
 
 
+def test_the_measured_frame_has_the_modes_that_were_read_by_eye():
+    """Peaks of the nine FRFs over the whole band, read from plots [Hz]."""
+    by_eye = [6.50, 17.47, 26.50, 28.97, 42.06, 76.78]
+    found = identify_modes(read_frf(SOUTHAMPTON), band=(0.5, 128.0))
+    assert found.modes.n_modes == len(by_eye)
+    assert found.modes.frequency == pytest.approx(by_eye, abs=0.06)
+    assert found.unexplained == ()
+
+
 # Complexity -------------------------------------------------------------------------------------------------
 
 

@@ -29,6 +29,7 @@ def test_spectra_and_poles_are_drawn_with_modes_and_unexplained_peaks(found):
     (peaks,) = (line for line in top.lines if line.get_marker() == "v")
     assert peaks.get_xdata() == pytest.approx([12], rel=0.01)
     assert low.get_xlabel() == "frequency [Hz]"
-    assert top.get_ylabel() == "spectrum [dB re 1/Hz]"
+    assert top.get_ylabel() == "singular values [dB re 1/Hz]"
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"mode", "largest singular value", "peak without a mode", "pole of a mode"} <= set(words)
+    assert words[:2] == ["largest singular value", "next singular values"]
+    assert {"mode", "peak without a mode", "pole of a mode"} <= set(words)

@@ -1,10 +1,13 @@
 """Pictures of an identification: the right poles, lines, curves and labels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fem.analysis.frf import FRF
 from updating.modal.identification import identify_modes
+from updating.modal.peaks import UnexplainedPeak
 from viz import style
 from viz.modal import plot_stabilisation, plot_synthesis
 
@@ -22,16 +25,42 @@ def case():
 def test_stabilisation_diagram_shows_every_pole_once_and_the_modes(case):
     frf, found = case
     figure = plot_stabilisation(frf, found, "a frame")
-    ax = figure.axes[0]
+    top, ax = figure.axes
     clouds = {line.get_label(): line for line in ax.lines if line.get_linestyle() == "None"}
     shown = np.concatenate([line.get_xdata() for line in clouds.values()])
     assert np.allclose(np.sort(shown), np.sort(found.stabilisation.frequency))
     modes = [line.get_xdata()[0] for line in ax.lines if line.get_color() == style.VERMILION]
     assert modes == pytest.approx([20, 41])
     assert ax.get_xlabel() == "frequency [Hz]"
-    assert figure.axes[1].get_ylabel() == "root mean square accelerance [(m/s²)/N]"
+    assert ax.get_ylabel() == "order of the denominator"
+    assert top.get_ylabel() == "mode indicator [dB]"
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert words == ["new", "frequency stable", "frequency, damping and participation stable", "mode"]
+    assert words == [
+        "measured", "fitted modes and residuals", "what is left", "mode", "new", "frequency stable",
+        "frequency, damping and participation stable",
+    ]  # fmt: skip
+
+
+def test_indicators_are_of_measured_fitted_and_what_is_left(case):
+    frf, found = case
+    top = plot_stabilisation(frf, found).axes[0]
+    curves = {line.get_label(): line.get_ydata() for line in top.lines}
+    lines = frf.frequency >= 10
+    H = frf.H[lines, :, 0]
+    level = 10 * np.log10((np.abs(H) ** 2 / (np.abs(H) ** 2).mean(axis=0)).mean(axis=1))
+    assert curves["measured"] == pytest.approx(level)
+    assert curves["fitted modes and residuals"] == pytest.approx(level, abs=1e-3)
+    assert curves["what is left"].max() < -60  # the data are exact
+    assert (10 ** (curves["measured"] / 10)).mean() == pytest.approx(1)
+
+
+def test_a_peak_without_a_mode_is_marked(case):
+    frf, _ = case
+    found = identify_modes(frf, band=(10, 60), highest_order=20)
+    peak = UnexplainedPeak(41.0, 20.0, 1.0, "left out")
+    top = plot_stabilisation(frf, replace(found, unexplained=(peak,))).axes[0]
+    (mark,) = (line for line in top.lines if line.get_label() == "peak without a mode")
+    assert mark.get_xdata() == pytest.approx([41.0], abs=0.1)
 
 
 def test_synthesis_lies_on_the_lines_of_the_fit_and_says_its_error(case):

@@ -9,7 +9,7 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.model import Model
 from fem.system import assemble
-from updating.measurement.measurement import Sensor, sensor_rows, with_moving_base
+from updating.measurement.measurement import BaseMotion, Sensor, sensor_rows, with_moving_base
 
 
 def computed_frf(
@@ -40,4 +40,5 @@ def computed_frf(
     system = assemble(model, reciprocal=False)
     H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
     names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
-    return FRF.from_arrays(frequency, H, kind, names, forces)
+    base = [s.name for s in excitations if isinstance(s, BaseMotion)]
+    return FRF.from_arrays(frequency, H, kind, names, forces, base)

@@ -29,6 +29,8 @@ _MOST_PLACES = 20_000
 _BASES = 4
 _MOST_DISTANCES = 500_000
 """Distances of points from lines that are in memory at once."""
+_MERGED_AT = (3, 8, 20, 50)
+"""Steps of the improvement at which placements that have become alike are merged."""
 _MOST_POINTS = 120
 """Points along the members from which placements are searched."""
 
@@ -109,6 +111,9 @@ class GeometryMatch:
             + f", moved by ({moved}) m, {len(self.pairs)} of {len(self.points)} points matched, "
             f"rms {self.rms:.2g} m"
         )
+
+
+Placed = list[GeometryMatch]
 
 
 def align_points(points: ArrayLike, onto: ArrayLike) -> tuple[Floats, Floats]:
@@ -230,8 +235,9 @@ def match_members(
 ) -> tuple[GeometryMatch, Mesh]:
     """Place test points anywhere on the members of a mesh, and put points of the mesh there.
 
-    Placements are searched as in :func:`match_geometry` on points along the members, as much nearer than the
-    distance of these allows, and then improved with the nearest places on the members' lines.
+    Three test points are laid on all triangles of points along the members, as in :func:`match_geometry`.
+    Each placement is improved with the nearest places on the members' lines and :func:`align_points` in
+    turns. Placements are counted by points within the tolerance of a line.
 
     Parameters
     ----------
@@ -273,8 +279,20 @@ def match_members(
     else:
         coarse, spacing = _along(mesh)
         wide = tolerance + spacing / 2
-        starts = _search(test, scaled, coarse, cKDTree(coarse), wide, scale, {})
-        best = _chosen(_polished(scaled, ends, starts, tolerance), tolerance, alternative, len(test))
+        found: Placed = []
+        for k, base in enumerate(_bases(scaled), 1):
+            try:
+                corners = coarse[_triangles(scaled[base], coarse, 2 * wide)]
+            except GeometryMatchError:
+                if not found:
+                    raise
+                continue
+            R, t = _aligned(scaled[base], corners, np.ones(corners.shape[:2], dtype=bool))
+            found = _distinct(found + _polished(scaled, ends, R, t, tolerance, scale), tolerance)
+            # No base shares a point with another, so a placement that none has found misses a point of each.
+            if found and len(found[0].pairs) > len(test) - k:
+                break
+        best = _chosen(found, tolerance, alternative, len(test))
     return put_on_members(best, mesh)
 
 
@@ -339,12 +357,13 @@ def _project(points: Floats, ends: Floats) -> tuple[Floats, Floats]:
         found = [_project(part, ends) for part in parts if len(part)]
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
     a, t = ends[:, 0], ends[:, 1] - ends[:, 0]
-    xi = np.clip(np.einsum("nlj,lj->nl", points[:, None] - a, t) / np.einsum("lj,lj->l", t, t), 0.0, 1.0)
-    places = a + xi[:, :, None] * t
-    away = np.linalg.norm(places - points[:, None], axis=2)
-    near = np.argmin(away, axis=1)
-    rows = np.arange(len(points))
-    return places[rows, near], away[rows, near]
+    tt, along = np.einsum("lj,lj->l", t, t), points @ t.T - np.einsum("lj,lj->l", a, t)
+    xi = np.clip(along / tt, 0.0, 1.0)
+    # squares without those of the points, which all lines have in common: no array of all places is needed
+    square = np.einsum("lj,lj->l", a, a) - 2 * points @ a.T + xi * (xi * tt - 2 * along)
+    near = np.argmin(square, axis=1)
+    places = a[near] + xi[np.arange(len(points)), near][:, None] * t[near]
+    return places, np.linalg.norm(places - points, axis=1)
 
 
 def _on_members(
@@ -360,16 +379,22 @@ def _on_members(
     )
 
 
-def _polished(
-    scaled: Floats, ends: Floats, starts: list[GeometryMatch], tolerance: float
-) -> list[GeometryMatch]:
-    """Move placements until points are nearest to the lines; the same ones that come out count once."""
-    if not starts:
+def _polished(scaled: Floats, ends: Floats, R: Floats, t: Floats, tolerance: float, scale: float) -> Placed:
+    """Move placements R (k, 3, 3), t (k, 3) until points are nearest to the lines; return the best ones.
+
+    These have most pairs, and the same ones that come out count once, those of least distances first.
+    """
+    if not len(R):
         return []
-    R, t = np.stack([s.R for s in starts]), np.stack([s.translation for s in starts])
+    R, t = R.copy(), t.copy()
     placed = scaled @ R.transpose(0, 2, 1) + t[:, None]
-    moving = np.arange(len(starts))
-    for _ in range(100):  # all at once: there may be thousands
+    moving, alive = np.arange(len(R)), np.ones(len(R), dtype=bool)
+    for step in range(100):  # all at once: there may be thousands
+        if step in _MERGED_AT:  # placements that have come within the tolerance of one another go on as one
+            cells = np.round(placed[moving] / tolerance).reshape(len(moving), -1).astype(np.int64)
+            alive[moving] = False
+            moving = moving[np.unique(cells, axis=0, return_index=True)[1]]
+            alive[moving] = True
         places, distance = _project(placed[moving].reshape(-1, 3), ends)
         places, distance = places.reshape(-1, *scaled.shape), distance.reshape(-1, len(scaled))
         kept = distance <= np.maximum(tolerance, 3 * np.median(distance, axis=1))[:, None]
@@ -384,19 +409,28 @@ def _polished(
         moving = moving[~done]
         if not moving.size:
             break
-    out: list[GeometryMatch] = []
-    for k, start in enumerate(starts):
-        if (
-            out
-            and (
-                np.linalg.norm(placed[k] - np.stack([m.points for m in out]), axis=2).max(axis=1) < tolerance
-            ).any()
-        ):
-            continue
-        found = _on_members(scaled, ends, tolerance, start.scale, R[k], t[k])
-        if len(found.pairs) >= 3:
-            out.append(found)
-    return sorted(out, key=lambda m: (-len(m.pairs), m.rms))
+    R, t, placed = R[alive], t[alive], placed[alive]
+    near = _project(placed.reshape(-1, 3), ends)[1].reshape(len(R), -1) <= tolerance
+    n_pairs = near.sum(axis=1)
+    if n_pairs.max() < 3:
+        return []
+    out = [
+        _on_members(scaled, ends, tolerance, scale, R[k], t[k])
+        for k in np.flatnonzero(n_pairs == n_pairs.max())
+    ]
+    return _distinct(out, tolerance)
+
+
+def _distinct(found: Placed, tolerance: float) -> Placed:
+    """Return placements with most pairs first, then least distances, each of them once."""
+    out: Placed = []
+    for match in sorted(found, key=lambda m: (-len(m.pairs), m.rms)):
+        if out:
+            apart = np.linalg.norm(match.points - np.stack([m.points for m in out]), axis=2).max(axis=1)
+            if (apart < tolerance).any():
+                continue
+        out.append(match)
+    return out
 
 
 def _aligned(points: Floats, onto: Floats, kept: NDArray[np.bool_]) -> tuple[Floats, Floats]:

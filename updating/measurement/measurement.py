@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF
+from fem.analysis.frf import FRF, FRFKind
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.ground import MovingGround
@@ -115,7 +115,7 @@ class Measurement:
         noise = f"; with {' and '.join(known)}" if known else ""
         lines = f"{counted(frf.n_freq, 'line')}, {span(frf.frequency, 'Hz')}"
         ends = f"{counted(len(self.sensors), 'sensor')}, {counted(len(self.excitations), 'excitation')}"
-        return summary(self, f"{name}{frf.kind} [{frf.kind.unit}]: {ends}, {lines}{noise}")
+        return summary(self, f"{name}{frf.quantity} [{frf.unit}]: {ends}, {lines}{noise}")
 
     def __post_init__(self) -> None:
         known = {"coherence": self.coherence, "scatter": self.scatter, "choice of values": self.compared}
@@ -289,6 +289,11 @@ def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
         return base_moved(model, np.array(directions))
     except ModelError as reason:
         raise MeasurementError(str(reason)) from reason
+
+
+def quantity_of(kind: FRFKind, excitation: Sensor) -> tuple[str, str]:
+    """Return name and SI unit of the FRFs of a kind to an excitation, a force or a motion of the base."""
+    return kind.to_base if isinstance(excitation, BaseMotion) else (str(kind), kind.unit)
 
 
 def with_resting_base(model: Model) -> Model:

@@ -261,7 +261,13 @@ def _driving_points(
             for i, a in enumerate(data.outputs)
             if a == b or (a[:-1] == b[:-1] and {a[-1:], b[-1:]} == {"+", "-"})
         ]
-        if not pairs:
+        if not pairs and data.base == data.inputs:
+            warnings.warn(
+                "modes identified from motions of the base have no modal masses: each shape has a largest "
+                "entry of 1",
+                stacklevel=3,
+            )
+        elif not pairs:
             warnings.warn(
                 "there is no driving point: no response has the label of a force. Modal masses are unknown, "
                 "and each shape has a largest entry of 1. Measure a response at a force, or name one that "
@@ -355,7 +361,7 @@ def _result(
         tuple((data.outputs[i], data.inputs[j]) for i, j, _ in points),
         lower,
         upper,
-        FRF.from_arrays(data.frequency, H, data.kind, data.outputs, data.inputs),
+        replace(data, H=H, accuracy=None),
         error,
         sigma,
         stabilisation,

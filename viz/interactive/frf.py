@@ -166,7 +166,7 @@ def frf_figure(
         shapes=shaded(held_out),
         meta={"output": pair[0], "input": pair[1]},
         **_axes(
-            first,
+            first.select([pair[0]], [pair[1]]),
             magnitude_range(curves[0].of(pair)[0]),
             phases=curves[0].phase is not None,
             coherence=with_coherence,
@@ -236,6 +236,11 @@ def _coherence_trace(measured: FRF, coherence: Floats, pair: tuple[str, str]) ->
     }  # fmt: skip
 
 
+def _decibel(unit: str) -> str:
+    """Return the unit of a level in decibel."""
+    return "dB" if unit == "-" else f"dB re 1 {unit}"
+
+
 def _axes(frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: bool) -> dict[str, Any]:
     """Return the axes: magnitude above, phase below it, and coherence at the bottom."""
     low = 0.18 if coherence else 0.0
@@ -248,7 +253,7 @@ def _axes(frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: boo
             unifiedhovertitle={"text": "%{x:.5~g} Hz"},
         ),
         "yaxis": axis(
-            f"{frf.kind}<br>[dB re 1 {frf.kind.unit}]", domain=[split + 0.03, 1], range=list(limits)
+            f"{frf.quantity}<br>[{_decibel(frf.unit)}]", domain=[split + 0.03, 1], range=list(limits)
         ),
     }  # fmt: skip
     if phases:
