@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from benchmarks.modes import block_of_cells
 from fem import assemble
 from fem.analysis.modes import DENSE_LIMIT, solve_modes
-from fem.linalg.processes import ProcessesError, _reason, lowest_by_processes, write_petsc
+from fem.linalg.processes import ProcessesError, _reason, _run, lowest_by_processes, write_petsc
 from fem.linalg.slepc_program import METIS, MINIMUM_FILL, SCOTCH
 
 DEBIAN = {
@@ -148,3 +148,19 @@ def test_matrices_are_written_as_petsc_reads_them(tmp_path):
     head = np.frombuffer(data, ">i4", 10).tolist()
     assert head == [1211216, 2, 2, 4, 2, 2, 0, 1, 0, 1]
     assert np.frombuffer(data, ">f8", offset=40).tolist() == [2, 0, 0, 3]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of the stack")
+def test_processes_have_as_much_stack_as_may_be(tmp_path):
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_STACK)
+    program = """
+import resource, sys
+from pathlib import Path
+Path(sys.argv[2], "found.json").write_text(str(resource.getrlimit(resource.RLIMIT_STACK)))
+"""
+    _run((sys.executable, "-c", program), tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_STACK)
+    assert (soft, hard) == before
+    assert (tmp_path / "found.json").read_text() == str((hard, hard))
