@@ -1,7 +1,6 @@
 """The gallery: each example with its output and the pictures that it draws."""
 
 import ast
-import os
 import shutil
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from docs.make import notebooks
-from docs.make.pages import PageError
+from docs.make.pages import PageError, environment_of
 
 HEAD = """\
 # Gallery
@@ -65,8 +64,10 @@ def write(paths: Iterable[Path], out: Path, pool: Executor) -> Future[None]:
 
 def shown_by(path: Path, out: Path) -> Example:
     """Run an example or a notebook and write its page."""
-    example = told_notebook(path, out) if path.suffix == ".ipynb" else run(path, out)
-    if path.suffix == ".py":
+    if path.suffix == ".ipynb":
+        example = told_notebook(path, out)
+    else:
+        example = run(path, out)
         (out / f"{example.name}.md").write_text(page(example), encoding="utf-8")
     print(path.name, flush=True)
     return example
@@ -93,8 +94,7 @@ def run(path: Path, out: Path) -> Example:
     title, _, text = (ast.get_docstring(module) or path.stem).partition("\n")
     body = "\n".join(code.splitlines()[module.body[0].end_lineno :]).strip()
     with TemporaryDirectory() as folder:
-        paths = os.pathsep.join([str(path.parents[1]), os.environ.get("PYTHONPATH", "")])
-        environment = {**os.environ, "TMPDIR": folder, "PYTHONPATH": paths}
+        environment = environment_of(path.parents[1], TMPDIR=folder)
         done = subprocess.run([sys.executable, path], env=environment, capture_output=True, text=True)
         if done.returncode:
             msg = f"{path.name}: exit code {done.returncode}\n{done.stderr}"

@@ -1,12 +1,11 @@
 """Notebooks of the gallery as pages: run when the site is built, with tables, pictures and live figures."""
 
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from docs.make.pages import PageError
+from docs.make.pages import PageError, environment_of
 
 PLOTLY = "application/vnd.plotly.v1+json"
 SCRIPT = "plotly.min.js"
@@ -32,11 +31,8 @@ def executed(path: Path) -> Any:
         notebook, timeout=SECONDS, kernel_name="python3", extra_arguments=["--log-level=ERROR"],
         resources={"metadata": {"path": str(path.parent)}},
     )  # fmt: skip
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(path.parents[1]), os.environ.get("PYTHONPATH", "")]),
-        "PLOTLY_RENDERER": "plotly_mimetype",  # figures are left to the page
-    }
+    # figures are left to the page
+    environment = environment_of(path.parents[1], PLOTLY_RENDERER="plotly_mimetype")
     try:
         return client.execute(env=environment)
     except CellExecutionError as reason:

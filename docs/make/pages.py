@@ -95,6 +95,12 @@ def expand(text: str, target: Path, root: Path) -> str:
     return text
 
 
+def environment_of(root: Path, **more: str) -> dict[str, str]:
+    """Return the environment of a process that imports the packages of a checkout."""
+    paths = os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, "PYTHONPATH": paths, **more}
+
+
 def outputs(text: str, folder: Path) -> Iterator[str]:
     """Run the lines of a block that begin with ``$``; yield each with its output.
 
@@ -110,11 +116,10 @@ def outputs(text: str, folder: Path) -> Iterator[str]:
         words = line[2:].split()
         yield f"{line}\n"
         program = [sys.executable, "-m", "dovetail"] if words[0] == "dovetail" else [sys.executable]
-        paths = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
         done = subprocess.run(
             [*program, *words[1:]],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": paths},
+            env=environment_of(Path(__file__).parents[2]),
             capture_output=True,
             text=True,
         )

@@ -9,6 +9,7 @@ import numpy as np
 from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
 from fem.analysis.section_stress import SectionStresses, section_stresses
+from fem.analysis.static_rounding import beyond_rounding
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import Stations, forces_on_lines, stations, stresses_on_lines
 from fem.elements.frame import Frame
@@ -92,11 +93,12 @@ class StaticCases:
 
     def held_beyond_rounding(self) -> dict[tuple[str, str], np.ndarray]:
         """Return the forces of :attr:`held`, 0 where they are rounding."""
-        return {key: _beyond(v, self.rounding[int(_is_moment(key))]) for key, v in self.held.items()}
+        limits = self.rounding
+        return {key: np.where(abs(v) > limits[int(_is_moment(key))], v, 0.0) for key, v in self.held.items()}
 
     def beyond_rounding(self, forces: np.ndarray) -> np.ndarray:
         """Return section forces (..., 6, n_cases), 0 where they are rounding."""
-        return _beyond(forces, np.repeat(self.rounding, 3, axis=0))
+        return beyond_rounding(forces, self.rounding)
 
     def case(self, name: str) -> int:
         """Return the column of a load case."""
@@ -141,10 +143,6 @@ class StaticCases:
     def forces_on_lines(self, pieces: int) -> np.ndarray:
         """Return section forces along all lines, (n_lines, pieces + 1, 6, n_cases) [N, N·m]."""
         return np.concatenate([forces_on_lines(s, pieces) for s in self.solutions], axis=3)
-
-
-def _beyond(values: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    return np.where(abs(values) > limit, values, 0.0)
 
 
 def _is_moment(key: tuple[str, str]) -> bool:

@@ -63,6 +63,11 @@ def force_rounding(
     return np.sqrt(3) * direct  # in any direction
 
 
+def beyond_rounding(forces: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return section forces (..., 6, n_cases), 0 where they are not above the bound (2, n_cases)."""
+    return np.where(abs(forces) > np.repeat(rounding, 3, axis=0), forces, 0.0)
+
+
 def _influence(
     system: System,
     factor: Factor,

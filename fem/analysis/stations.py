@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.section_forces import section_forces
 from fem.analysis.section_stress import section_stresses
+from fem.analysis.static_rounding import beyond_rounding
 from fem.analysis.statics import StaticSolution
 from fem.elements.frame import Frame
 from fem.model import ModelError
@@ -73,8 +74,7 @@ def stresses_on_lines(solution: StaticSolution, pieces: int) -> dict[str, NDArra
         [Pa]; NaN where a stress is not known.
     """
     mesh, along = solution.model.mesh, solution.model.mesh.arc_fractions()
-    forces = forces_on_lines(solution, pieces)
-    forces = np.where(abs(forces) > np.repeat(solution.rounding, 3, axis=0), forces, 0.0)
+    forces = beyond_rounding(forces_on_lines(solution, pieces), solution.rounding)
     out = {name: np.full((*forces.shape[:2], forces.shape[-1]), np.nan) for name in STRESSES}
     properties = {m: p for f in solution.model.of_kind(Frame) for m, p in f.members.items()}
     for member, rows in mesh.members.items():

@@ -388,8 +388,7 @@ class ModeRanking:
         listed: Callable[[Effect], bool],
         most: int,
     ) -> tuple[Screened, ...]:
-        grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
-        grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
+        grids = _grids(problem, effects)
         each = [_tried(ModeLook(problem, base), grids, listed, most) for base in _bases(problem, current)]
         best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
         rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
@@ -405,8 +404,7 @@ class ModeRanking:
         self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]
     ) -> list[tuple[Effect, Little]]:
         """Return candidates that the data see, with what they do beside a fit to the first order."""
-        grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
-        grids = [g for g in grids if g.points and not g.effect.amplitude_dependent]
+        grids = _grids(problem, effects)
         little = _by_slopes(ModeLook(problem, current), grids)
         each = zip(grids, little, strict=True)
         return [(g.effect.with_values(**x.values), x) for g, x in each if np.isfinite(x.evidence)]
@@ -471,6 +469,12 @@ class _Tried:
 
     gain: float
     starts: tuple[Start, ...] = ()
+
+
+def _grids(problem: ModeProblem, effects: Sequence[Effect]) -> list[Grid]:
+    """Return the grids of effects that have points; modes say nothing of amplitudes."""
+    grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
+    return [g for g in grids if g.points and not g.effect.amplitude_dependent]
 
 
 def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
