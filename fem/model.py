@@ -268,6 +268,10 @@ class Effect(ABC):
         """Return DOFs, and by them the translation (3, n) of a body of its own that sensors may be on."""
         return None
 
+    def tabulated(self, model: "Model") -> Any:
+        """Return tables of its matrices (:class:`fem.tabulated.Tabulated`), None unless it has some."""
+        return None
+
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the keys of other effects' constraints that it replaces by springs of its own."""
         return ()

@@ -13,6 +13,7 @@ from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter
+from fem.tabulated import Tabulated
 
 LEAST_U, MOST_U = -1.5, 3.5
 """Least and largest logarithm of a stretch's stiffness [-]."""
@@ -53,8 +54,20 @@ class ClampForm(OnStretches):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that the stretches gain."""
-        kept = 1 + np.array(self.shares) * (np.exp(-self.u) - 1)
-        return (stiffening(self.frame, model, self.zones, kept),)
+        return (self._stiff(model, self.u),)
+
+    def tabulated(self, model: Model) -> Tabulated | None:
+        """Return tables of the stiffness that the stretches gain."""
+
+        def made() -> Tabulated | None:
+            return Tabulated.of(lambda u, _: self._stiff(model, u), None, LEAST_U, MOST_U, planar=False)
+
+        out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
+        return out
+
+    def _stiff(self, model: Model, u: Any) -> Contribution:
+        kept = 1 + np.array(self.shares) * (np.exp(-u) - 1)
+        return stiffening(self.frame, model, self.zones, kept)
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -1,6 +1,6 @@
 """Effects that hold a frame: changes of its members whose moduli stay those of when they were proposed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 from fem.effects.places import sheared_frame
 from fem.elements.frame import Frame
 from fem.model import Effect, Model, ParameterRef, parameter_values
+from fem.recent import Recent
 
 STEP = 1e-30
 """Step of derivatives, imaginary."""
+_MESHES = 2
+"""Number of frames and meshes whose tables an effect keeps."""
 ITERATIONS = 6
 """Steps of Gauss and Newton: each takes about the square of the relative change of the moduli off."""
 
@@ -46,10 +49,13 @@ class OnStretches(HoldsFrame):
     zones : tuple of (str, float, float, int)
         Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
     place : str
+    tables : Recent
+        Tables of its matrices by frame and mesh; effects with other values share them.
     """
 
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
+    tables: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
     def where(self) -> str:

@@ -16,6 +16,7 @@ from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
+from fem.tabulated import Tabulated
 
 STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
@@ -75,12 +76,26 @@ class ZoneForm(OnStretches):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
-        u = np.full((len(self.zones), 6), self.u + 0 * self.plane)
-        for k, bending in enumerate(self.inside):
-            u[k, bending] += self.plane
-        stiff = stiffening(self.frame, model, self.zones, np.exp(-u))
         heavy = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
-        return stiff, replace(heavy, M=self.mass * heavy.M)
+        return self._stiff(model, self.u, self.plane), replace(heavy, M=self.mass * heavy.M)
+
+    def tabulated(self, model: Model) -> Tabulated | None:
+        """Return tables of the stiffness and mass that the stretches gain."""
+
+        def made() -> Tabulated | None:
+            stiff, (*_, heavy) = partial(self._stiff, model), self.with_values(mass=1.0).contribute(model)
+            low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
+            return Tabulated.of(stiff, heavy, low, high, planar=bool(self.inside))
+
+        out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
+        return out
+
+    def _stiff(self, model: Model, along: Any, plane: Any) -> Contribution:
+        """Return the stiffness that the stretches gain."""
+        u = np.full((len(self.zones), 6), along + 0 * plane)
+        for k, bending in enumerate(self.inside):
+            u[k, bending] += plane
+        return stiffening(self.frame, model, self.zones, np.exp(-u))
 
     def _heavy(self, model: Model) -> Contribution:
         """Return the mass of the stretches."""

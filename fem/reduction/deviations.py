@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Contribution
-from fem.reduction.modal_solution import ModalSolution, times
+from fem.reduction.modal_solution import ModalSolution, lines_first, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import Term
 
@@ -64,6 +64,7 @@ class DeviatingFRF(ParametricFRF):
         ends = np.cumsum([len(self.refs), self._stiff.shape[1], self._lossy.shape[1], len(self._elements)])
         self._own = [slice(first, last) for first, last in pairwise(ends)]
         self._dense: Floats | None = None
+        self._constant: NDArray[np.float32] | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
     def matrices(self, values: Floats) -> tuple[dict[str, Any], list[Term]]:
@@ -84,21 +85,59 @@ class DeviatingFRF(ParametricFRF):
             self._dense = np.stack([term.dense("D") for term in self._elements])
         return out if self._dense is None else out + np.tensordot(values[elements], self._dense, axes=1)
 
-    def slopes(self, values: Floats, alone: Sequence[Term]) -> list[tuple[int, Term]]:
-        """Return the derivatives of the matrices, those by losses of elements too."""
-        return [*super().slopes(values, alone), *enumerate(self._elements, self._own[2].start)]
-
     def _derivatives(
         self, values: Floats, zeta: Floats, state: ModalSolution, Xi: Complexes, alone: Sequence[Term]
     ) -> tuple[Complexes, Complexes]:
-        """Return dH by the parameters and deviations, and by ζ."""
-        dH, by_zeta = super()._derivatives(values, zeta, state, Xi, alone)
+        """Return dH by the parameters and deviations, and by ζ, in single precision.
+
+        dH = -Hₒ dZ Hᵢ with all dZ as one stack of matrices on the basis: few large products cost less than
+        many small ones at the places of the parameters.
+        """
+        Xo = state.solve(self.outputs, transposed=True)
+        inputs, outputs = times(state.V, Xi), times(state.V, Xo)
+        n, n_in, n_lines = Xi.shape
+        rows, factors, stack = self._stacked(values, state, alone)
+        flat = np.ascontiguousarray(inputs.reshape(n, -1), dtype=np.complex64).view(np.float32)
+        forces = (stack.reshape(-1, n) @ flat).view(np.complex64).reshape(len(stack), n, n_in, n_lines)
+        forces = forces.transpose(3, 1, 0, 2).reshape(n_lines, n, -1)
+        outward = np.ascontiguousarray(outputs.transpose(2, 1, 0), dtype=np.complex64)
+        moved = (outward @ forces).reshape(n_lines, -1, len(stack), n_in).transpose(2, 0, 1, 3)
+        dH = np.zeros((len(self.refs), *moved.shape[1:]), dtype=np.complex64)
+        for i, factor, part in zip(rows, factors, moved, strict=True):
+            dH[i] -= factor[:, None, None] * part
         for own, S, factor in zip(self._own, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
-                P = state.V.T @ S
-                _, (Ho,) = state.read(self.outputs, Xi[:, :0], [P])
-                dH[own] = -np.einsum("fom,mif->mfoi", Ho, factor * times(P.T, Xi))
-        return dH, by_zeta
+                ui, uo = times(S.T, inputs), times(S.T, outputs)
+                dH[own] = -np.einsum("mof,mif->mfoi", uo, factor * ui)
+        of_damping = [2j * state.lam[:, None, None] * Xi]
+        if zeta.ndim > 1:
+            own = 0 * Xi
+            if state.U is not None and state.own is not None:
+                own = 2j * times(state.U @ state.own, times(state.U.T, Xi))
+            of_damping = [of_damping[0] - own, own]
+        by_zeta = np.stack([-lines_first(Xo.transpose(1, 0, 2)) @ lines_first(F) for F in of_damping])
+        return dH, by_zeta if zeta.ndim > 1 else by_zeta[0]
+
+    def _stacked(
+        self, values: Floats, state: ModalSolution, alone: Sequence[Term]
+    ) -> tuple[list[int], list[Any], NDArray[np.float32]]:
+        """Return the parameters of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n)."""
+        by, n_linear = self.factors(state), len(self._linear)
+        slopes = ParametricFRF.slopes(self, values, alone)
+        rows, factors, moving = [], [], []
+        for i, term in slopes[n_linear:]:
+            for factor, X in term.parts(by, self.omega):
+                rows.append(i)
+                factors.append(factor)
+                moving.append(term.spread(X))
+        constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
+        parts = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
+        if self._constant is None:
+            still = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]
+            self._constant = np.array(still, dtype=np.float32).reshape(-1, *2 * [self._n])
+        changing = np.array(moving, dtype=np.float32).reshape(-1, *2 * [self._n])
+        rows += [i for i, _ in parts]
+        return rows, factors + [f for _, f in parts], np.concatenate([changing, self._constant])
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""

@@ -39,7 +39,7 @@ class ModalSolution:
         cls,
         reduced: ReducedModel,
         total: dict[str, Any],
-        omega: NDArray[np.float64],
+        omega: NDArray[Any],
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
         losses: NDArray[np.float64] | None = None,
@@ -53,7 +53,7 @@ class ModalSolution:
         total : dict
             The sums of all terms: K, M, C, D, ``connections`` and ``laws``.
         omega : ndarray (n_freq,)
-            Angular frequencies [rad/s].
+            Angular frequencies, complex for decaying motion [rad/s].
         zeta : ndarray (n_freq,) or (2, n_freq)
             Damping ratio at each line, and that of connections if it is another [-].
         damped : ndarray (r, k) or None

@@ -76,6 +76,8 @@ class ParametricFRF:
         Keys of constraints that are released besides those that the candidates release.
     projected : bool
         Whether outputs and inputs are combinations of the basis's columns already, (r + p, n).
+    decay : float
+        σ of the complex frequencies ω - iσ at which receptances are computed [rad/s]. Laws are those at ω.
     """
 
     def __init__(
@@ -89,11 +91,14 @@ class ParametricFRF:
         release: Sequence[tuple[str, str]] = (),
         *,
         projected: bool = False,
+        decay: float = 0.0,
     ) -> None:
         basis = reduced.basis
         self.reduced = reduced
         self.refs = tuple(refs)
-        self.omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        self.omega: NDArray[Any] = 2 * np.pi * np.asarray(frequency, dtype=float)
+        if decay:
+            self.omega = self.omega - 1j * decay
         self._frequency = np.asarray(frequency, dtype=float)
         released = {key for effect in candidates for key in effect.released()} | set(release)
         columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
@@ -110,7 +115,7 @@ class ParametricFRF:
         candidate_names = {e.name for e in candidates}
         ix = np.ix_(self.active, self.active)
         self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum.items()}
-        self._fixed["laws"] = [(f(self.omega), X[ix]) for f, X in reduced.base_laws]
+        self._fixed["laws"] = [(f(self.omega.real), X[ix]) for f, X in reduced.base_laws]
         self._linear: list[tuple[int, float, Term]] = []
         self._scaled: list[_Scaled] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
@@ -222,7 +227,7 @@ class ParametricFRF:
             total[key] = total[key] + more
             if key == "K" and term.connection:
                 total["connections"] = total["connections"] + more
-        total["laws"] = total["laws"] + [(factor * f(self.omega), term.spread(X)) for f, X in term.laws]
+        total["laws"] = total["laws"] + [(factor * f(self.omega.real), term.spread(X)) for f, X in term.laws]
 
     def _following(
         self, values: NDArray[np.float64]

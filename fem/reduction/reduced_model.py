@@ -19,6 +19,7 @@ from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.summary import fields_summary
+from fem.tabulated import Tabulated
 from fem.system import System, assemble, sum_contributions
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
@@ -38,8 +39,11 @@ vectors."""
 _PAIRS = 8
 """Sets of elements whose sums over pairs of DOFs are kept."""
 
-_VECTORS = 8
+_VECTORS, _ROWS = 8, 400
 """Sets of sensors whose projections are kept."""
+
+_FEW_ROWS = 2000
+"""Elements with so many DOFs together are projected one by one, which needs no sparse matrix."""
 
 _SHAPES = 256
 """Sets of forces for which the shapes that the basis lacks are kept."""
@@ -121,6 +125,8 @@ class ReducedModel:
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
     # Of forces, by DOFs and motions.
     _lacking: Recent = field(default_factory=lambda: Recent(_SHAPES), init=False, repr=False)
+    # The basis at DOFs, by these.
+    _dofs: Recent = field(default_factory=lambda: Recent(_ROWS), init=False, repr=False)
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
 
@@ -285,6 +291,10 @@ class ReducedModel:
         )
         T = self.basis.T
         if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
+            if sum(c.dofs.size for c in contributions) <= _FEW_ROWS and not any(c.law for c in contributions):
+                static = [static_part(c, imaginary) for c in contributions]
+                K, M, C, D = (_congruent(T, static, key) for key in "KMCD")
+                return Term(None, K, M, C, D)
             n, T = len(dofs), T[dofs]
             own = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
             full = sum_contributions(tuple(static_part(c, imaginary) for c in own), n)
@@ -342,8 +352,22 @@ class ReducedModel:
 
     def value_of(self, effect: Effect, model: Model | None = None) -> Term:
         """Project an effect at its present values, on the nominal model or on one with other values."""
+        if model is None and (table := self._table_of(effect)) is not None:
+            K, M = table.matrices(parameter_values(effect))
+            return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
         unit = None if model else self._unit(effect)
         return unit[0].times(unit[1]) if unit else self._of(effect, (model or self.model).parts_of(effect))
+
+    def _table_of(self, effect: Effect) -> Tabulated | None:
+        """Return the tables of an effect that has some and touches few DOFs."""
+        table = effect.tabulated(self.model) if self.model.ground is None else None
+        few = table is not None and len(table.dofs) <= max(LOCAL_LIMIT, LOCAL_SHARE * self.basis.T.shape[1])
+        return table if few else None
+
+    def _rows(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the basis at some DOFs."""
+        rows: NDArray[np.float64] = self._dofs.get(dofs.tobytes(), lambda: self.basis.T[dofs])
+        return rows
 
     def _unit(self, effect: Effect) -> tuple[Term, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
@@ -364,6 +388,9 @@ class ReducedModel:
 
     def derivative_of(self, effect: Effect, parameter: str, value: float, model: Model | None = None) -> Term:
         """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
+        if model is None and (table := self._table_of(effect)) is not None:
+            K, M = table.slopes(parameter_values(effect) | {parameter: value}, parameter)
+            return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
         unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
         return unit[0] if unit else self._slope_of(effect, parameter, value, model or self.model)
 
@@ -441,6 +468,17 @@ class ReducedModel:
         if key not in self._terms:
             self._terms[key] = self.derivative_of(effect, parameter, value)
         return self._terms[key]
+
+
+def _congruent(T: NDArray[np.float64], parts: Sequence[Contribution], key: str) -> NDArray[np.float64] | None:
+    """Return Σ Tᵀ X T of one matrix of contributions with few elements, by these; None where none has it."""
+    out: NDArray[np.float64] | None = None
+    for c in parts:
+        if (X := getattr(c, key)) is not None and X.any():
+            rows = T[c.dofs]
+            part = rows.reshape(-1, T.shape[1]).T @ (X @ rows).reshape(-1, T.shape[1])
+            out = part if out is None else out + part
+    return out
 
 
 def _sums_over_pairs(T: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -85,13 +85,13 @@ class Term:
         return X if self.L is None else self.L.T @ X @ self.L
 
     def parts(
-        self, factors: dict[str, NDArray[Any]], omega: NDArray[np.float64]
+        self, factors: dict[str, NDArray[Any]], omega: NDArray[Any]
     ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
         """Return all that is not zero as pairs of a factor at each line and a matrix."""
         stiffness = factors["connections" if self.connection else "K"]
         known = ((stiffness, self.K), *((factors[key], getattr(self, key)) for key in "MCD"))
         present = [(factor, X) for factor, X in known if X is not None and X.any()]
-        return present + [(f(omega), X) for f, X in self.laws if X.any()]
+        return present + [(f(omega.real), X) for f, X in self.laws if X.any()]
 
 
 def combined(terms: Sequence[Term], factors: NDArray[np.float64]) -> Term:

@@ -79,6 +79,9 @@ class FitProblem:
         Residual level that the elements leave of exact members [nepers].
     modes : ModeTargets or None
         Measured modes that the search by evidence fits beside the FRFs.
+    decay : float
+        σ of the complex frequencies ω - iσ at which the data are (:func:`updating.inference.damped.damped`)
+        [rad/s].
     """
 
     reduced: ReducedModel
@@ -93,6 +96,7 @@ class FitProblem:
     scatter: Scatter | None = None
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
+    decay: float = 0.0
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""
@@ -153,7 +157,9 @@ class FitProblem:
         """
         *_, outputs, inputs = self._ends
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
-        return make(self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True)
+        return make(
+            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True, decay=self.decay
+        )  # fmt: skip
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""

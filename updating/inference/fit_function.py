@@ -123,14 +123,14 @@ class FitFunction:
         r = self.problem.data.seen(r)
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
-        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)
-        J = np.empty((len(x), r.size), dtype=complex)
-        for k, v in enumerate(self.variables):
-            J[k] = v.slope(x[k]) * (dH[k] * per)[keep]
-        base = dH_dzeta * per
-        J[damping] = by_unknowns(zeta, hats, base)[:, keep]
+        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
         n = len(self.variables)
-        J[scatter] = std[:, None] * (dH[n:] * per)[:, keep]
+        slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[own], strict=True)])
+        J = np.empty((len(x), r.size), dtype=complex)
+        J[own] = dH[:n][:, keep] * slopes[:, None]
+        J[damping] = by_unknowns(zeta, hats, dH_dzeta)[:, keep]
+        J[scatter] = dH[n:][:, keep] * std[:, None]
+        J *= per
         return r, self.problem.data.seen(J)
 
     @property
@@ -159,12 +159,14 @@ class FitFunction:
         return Prior(np.concatenate(means), np.concatenate(stds))
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:
-        """Return the start with nuisance parameters and damping of a result."""
-        x, (_, damping, _) = self.start.copy(), self._parts
+        """Return the start with nuisance parameters, damping and as many small deviations of a result."""
+        x, (_, damping, scatter) = self.start.copy(), self._parts
         for k, v in enumerate(self.variables):
             if v.has_prior and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
         x[damping] = np.log(result.zeta)
+        if len(result.scatter) == len(x[scatter]):
+            x[scatter] = result.scatter
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
@@ -236,7 +238,7 @@ class FitFunction:
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; its errors are not assessed."""
-        x, (own, damping, _) = solution.x, self._parts
+        x, (own, damping, scatter) = solution.x, self._parts
         values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
         known = zip(self.variables, x[own], sd[own], strict=True)
@@ -246,7 +248,9 @@ class FitFunction:
         )
         zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
-        return FitResult(solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance)
+        return FitResult(
+            solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance, scatter=x[scatter]
+        )  # fmt: skip
 
 
 def widened(noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -37,6 +37,8 @@ class FitResult:
     unseen : float
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
+    scatter : ndarray (n,)
+        The small deviations that varied too, in their standard deviations.
     """
 
     solution: Solution
@@ -50,6 +52,7 @@ class FitResult:
     held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
+    scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def without(self, name: str) -> "FitResult":
         """Return the result without one of its effects; all else keeps the values fitted with it."""

@@ -124,16 +124,6 @@ class Fits:
         how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": LOW_LINES, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
-    def highest(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
-        """Return a hypothesis at the highest of the maxima around it, on few lines.
-
-        Resonances that pass each other leave several. All but the effects beside those of the base begins as
-        it is there, and these off in one positive parameter.
-        """
-        starts = around(h.effects, len(base.effects))
-        fits = possible(partial(self.quickly, quick, base, h.effects, start) for start in starts)
-        return max([h, *fits], key=lambda k: k.score)
-
     def continued(self, quick: AnyProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
         fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
@@ -162,8 +152,14 @@ class Fits:
 
         The lines count as those of a full fit.
         """
+        return self.from_result(quick, near.fitted.result, effects, values)
+
+    def from_result(
+        self, quick: AnyProblem, near: FitResult, effects: Sequence[Effect], values: Values
+    ) -> Hypothesis:
+        """Return a hypothesis as :meth:`quickly`, from near a result."""
         problem = with_forces(quick, effects, values)
-        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
         way |= {"max_iterations": QUICK_STEPS, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
         return self._fit(problem, effects, values, **way)
 

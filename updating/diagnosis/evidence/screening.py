@@ -26,8 +26,8 @@ from updating.inference.fit_result import FitResult
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
-N_WHOLE, N_LOW = 44, 24
-"""Lines of the whole band, and of the low one, at which candidates are looked at."""
+N_WHOLE, N_LOW, N_DAMPED = 44, 24, 24
+"""Lines of the whole band, of the low one, and of damped FRFs, at which candidates are looked at."""
 
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
@@ -226,6 +226,8 @@ def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
 
 def look_at(problem: FitProblem, base: FitResult) -> "Look":
     """Look at candidates from where a fit is."""
+    if problem.decay:  # broad resonances: few lines, and the whole band is as good as a low one
+        return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
     return Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
 
 

@@ -21,6 +21,7 @@ from updating.diagnosis.evidence.fits import (
     with_forces,
 )
 from updating.diagnosis.evidence.fitting import FULL_LINES
+from updating.diagnosis.evidence.halving import Trial, damped_for_look, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -34,6 +35,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
@@ -61,6 +63,10 @@ MOST_CONNECTIONS, MOST_PAIRED = 40, 8
 """So many connections, the first of the scan, are looked at in all directions; pairs are made of so many."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
+AMID = 0.4
+"""Springs of a connection begin at this place of their grids, from the stiffest [-]."""
+N_SINGLES = 16
+"""So many single effects are fitted to damped FRFs."""
 BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
@@ -140,9 +146,9 @@ def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
     return fits.continued(quick, [item])
 
 
-def _highest(shared: tuple[Fits, AnyProblem, Hypothesis], item: Hypothesis) -> Hypothesis:
-    fits, quick, base = shared
-    return fits.highest(quick, item, base)
+def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothesis:
+    (fits, problem, base), (effects, start) = shared, item.candidate
+    return fits.pruned(problem, fits.from_result(problem, start.near, effects, start.values), base)
 
 
 def _fully(fits: Fits, near: Hypothesis) -> Hypothesis:
@@ -240,7 +246,58 @@ class Search:
 
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
-        quick, free = self.fits.problems(base)
+        free, kept = self.fits.free(base), values_of(base.effects)
+        if self.fits.is_far(base) and (looked := damped_for_look(free)) is not None:
+            trials = self.from_afar(base, free, looked)
+            tried = self.workers.map(_ended, (self.fits, free, base), trials)
+        else:
+            tried = self.from_near(base, free)
+        best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
+        tried = sorted(best.values(), key=lambda h: -h.score)
+        now = self.fits.quickly(free, base, base.effects, kept).score
+        least = 1 if base.effects else N_FINAL
+        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
+        for h in tried:
+            self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
+        # Few lines say less than all.
+        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
+        fitted = [(h, self.simplified(h)) for h in self.all_full(near)]
+        return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
+
+    def from_afar(self, base: Hypothesis, free: FitProblem, looked: FitProblem) -> list[Trial]:
+        """Return candidates that damped FRFs ask for, the best of each sort."""
+        kept, now = values_of(base.effects), base.fitted.result
+        if not base.effects:
+            self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
+            now = replace(free.at_nominal(now), scatter=np.zeros(0))
+        beside = self.fit_beside(base.effects)
+        springs = self.springs(key_of(beside))
+        blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
+        others = [e for e in beside if e.kind not in BLOCK_KINDS]
+        screened = self.fits.ranking.screened(looked, base.fitted.result, others, lambda e: False)
+        singles = [
+            ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now)) for s in screened[:N_SINGLES]
+        ]
+        self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
+        return halved(free, self.workers, blocks, singles, len(base.effects))
+
+    def amid(self, block: Sequence[Effect]) -> Values:
+        """Return values in the middle of the effects' grids."""
+        grids = (sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block)
+        return tuple(g[int(AMID * (len(g) - 1))] for g in grids)
+
+    def springs(self, beside: Set[str]) -> dict[str, tuple[Effect, ...]]:
+        """Return the springs of each connection in all directions, of the effects with given names."""
+        out: dict[str, tuple[Effect, ...]] = {}
+        for p in self.places:
+            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in beside)
+            if p.kind in CONNECTIONS and own:
+                out[p.whole] = out.get(p.whole, ()) + own
+        return out
+
+    def from_near(self, base: Hypothesis, free: AnyProblem) -> list[Hypothesis]:
+        """Return candidates that a look at small changes asks for, fitted on few lines."""
+        quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
         proposals = self.proposals(base, quick)
         wanted = [
@@ -257,19 +314,7 @@ class Search:
             for k, (fits, first) in enumerate(short)
             if k < self.fits.ranking.breadth or first
         ]
-        tried = self.workers.map(_continued, (self.fits, free, base), begun)
-        best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
-        tried = sorted(best.values(), key=lambda h: -h.score)
-        now = self.fits.quickly(free, base, base.effects, kept).score
-        least = 1 if base.effects else N_FINAL
-        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
-        for h in tried:
-            self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
-        # Few lines say less than all.
-        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
-        highest = self.workers.map(_highest, (self.fits, free, base), near)
-        fitted = [(h, self.simplified(h)) for h in self.all_full(highest)]
-        return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
+        return self.workers.map(_continued, (self.fits, free, base), begun)
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
@@ -389,11 +434,7 @@ class Search:
         At the first places of the scan, and where their small changes together explain the residuals best. Of
         the effects whose names fit ``beside`` the base.
         """
-        springs: dict[str, tuple[Effect, ...]] = {}
-        for p in self.places:
-            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in beside)
-            if p.kind in CONNECTIONS and own:
-                springs[p.whole] = springs.get(p.whole, ()) + own
+        springs = self.springs(beside)
         order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
         near = [springs[whole] for whole in order if whole in springs][:MOST_CONNECTIONS]
         pairs = (

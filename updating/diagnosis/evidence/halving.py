@@ -1,0 +1,156 @@
+"""Far from the data: all candidates on strongly damped FRFs, the better ones on less and less damped ones.
+
+There one start is enough, all else may move, and few lines hold everything. Each stage goes on from the last
+one (successive halving: Jamieson & Talwalkar, *AISTATS* 2016).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import ceil
+
+import numpy as np
+
+from fem.model import Effect
+from updating.diagnosis.amplitude import LevelProblem
+from updating.diagnosis.evidence.fits import with_forces
+from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of, priors_of
+from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
+from updating.inference.damped import damped
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.workers import Workers
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A stage of the halving.
+
+    Attributes
+    ----------
+    share : float
+        Decay rate of the FRFs in parts of the band [-].
+    n_lines, n_steps : int
+        Lines, and steps of each fit.
+    kept, least : float, int
+        Share of the candidates of each sort that go on, and how many at least.
+    """
+
+    share: float
+    n_lines: int
+    n_steps: int
+    kept: float
+    least: int
+
+
+STAGES = (
+    Stage(share=0.04, n_lines=14, n_steps=6, kept=0.5, least=6),
+    Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=4),
+    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
+)
+N_PAIRED = 4
+"""Pairs are made of so many of the best blocks."""
+Candidate = tuple[tuple[Effect, ...], Start]
+
+
+def damped_for_look(problem: object) -> FitProblem | None:
+    """Return a problem on the FRFs at which single effects are looked at; None where they cannot be damped."""
+    if not isinstance(problem, FitProblem) or isinstance(problem, LevelProblem):
+        return None
+    return damped(problem, STAGES[1].share)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """Effects fitted to damped FRFs.
+
+    Attributes
+    ----------
+    result : FitResult
+    cost : float
+        Negative log posterior [nats].
+    """
+
+    result: FitResult
+    cost: float
+
+    @property
+    def candidate(self) -> Candidate:
+        """The effects, and a start where they are."""
+        effects = self.result.effects
+        return effects, Start(values_of(effects), self.result)
+
+
+def halved(
+    problem: FitProblem,
+    workers: Workers,
+    blocks: Sequence[Candidate],
+    singles: Sequence[Candidate],
+    n_base: int,
+) -> list[Trial]:
+    """Return the best of candidates on weakly damped FRFs, of each sort the best first.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        With all that may vary.
+    workers : Workers
+    blocks, singles : sequence of (tuple of Effect, Start)
+        Springs of whole connections, and effects that were looked at before: these begin at the second
+        stage. Pairs of the best blocks join them there.
+    n_base : int
+        So many effects of each, the first, are those of the hypothesis that they stand beside.
+    """
+    sorts: dict[str, Sequence[Candidate]] = {"block": blocks}
+    best: dict[str, list[Trial]] = {}
+    for number, stage in enumerate(STAGES):
+        own = damped(problem, stage.share)
+        if own is not None:
+            best = _tried(own, workers, stage, sorts)
+            sorts = {sort: [t.candidate for t in trials] for sort, trials in best.items()}
+        if number == 0:
+            first = [t.candidate for t in best.get("block", ())][:N_PAIRED]
+            pairs = [_together(a, b, n_base) for a, b in combinations(first, 2)]
+            sorts = {**sorts, "single": singles, "pair": pairs}
+    return [t for trials in best.values() for t in trials]
+
+
+def _together(one: Candidate, two: Candidate, n_base: int) -> Candidate:
+    """Return two blocks beside the same base."""
+    (a, start), (b, more) = one, two
+    return (*a, *b[n_base:]), Start((*start.values, *more.values[n_base:]), start.near)
+
+
+def _tried(
+    problem: FitProblem, workers: Workers, stage: Stage, sorts: Mapping[str, Sequence[Candidate]]
+) -> dict[str, list[Trial]]:
+    """Return the candidates of each sort that go on, the best first."""
+    every = [(sort, c) for sort, candidates in sorts.items() for c in candidates]
+    trials = workers.map(_fitted, (problem, stage), [c for _, c in every])
+    out: dict[str, list[Trial]] = {sort: [] for sort in sorts}
+    for (sort, _), trial in zip(every, trials, strict=True):
+        if trial is not None:
+            out[sort].append(trial)
+    for sort, there in out.items():
+        there.sort(key=lambda t: t.cost)
+        del there[max(stage.least, ceil(stage.kept * len(there))) :]
+        out[sort] = list({key_of(t.result.effects): t for t in reversed(there)}.values())[::-1]
+    return out
+
+
+def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | None:
+    """Return a fit; None where there is no structure: more mass taken away than there is."""
+    (problem, stage), (effects, start) = shared, candidate
+    own = with_forces(problem, effects, start.values)
+    function = own.function(effects, start.values, own.lines_up_to(np.inf, stage.n_lines))
+    try:
+        solution = function.minimise(
+            function.moved_to(start.near),
+            np.inf,
+            stage.n_steps,
+            prior=priors_of(function),
+            levels=levels_of(function, n_lines=FULL_LINES),
+        )
+    except np.linalg.LinAlgError:
+        return None
+    return Trial(function.result(solution), solution.cost)
