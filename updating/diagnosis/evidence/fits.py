@@ -1,6 +1,6 @@
 """Fits of hypotheses: short and quick ones on few lines, full ones."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,6 +10,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence.absence import left_out
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
@@ -21,8 +22,8 @@ from updating.least_squares.loss import pseudo_huber
 
 QUICK_LINES, LOW_LINES = 40, 16
 """Lines of quick fits, and of those in the lowest band, which has few modes."""
-SHORT_STEPS, QUICK_STEPS = 2, 6
-"""Steps of first, short fits in each band, and of those that go on from them."""
+SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
+"""Steps of first, short fits in each band, of those that go on from them, and of those that must converge."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
@@ -132,18 +133,25 @@ class Fits:
     def pruned(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis without those of several new effects whose absence raises its score.
 
-        On few lines; one of them stays.
+        On few lines; one of them stays. The covariance tells which, and a fit confirms it. Where it does not,
+        each is left out in a fit.
         """
         while len(h.effects) > len(base.effects) + 1:
-            fewer = [
-                tuple(x for x in h.effects if x.name != e.name) for e in h.effects if e.name not in base.key
-            ]
-            options = possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in fewer)
+            own = [e.name for e in h.effects if e.name not in base.key]
+            gone = left_out(quick, h, own, self.odds)
+            options = self._without(quick, h, [gone] if gone else [])
+            if not any(o.score > h.score for o in options):
+                options = self._without(quick, h, [{name} for name in own])
             best = max(options, key=lambda o: o.score, default=h)
             if best.score <= h.score:
                 break
             h = best
         return h
+
+    def _without(self, quick: AnyProblem, h: Hypothesis, gone: Sequence[Set[str]]) -> list[Hypothesis]:
+        """Return fits without some effects, from near where all are."""
+        rests = [tuple(e for e in h.effects if e.name not in names) for names in gone]
+        return possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in rests)
 
     def quickly(
         self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
@@ -155,12 +163,17 @@ class Fits:
         return self.from_result(quick, near.fitted.result, effects, values)
 
     def from_result(
-        self, quick: AnyProblem, near: FitResult, effects: Sequence[Effect], values: Values
+        self,
+        quick: AnyProblem,
+        near: FitResult,
+        effects: Sequence[Effect],
+        values: Values,
+        steps: int = QUICK_STEPS,
     ) -> Hypothesis:
         """Return a hypothesis as :meth:`quickly`, from near a result."""
         problem = with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
-        way |= {"max_iterations": QUICK_STEPS, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
+        way |= {"max_iterations": steps, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
         return self._fit(problem, effects, values, **way)
 
     def fully(self, effects: Sequence[Effect], values: Values, near: Hypothesis | None = None) -> Hypothesis:

@@ -43,6 +43,8 @@ class Fitted:
         Robust mean square of the residuals of each group [nepers²].
     size : float, optional
         Most probable size of the shifts of modes' eigenvalues, if they may be of several [-].
+    covariance : ndarray (n, n), optional
+        Of the normal approximation that the evidence is taken from, of all unknowns.
     """
 
     result: FitResult
@@ -50,6 +52,7 @@ class Fitted:
     levels: Levels | ModeLevels | JointLevels
     misfit: Floats
     size: float | None = None
+    covariance: Floats | None = None
 
     @property
     def log_likelihood(self) -> float:
@@ -121,6 +124,16 @@ def priors_of(function: FitFunction) -> Prior:
     return Prior(mean, std)
 
 
+def prior_at(function: FitFunction, x: Floats) -> tuple[Floats, Floats]:
+    """Return how far unknowns are from their priors' means, and the deviations of normal priors there."""
+    prior = priors_of(function)
+    off, std = x[: len(prior.mean)] - prior.mean[: len(x)], prior.std.copy()
+    for k, own in _of_effects(function).items():
+        if own.range:
+            off[k], std[k] = 0.0, own.width_at(float(x[k]))
+    return off, std
+
+
 def _of_effects(function: FitFunction) -> dict[int, EffectPrior]:
     """Return what is known beforehand of the effects' unknowns, by their rows."""
     by_name = {e.name: e for e in function.effects}
@@ -185,20 +198,18 @@ def fit(
 
 def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fitted:
     """Return a solution with its log evidence and the covariance of its unknowns."""
-    x, prior = solution.x, priors_of(function)
+    x = solution.x
     r, J = function(x, True)
     assert J is not None
     problem, scatter = function.problem, function.scatter
     member = np.unique(function.groups, return_inverse=True)[1]
     levels = levels_of(function, n_lines=counted_as)
-    off, std = x - prior.mean, prior.std.copy()
-    for k, own in _of_effects(function).items():
-        if own.range:
-            off[k], std[k] = 0.0, own.width_at(float(x[k]))
+    off, std = prior_at(function, x)
     near = Quadratic.of(r, J, member, ROBUST, levels)
     v, worth, size = near.v, levels.weight(near.v), None
+    normal = near.normal(worth, std)
     if scatter is None or not scatter.sizes:
-        evidence = log_evidence(-levels.cost(v), off, std, near.normal(worth, std))
+        evidence = log_evidence(-levels.cost(v), off, std, normal)
     else:
         rows = len(x) - len(scatter.std) + scatter.shifts
         factors = np.array(scatter.sizes) / scatter.eigenvalue
@@ -213,7 +224,8 @@ def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fit
             apart[-n:] = worth[-n:]
         worth = apart
     covariance = np.linalg.inv(near.normal(worth, std))
-    return Fitted(function.result(replace(solution, covariance=covariance)), evidence, levels, v, size)
+    result = function.result(replace(solution, covariance=covariance))
+    return Fitted(result, evidence, levels, v, size, np.linalg.inv(normal))
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:

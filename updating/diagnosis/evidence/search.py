@@ -13,6 +13,7 @@ from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.fits import (
+    MOST_STEPS,
     QUICK_STEPS,
     SHORT_STEPS,
     AnyProblem,
@@ -148,7 +149,8 @@ def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
 
 def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothesis:
     (fits, problem, base), (effects, start) = shared, item.candidate
-    return fits.pruned(problem, fits.from_result(problem, start.near, effects, start.values), base)
+    ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
+    return fits.pruned(problem, ended, base)
 
 
 def _fully(fits: Fits, near: Hypothesis) -> Hypothesis:

@@ -1,0 +1,93 @@
+"""What the covariance of a fit says of the evidence without some of its effects."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect
+from updating.diagnosis.evidence.fitting import prior_at
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import FitFunction
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.unknowns import ScaledUnknown
+
+
+def gains_without(
+    problem: FitProblem | ModeProblem, h: Hypothesis, groups: Sequence[Collection[str]], odds: Odds
+) -> NDArray[np.float64]:
+    """Return by how much the score of a hypothesis would rise without each of some groups of its effects.
+
+    Near a converged optimum x with the covariance C, ln p(data) without the unknowns o changes by
+    -½ dᵀ C_oo⁻¹ d - ½ ln det C_oo - ln p(x_o), d the way to where they do nothing and p their prior: the ratio
+    of Savage and Dickey (Dickey, *Ann. Math. Stat.* 42, 1971, 204) with the prior where the fit is.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    h : Hypothesis
+        Fitted.
+    groups : sequence of collection of str
+        Names of effects.
+    odds : Odds
+    """
+    effects = h.effects
+    lines = np.arange(2) if isinstance(problem, FitProblem) else problem.targets.fitted
+    function = problem.function(effects, values_of(effects), lines)
+    x, C = h.fitted.result.solution.x, h.fitted.covariance
+    if C is None or len(x) < len(function.variables):
+        return np.full(len(groups), np.nan)
+    off, std = prior_at(function, x)
+    by_name = {e.name: e for e in effects}
+    out = np.full(len(groups), -np.inf)
+    for k, names in enumerate(groups):
+        rows = [i for i, v in enumerate(function.variables) if v.ref[0] in names and _sized(by_name, v)]
+        every = [i for i, v in enumerate(function.variables) if v.ref[0] in names]
+        way = np.array([_way(function, by_name, i, float(x[i])) for i in rows])
+        known = -0.5 * (off / std)[every] ** 2 - np.log(std[every])
+        own, every_own = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
+        evidence = -0.5 * way @ np.linalg.solve(own, way) - 0.5 * np.linalg.slogdet(every_own)[1] - known.sum()
+        rest = [e for e in effects if e.name not in names]
+        out[k] = evidence + odds.prior(rest) - odds.prior(effects)
+    return out
+
+
+def _sized(by_name: dict[str, Effect], v: ScaledUnknown) -> bool:
+    """Whether an unknown is the size of an effect: its first parameter."""
+    return v.ref[1] == by_name[v.ref[0]].parameters()[0].name
+
+
+def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) -> float:
+    """Return how far an unknown would go until its effect hardly does anything.
+
+    On a logarithmic scale that is at the value which it replaces, or else at the weakest of its grid.
+    """
+    v = function.variables[i]
+    effect = by_name[v.ref[0]]
+    p = effect.parameters()[0]
+    if not v.log:
+        return v.to_x(p.absent) - x
+    nominal = function.problem.reduced.model.values()
+    usual = [nominal[ref] for ref in effect.replaces() if ref in nominal]
+    if not usual and np.isfinite(p.absent) and p.absent > 0:
+        usual = [p.absent]
+    if usual:
+        return v.to_x(usual[0]) - x
+    grid = [v.to_x(point[p.name]) for point in effect.starts(function.problem.surroundings)]
+    return (max(grid) if np.isinf(p.absent) else min(grid)) - x
+
+
+def left_out(
+    problem: FitProblem | ModeProblem, h: Hypothesis, names: Sequence[str], odds: Odds
+) -> set[str]:
+    """Return which effects, one after the other and not all, would raise a score by their absence."""
+    gone: set[str] = set()
+    best = 0.0
+    while len(gone) + 1 < len(names):
+        options = [gone | {name} for name in names if name not in gone]
+        gains = gains_without(problem, h, options, odds)
+        if not gains.max() > best:
+            break
+        best, gone = float(gains.max()), options[int(np.argmax(gains))]
+    return gone
