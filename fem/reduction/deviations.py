@@ -124,20 +124,21 @@ class DeviatingFRF(ParametricFRF):
         """Return the parameters of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n)."""
         by, n_linear = self.factors(state), len(self._linear)
         slopes = ParametricFRF.slopes(self, values, alone)
-        rows, factors, moving = [], [], []
+        constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
+        still = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
+        if self._constant is None:
+            parts = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]
+            self._constant = np.array(parts, dtype=np.float32).reshape(-1, *2 * [self._n])
+        # Moduli multiply the matrices of many effects alike.
+        moving: dict[tuple[int, int], tuple[int, Any, Any]] = {}
         for i, term in slopes[n_linear:]:
             for factor, X in term.parts(by, self.omega):
-                rows.append(i)
-                factors.append(factor)
-                moving.append(term.spread(X))
-        constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
-        parts = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
-        if self._constant is None:
-            still = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]
-            self._constant = np.array(still, dtype=np.float32).reshape(-1, *2 * [self._n])
-        changing = np.array(moving, dtype=np.float32).reshape(-1, *2 * [self._n])
-        rows += [i for i, _ in parts]
-        return rows, factors + [f for _, f in parts], np.concatenate([changing, self._constant])
+                *_, before = moving.get((i, id(factor)), (0, 0, 0.0))
+                moving[i, id(factor)] = i, factor, before + term.spread(X)
+        changing = np.array([X for *_, X in moving.values()], dtype=np.float32)
+        rows = [i for i, *_ in moving.values()] + [i for i, _ in still]
+        factors = [f for _, f, _ in moving.values()] + [f for _, f in still]
+        return rows, factors, np.concatenate([changing.reshape(-1, *2 * [self._n]), self._constant])
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""

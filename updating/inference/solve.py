@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dsyrk
 
 from fem.summary import fields_summary
 from updating.least_squares.costs import Costs
@@ -207,8 +208,12 @@ class _Posterior:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return Σ w J r, and the normal equations' matrix with the prior's."""
         w = worth[self.member] * pseudo_huber_weight(r, self.robust)
-        JH, w2 = np.hstack([J.real, J.imag]), np.concatenate([w, w])
-        return JH @ (w2 * np.concatenate([r.real, r.imag])), (JH * w2) @ JH.T + np.diag(self.prior_weight)
+        root = np.sqrt(w)
+        flat = np.hstack([J.real * root, J.imag * root])
+        A = dsyrk(1.0, flat.T, trans=1)  # the upper half of a symmetric product
+        A = A + np.triu(A, 1).T
+        A[np.diag_indices_from(A)] += self.prior_weight
+        return flat @ np.concatenate([root * r.real, root * r.imag]), A
 
 
 def inflation(

@@ -64,6 +64,8 @@ MOST_CONNECTIONS, MOST_PAIRED = 40, 8
 """So many connections, the first of the scan, are looked at in all directions; pairs are made of so many."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
+TOGETHER = 8
+"""So many proposals are fitted before it is asked whether others can still win."""
 AMID = 0.4
 """Springs of a connection begin at this place of their grids, from the stiffest [-]."""
 N_SINGLES = 16
@@ -72,8 +74,26 @@ BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
 Say = Callable[[str], None]
-Proposal = tuple[tuple[Effect, ...], Sequence[Start], bool]
-"""Effects to add, values to start from, and whether they are at the first place of the scan."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """Effects to add, and values to start from.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+    starts : sequence of Start
+    worth : float
+        By how much they would raise the score at most, were all linear [nats].
+    is_first : bool
+        Whether they are at the first place of the scan.
+    """
+
+    effects: tuple[Effect, ...]
+    starts: Sequence[Start]
+    worth: float
+    is_first: bool
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -301,14 +321,21 @@ class Search:
         """Return candidates that a look at small changes asks for, fitted on few lines."""
         quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
-        proposals = self.proposals(base, quick)
+        proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
         wanted = [
-            ((*base.effects, *new), [Start((*kept, *s.values), s.near) for s in starts])
-            for new, starts, _ in proposals
+            ((*base.effects, *p.effects), [Start((*kept, *s.values), s.near) for s in p.starts])
+            for p in proposals
         ]
-        fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted)
-        firsts = [first for *_, first in proposals]
-        short = [(fits, first) for fits, first in zip(fitted, firsts, strict=True) if fits]
+        short: list[tuple[list[Hypothesis], bool]] = []
+        now = self.fits.quickly(free, base, base.effects, kept).score
+        for first in range(0, len(wanted), TOGETHER):
+            # What a look promises less of than a fit has found is not fitted.
+            best = max((fits[0].score for fits, _ in short), default=-np.inf)
+            if not self.fits.is_far(base) and now + proposals[first].worth < best - 2 * TWIN_NATS:
+                break
+            these = slice(first, first + TOGETHER)
+            fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted[these])
+            short += [(f, p.is_first) for f, p in zip(fitted, proposals[these], strict=True) if f]
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         begun = [
@@ -397,7 +424,16 @@ class Search:
             chosen += [s for s in best.values() if s not in chosen]
         chosen += [s for s in screened if s not in chosen][: max(0, N_FINAL - len(chosen))]
         first = held[0] if held else set[str]()
-        out: list[Proposal] = [((s.effect,), s.starts, s.effect.name in first) for s in chosen]
+        odds, n_starts = self.fits.odds, 2 if self.fits.is_far(base) else 1
+        out = [
+            Proposal(
+                (s.effect,),
+                s.starts[:n_starts],
+                s.gain - odds.against(base.effects, (s.effect,)),
+                s.effect.name in first,
+            )
+            for s in chosen
+        ]
         return out + self.blocks(base, quick, now, ranked, key_of(beside))
 
     def fit_beside(self, effects: Sequence[Effect]) -> list[Effect]:
@@ -464,7 +500,9 @@ class Search:
                 more = []
             block = each[0].effects
             if len(block) > 1 and wins:
-                out[key_of(block)] = block, [*(b.start for b in each), *more], is_first
+                worth = max(b.gain for b in each) - self.fits.odds.against(base.effects, block)
+                starts = [*(b.start for b in each), *more]
+                out[key_of(block)] = Proposal(block, starts, worth, is_first)
         return list(out.values())
 
     def paying(
