@@ -126,8 +126,8 @@ def priors_of(function: FitFunction) -> Prior:
 
 def prior_at(function: FitFunction, x: Floats) -> tuple[Floats, Floats]:
     """Return how far unknowns are from their priors' means, and the deviations of normal priors there."""
-    prior = priors_of(function)
-    off, std = x[: len(prior.mean)] - prior.mean[: len(x)], prior.std.copy()
+    prior, n = priors_of(function), min(len(x), len(function.start))
+    off, std = x[:n] - prior.mean[:n], prior.std[:n].copy()
     for k, own in _of_effects(function).items():
         if own.range:
             off[k], std[k] = 0.0, own.width_at(float(x[k]))

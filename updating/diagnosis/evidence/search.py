@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.evidence.absence import gains_without
 from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.fits import (
     MOST_STEPS,
@@ -44,6 +45,8 @@ from updating.inference.workers import ALONE, Workers
 N_PLACES, N_PAIRS, N_FULL, N_FINAL, N_BEAM = 4, 2, 6, 3, 2
 """Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
 connections; of hypotheses that are fitted fully at most and at least, and kept."""
+DOUBT_NATS = 15.0
+"""An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 N_SHORT = 3
@@ -282,7 +285,11 @@ class Search:
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         # Few lines say less than all.
-        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
+        near = [
+            h
+            for k, h in enumerate(tried)
+            if k < 2 or h.score >= tried[0].score - (BEAM_NATS if k < N_FINAL else 2 * TWIN_NATS)
+        ]
         fitted = [(h, self.simplified(h)) for h in self.all_full(near)]
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
@@ -348,9 +355,14 @@ class Search:
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
         while len(h.effects) > 1:
-            fewer = [tuple(x for x in h.effects if x.name != e.name) for e in h.effects]
+            free = self.fits.free(h)
+            gains = gains_without(free, h, [{e.name} for e in h.effects], self.fits.odds)
+            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < -DOUBT_NATS]
+            if not doubtful:
+                return h
+            fewer = [tuple(x for x in h.effects if x.name != e.name) for e in doubtful]
             without = [(rest, values_of(rest)) for rest in fewer]
-            now, options = self.on_few_lines(self.fits.free(h), h, without)
+            now, options = self.on_few_lines(free, h, without)
             best = max(options, key=lambda o: o.score, default=None)
             if best is None or best.score < now.score - TWIN_NATS:
                 return h
