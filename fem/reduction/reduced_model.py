@@ -43,7 +43,8 @@ _VECTORS, _ROWS = 8, 400
 """Sets of sensors whose projections are kept."""
 
 _FEW_ROWS = 2000
-"""Elements with so many DOFs together are projected one by one, which needs no sparse matrix."""
+"""Derivatives of elements with so many DOFs together are projected one by one, which needs no sparse matrix.
+Values are not: their large parts cancel better in a sum."""
 
 _SHAPES = 256
 """Sets of forces for which the shapes that the basis lacks are kept."""
@@ -291,7 +292,8 @@ class ReducedModel:
         )
         T = self.basis.T
         if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
-            if sum(c.dofs.size for c in contributions) <= _FEW_ROWS and not any(c.law for c in contributions):
+            few = sum(c.dofs.size for c in contributions) <= _FEW_ROWS
+            if imaginary and few and not any(c.law for c in contributions):
                 static = [static_part(c, imaginary) for c in contributions]
                 K, M, C, D = (_congruent(T, static, key) for key in "KMCD")
                 return Term(None, K, M, C, D)

@@ -75,7 +75,7 @@ def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path):
         model_error=0.1,
     )  # fmt: skip
     (effect,) = done.best.effects
-    alone = done.search.fits.at([effect], [parameter_values(effect)]).fitted.result
+    alone = done.search.fits.fully([effect], [parameter_values(effect)], done.best).fitted.result
     for name in ("mass", "position"):
         ref = effect.name, name
         assert done.best.fitted.result.std[ref] == pytest.approx(alone.std[ref], rel=0.02)

@@ -166,7 +166,7 @@ class FitFunction:
                 x[k] = v.to_x(result.values[v.ref])
         x[damping] = np.log(result.zeta)
         if len(result.scatter) == len(x[scatter]):
-            x[scatter] = result.scatter
+            x[scatter] = result.scatter / self._scatter_std
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
@@ -249,7 +249,8 @@ class FitFunction:
         zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
-            solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance, scatter=x[scatter]
+            solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
+            scatter=x[scatter] * self._scatter_std,
         )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ class FitResult:
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
     scatter : ndarray (n,)
-        The small deviations that varied too, in their standard deviations.
+        The small deviations that varied too [-].
     """
 
     solution: Solution

@@ -47,7 +47,9 @@ def gains_without(
         way = np.array([_way(function, by_name, i, float(x[i])) for i in rows])
         known = -0.5 * (off / std)[every] ** 2 - np.log(std[every])
         own, every_own = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
-        evidence = -0.5 * way @ np.linalg.solve(own, way) - 0.5 * np.linalg.slogdet(every_own)[1] - known.sum()
+        evidence = (
+            -0.5 * way @ np.linalg.solve(own, way) - 0.5 * np.linalg.slogdet(every_own)[1] - known.sum()
+        )
         rest = [e for e in effects if e.name not in names]
         out[k] = evidence + odds.prior(rest) - odds.prior(effects)
     return out
@@ -78,9 +80,7 @@ def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) ->
     return (max(grid) if np.isinf(p.absent) else min(grid)) - x
 
 
-def left_out(
-    problem: FitProblem | ModeProblem, h: Hypothesis, names: Sequence[str], odds: Odds
-) -> set[str]:
+def left_out(problem: FitProblem | ModeProblem, h: Hypothesis, names: Sequence[str], odds: Odds) -> set[str]:
     """Return which effects, one after the other and not all, would raise a score by their absence."""
     gone: set[str] = set()
     best = 0.0

@@ -182,8 +182,12 @@ class Fits:
         Everything else begins where it is near there, or else at its nominal value.
         """
         problem = with_forces(self.problem, effects, values)
-        if near is not None and near.key == key_of(effects) and len(near.fitted.result.scatter):
-            # It has deviations already, which a fit without them would only lose.
+        if (
+            near is not None
+            and near.key == key_of(effects)
+            and len(near.fitted.result.scatter)
+            and self.ranking.scatter(problem, near.fitted.result) is not None
+        ):  # it has deviations already, which a fit without them would only lose
             there = replace(near.fitted.result, effects=tuple(effects))
             return self.scattered(problem, Hypothesis(replace(near.fitted, result=there), near.prior))
         way: dict[str, Any] = {}

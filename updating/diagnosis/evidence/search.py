@@ -305,7 +305,8 @@ class Search:
         others = [e for e in beside if e.kind not in BLOCK_KINDS]
         screened = self.fits.ranking.screened(looked, base.fitted.result, others, lambda e: False)
         singles = [
-            ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now)) for s in screened[:N_SINGLES]
+            ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
+            for s in screened[:N_SINGLES]
         ]
         self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
         return halved(free, self.workers, blocks, singles, len(base.effects))
