@@ -61,9 +61,14 @@ class Tabulated:
 
     @classmethod
     def of(
-        cls, stiffness: Callable[[float, float], Contribution], mass: Contribution | None, low: float, high: float,
-        *, planar: bool,
-    ) -> "Tabulated | None":  # fmt: skip
+        cls,
+        stiffness: Callable[[float, float], Contribution],
+        mass: Contribution | None,
+        low: float,
+        high: float,
+        *,
+        planar: bool,
+    ) -> "Tabulated | None":
         """Tabulate an effect from ``low`` to ``high``; None where K is no such sum, or there are losses."""
         first = stiffness(0.0, 0.0)
         if first.D is not None:

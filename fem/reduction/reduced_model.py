@@ -19,8 +19,8 @@ from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.summary import fields_summary
-from fem.tabulated import Tabulated
 from fem.system import System, assemble, sum_contributions
+from fem.tabulated import Tabulated
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
 """Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept

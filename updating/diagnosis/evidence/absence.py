@@ -20,8 +20,8 @@ def gains_without(
     """Return by how much the score of a hypothesis would rise without each of some groups of its effects.
 
     Near a converged optimum x with the covariance C, ln p(data) without the unknowns o changes by
-    -½ dᵀ C_oo⁻¹ d - ½ ln det C_oo - ln p(x_o), d the way to where they do nothing and p their prior: the ratio
-    of Savage and Dickey (Dickey, *Ann. Math. Stat.* 42, 1971, 204) with the prior where the fit is.
+    -½ dᵀ C_oo⁻¹ d - ½ ln det C_oo - ln p(x_o), d the way to where they do nothing and p their prior at the
+    optimum: the ratio of Savage and Dickey (Dickey, *Ann. Math. Stat.* 42, 1971, 204).
 
     Parameters
     ----------

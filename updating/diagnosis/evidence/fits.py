@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fem.model import Effect
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.absence import left_out
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, key_of, values_of
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
@@ -182,14 +182,6 @@ class Fits:
         Everything else begins where it is near there, or else at its nominal value.
         """
         problem = with_forces(self.problem, effects, values)
-        if (
-            near is not None
-            and near.key == key_of(effects)
-            and len(near.fitted.result.scatter)
-            and self.ranking.scatter(problem, near.fitted.result) is not None
-        ):  # it has deviations already, which a fit without them would only lose
-            there = replace(near.fitted.result, effects=tuple(effects))
-            return self.scattered(problem, Hypothesis(replace(near.fitted, result=there), near.prior))
         way: dict[str, Any] = {}
         if near is not None:
             way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}

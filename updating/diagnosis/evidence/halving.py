@@ -16,6 +16,7 @@ from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.fits import with_forces
 from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of, priors_of
 from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
+from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.inference.damped import damped
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -33,7 +34,7 @@ class Stage:
     n_lines, n_steps : int
         Lines, and steps of each fit.
     kept, least : float, int
-        Share of the candidates of each sort that go on, and how many at least.
+        Share of the candidates of each sort that go on, and how many at least. Twins of the best one do, too.
     """
 
     share: float
@@ -54,7 +55,7 @@ Candidate = tuple[tuple[Effect, ...], Start]
 
 
 def damped_for_look(problem: object) -> FitProblem | None:
-    """Return a problem on the FRFs at which single effects are looked at; None where they cannot be damped."""
+    """Return a problem on damped FRFs for a look at single effects; None where they cannot be damped."""
     if not isinstance(problem, FitProblem) or isinstance(problem, LevelProblem):
         return None
     return damped(problem, STAGES[1].share)
@@ -133,7 +134,8 @@ def _tried(
             out[sort].append(trial)
     for sort, there in out.items():
         there.sort(key=lambda t: t.cost)
-        del there[max(stage.least, ceil(stage.kept * len(there))) :]
+        n_alike = sum(t.cost < there[0].cost + TWIN_NATS for t in there)
+        del there[max(stage.least, n_alike, ceil(stage.kept * len(there))) :]
         out[sort] = list({key_of(t.result.effects): t for t in reversed(there)}.values())[::-1]
     return out
 

@@ -437,11 +437,11 @@ class Search:
             chosen += [s for s in best.values() if s not in chosen]
         chosen += [s for s in screened if s not in chosen][: max(0, N_FINAL - len(chosen))]
         first = held[0] if held else set[str]()
-        odds, n_starts = self.fits.odds, 2 if self.fits.is_far(base) else 1
+        odds = self.fits.odds
         out = [
             Proposal(
                 (s.effect,),
-                s.starts[:n_starts],
+                s.starts,
                 s.gain - odds.against(base.effects, (s.effect,)),
                 s.effect.name in first,
             )
