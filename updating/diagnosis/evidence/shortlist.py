@@ -22,7 +22,7 @@ from updating.inference.fit_result import FitResult
 MOST_RIVALS = 400
 """Of more candidates at the place of an effect only a short list is looked at."""
 HOPELESS = 40.0
-"""A rival is not fitted if its best point is so much less likely than the effect that it would replace [nats]."""
+"""A rival is not fitted if its best point is so much less likely than the effect that it would replace."""
 N_LISTED = 20
 """So many of the best by each measure are on it."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
