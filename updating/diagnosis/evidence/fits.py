@@ -176,16 +176,25 @@ class Fits:
         way |= {"max_iterations": steps, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
         return self._fit(problem, effects, values, **way)
 
-    def fully(self, effects: Sequence[Effect], values: Values, near: Hypothesis | None = None) -> Hypothesis:
+    def fully(
+        self,
+        effects: Sequence[Effect],
+        values: Values,
+        near: Hypothesis | None = None,
+        *,
+        anew: bool = False,
+    ) -> Hypothesis:
         """Return a hypothesis fitted on all lines with the form free, from some values.
 
-        Everything else begins where it is near there, or else at its nominal value.
+        Everything else begins where it is near there, or else at its nominal value, band by band. With
+        ``anew`` the better of both is fitted on: near there it may have bent before the effects were right.
         """
         problem = with_forces(self.problem, effects, values)
-        way: dict[str, Any] = {}
+        ways: list[dict[str, Any]] = [{}] if near is None or anew else []
         if near is not None:
-            way = {"stages": problem.stages[-1:], "x_from": near.fitted.result}
-        return self.scattered(problem, self._where_it_is(problem, effects, values, **way))
+            ways.append({"stages": problem.stages[-1:], "x_from": near.fitted.result})
+        fits = [self._where_it_is(problem, effects, values, **way) for way in ways]
+        return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
 
     def _where_it_is(
         self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **way: Any

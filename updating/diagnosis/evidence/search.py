@@ -176,13 +176,14 @@ def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothes
     return fits.pruned(problem, ended, base)
 
 
-def _fully(fits: Fits, near: Hypothesis) -> Hypothesis:
-    return fits.fully(near.effects, values_of(near.effects), near)
+def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
+    fits, anew = shared
+    return fits.fully(near.effects, values_of(near.effects), near, anew=anew)
 
 
 def _again(shared: tuple[Fits, Hypothesis], near: Hypothesis | None) -> Hypothesis:
     fits, h = shared
-    return _fully(fits, near) if near is not None else fits.at(h.effects, values_of(h.effects))
+    return _fully((fits, False), near) if near is not None else fits.at(h.effects, values_of(h.effects))
 
 
 @dataclass(slots=True, eq=False)
@@ -290,7 +291,7 @@ class Search:
             for k, h in enumerate(tried)
             if k < 2 or h.score >= tried[0].score - (BEAM_NATS if k < N_FINAL else 2 * TWIN_NATS)
         ]
-        fitted = [(h, self.simplified(h)) for h in self.all_full(near)]
+        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base))]
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
     def from_afar(self, base: Hypothesis, free: FitProblem, looked: FitProblem) -> list[Trial]:
@@ -581,10 +582,13 @@ class Search:
             self._keep(self.fits.fully(effects, values, near))
         return self.known[key]
 
-    def all_full(self, many: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return hypotheses that were fitted on few lines as :meth:`full` does."""
+    def all_full(self, many: Sequence[Hypothesis], *, anew: bool = False) -> list[Hypothesis]:
+        """Return hypotheses that were fitted on few lines as :meth:`full` does.
+
+        With ``anew`` also from nominal values of all but their effects.
+        """
         wanted = [h for h in many if self._deserves_fit(h.key, h)]
-        for fitted in self.workers.map(_fully, self.fits, wanted):
+        for fitted in self.workers.map(_fully, (self.fits, anew), wanted):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
 

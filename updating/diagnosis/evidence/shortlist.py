@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fem.model import parameter_values
 from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.screening import (
@@ -22,7 +21,7 @@ from updating.inference.fit_result import FitResult
 MOST_RIVALS = 400
 """Of more candidates at the place of an effect only a short list is looked at."""
 HOPELESS = 40.0
-"""A rival is not fitted if its best point is so much less likely than the effect that it would replace."""
+"""A rival is not fitted if its best point is so much less likely than that of the effect in its place."""
 N_LISTED = 20
 """So many of the best by each measure are on it."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
@@ -45,12 +44,14 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     if len(grids) > MOST_RIVALS:
         grids = [grids[i] for i in shortlist(problem, (without,), grids)]
     look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
-    last, found = best.effects[-1], []
-    highest = float(look.levels(Grid(last, (parameter_values(last),)))[0].min()) + HOPELESS
+    found = []
+    # measured by its own grid, which is as coarse as those of the others
+    own = look.levels(Grid.of(problem, best.effects[-1]))[0].min(initial=np.inf)
+    highest = float(own) + HOPELESS
     for i, grid in enumerate(grids):
         costs = look.levels(grid)[0]
         k = int(np.argmin(costs))
-        if costs[k] < highest:
+        if np.isfinite(costs[k]) and costs[k] < highest:
             found.append((float(costs[k]), i, k))
     return tuple(
         Screened(grids[i].effect, (Start((grids[i].points[k],), without),))
