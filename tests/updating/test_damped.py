@@ -9,7 +9,7 @@ from tests.hidden.cases import make_case
 from tests.updating.test_evidence_blocks import hiding
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.absence import gains_without, left_out
-from updating.diagnosis.evidence.halving import damped_for_look
+from updating.diagnosis.evidence.halving import damped_for_look, soundly_damped
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.search import Search
 from updating.inference.damped import LEAST_INSIDE, damped
@@ -102,7 +102,7 @@ def soft(problem):
 def test_far_from_the_data_the_soft_connection_is_found(soft):
     search, base, hidden = soft
     assert search.fits.is_far(base)
-    assert damped_for_look(search.fits.free(base)) is not None
+    assert damped_for_look(search.fits.free(base), base.fitted.result) is not None
     best = max(search.extended(base, set()), key=lambda h: h.score)
     assert best.key == {hidden.name}
     assert best.effects[0].stiffness == pytest.approx(hidden.stiffness, rel=0.05)
@@ -123,3 +123,13 @@ def test_the_covariance_tells_which_directions_a_block_does_not_need(soft):
         assert gain > 0
         assert gain == pytest.approx(real, abs=5)
     assert left_out(free, h, names, search.fits.odds) == set(gains)
+
+
+def test_lines_too_far_apart_for_the_resonances_are_not_damped(soft):
+    search, base, _ = soft
+    free = search.fits.free(base)
+    data = replace(free.data, H=1.2 * free.receptance(base.fitted.result))
+    names = "frequency", "H", "mask", "noise", "weight", "held_out"
+    sparse = replace(data, **{name: getattr(data, name)[::40] for name in names})
+    assert soundly_damped(replace(free, data=data), base.fitted.result, 0.004) is not None
+    assert soundly_damped(replace(free, data=sparse), base.fitted.result, 0.004) is None

@@ -5,13 +5,15 @@ one (successive halving: Jamieson & Talwalkar, *AISTATS* 2016).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.model import Effect
+from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.fits import with_forces
 from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of, priors_of
@@ -49,16 +51,39 @@ STAGES = (
     Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=4),
     Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
 )
+N_SOUND = 24
+"""Lines at which damped FRFs of a model are compared with the sum over its lines."""
 N_PAIRED = 4
 """Pairs are made of so many of the best blocks."""
 Candidate = tuple[tuple[Effect, ...], Start]
 
 
-def damped_for_look(problem: object) -> FitProblem | None:
+def damped_for_look(problem: object, result: FitResult) -> FitProblem | None:
     """Return a problem on damped FRFs for a look at single effects; None where they cannot be damped."""
     if not isinstance(problem, FitProblem) or isinstance(problem, LevelProblem):
         return None
-    return damped(problem, STAGES[1].share)
+    return soundly_damped(problem, result, STAGES[1].share)
+
+
+def soundly_damped(problem: FitProblem, result: FitResult, share: float) -> FitProblem | None:
+    """Return a problem at a decay rate; None where that errs by more than a fitted model leaves.
+
+    Lines may be too far apart for its resonances, or the band too short: the sum over the lines of the
+    model's own FRFs tells, beside its exact FRFs at the complex frequencies.
+    """
+    own = damped(problem, share)
+    if own is None:
+        return None
+    bare = replace(problem, scatter=None)
+    at_lines = replace(bare.data, H=bare.receptance(result))
+    summed = damped(replace(bare, data=at_lines), share)
+    lines = own.lines_up_to(np.inf, N_SOUND)
+    exact, mask = replace(own, scatter=None).receptance(result, lines), own.data.mask[lines]
+
+    def level(H: NDArray[np.complex128]) -> float:
+        return problem.level(np.where(mask, log_ratio(exact, np.where(mask, H[lines], 1.0)), np.nan), lines)
+
+    return own if summed and level(own.data.H) > np.sqrt(2) * level(summed.data.H) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +112,7 @@ def halved(
     workers: Workers,
     blocks: Sequence[Candidate],
     singles: Sequence[Candidate],
-    n_base: int,
+    base: FitResult,
 ) -> list[Trial]:
     """Return the best of candidates on weakly damped FRFs, of each sort the best first.
 
@@ -99,13 +124,14 @@ def halved(
     blocks, singles : sequence of (tuple of Effect, Start)
         Springs of whole connections, and effects that were looked at before: these begin at the second
         stage. Pairs of the best blocks join them there.
-    n_base : int
-        So many effects of each, the first, are those of the hypothesis that they stand beside.
+    base : FitResult
+        What they stand beside; its effects are the first of each.
     """
+    n_base = len(base.effects)
     sorts: dict[str, Sequence[Candidate]] = {"block": blocks}
     best: dict[str, list[Trial]] = {}
     for number, stage in enumerate(STAGES):
-        own = damped(problem, stage.share)
+        own = soundly_damped(problem, base, stage.share)
         if own is not None:
             best = _tried(own, workers, stage, sorts)
             sorts = {sort: [t.candidate for t in trials] for sort, trials in best.items()}

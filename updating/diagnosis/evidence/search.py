@@ -273,7 +273,7 @@ class Search:
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
         free, kept = self.fits.free(base), values_of(base.effects)
-        if self.fits.is_far(base) and (looked := damped_for_look(free)) is not None:
+        if self.fits.is_far(base) and (looked := damped_for_look(free, base.fitted.result)) is not None:
             trials = self.from_afar(base, free, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
         else:
@@ -286,11 +286,7 @@ class Search:
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         # Few lines say less than all.
-        near = [
-            h
-            for k, h in enumerate(tried)
-            if k < 2 or h.score >= tried[0].score - (BEAM_NATS if k < N_FINAL else 2 * TWIN_NATS)
-        ]
+        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
         fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base))]
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
@@ -310,7 +306,7 @@ class Search:
             for s in screened[:N_SINGLES]
         ]
         self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
-        return halved(free, self.workers, blocks, singles, len(base.effects))
+        return halved(free, self.workers, blocks, singles, base.fitted.result)
 
     def amid(self, block: Sequence[Effect]) -> Values:
         """Return values in the middle of the effects' grids."""
