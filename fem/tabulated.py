@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ class Table:
     middle: float
     half: float
     coefficients: Floats
-    slopes: Floats
+    slopes: NDArray[np.floating]
 
     @classmethod
     def of(cls, low: float, high: float, values: Callable[[float], Floats]) -> "Table":
@@ -43,7 +44,8 @@ class Table:
 
     def slope(self, s: float) -> Floats:
         """Return its derivative."""
-        return np.tensordot(self._polynomials(s)[:-1], self.slopes, 1)
+        out: Floats = np.tensordot(self._polynomials(s)[:-1], self.slopes, 1)
+        return out
 
     def _polynomials(self, s: float) -> Floats:
         x = np.clip((s - self.middle) / self.half, -1.0, 1.0)
@@ -75,7 +77,7 @@ class Tabulated:
             return None
         dofs = np.unique(np.concatenate([c.dofs.ravel() for c in (first, mass) if c is not None]))
 
-        def whole(c: Contribution, X: NDArray[np.float64] | None) -> Floats:
+        def whole(c: Contribution, X: Any) -> Floats:
             out, at = np.zeros((len(dofs), len(dofs))), np.searchsorted(dofs, c.dofs)
             np.add.at(out, (at[:, :, None], at[:, None, :]), X)
             return out

@@ -116,7 +116,8 @@ class DeviatingFRF(ParametricFRF):
                 own = 2j * times(state.U @ state.own, times(state.U.T, Xi))
             of_damping = [of_damping[0] - own, own]
         by_zeta = np.stack([-lines_first(Xo.transpose(1, 0, 2)) @ lines_first(F) for F in of_damping])
-        return dH, by_zeta if zeta.ndim > 1 else by_zeta[0]
+        slopes: Any = dH
+        return slopes, by_zeta if zeta.ndim > 1 else by_zeta[0]
 
     def _stacked(
         self, values: Floats, state: ModalSolution, alone: Sequence[Term]

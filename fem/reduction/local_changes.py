@@ -86,7 +86,7 @@ class Fields:
             for factor, X in parts:
                 if X is None or not X.any():
                     continue
-                value: Any = factor(self.omega.real) if callable(factor) else factor
+                value: Any = factor(np.real(self.omega)) if callable(factor) else factor
                 force += value * (X @ moved.reshape(b, m, -1)).reshape(moved.shape)
             left = self.outputs[c.dofs].reshape(b * m, n_out, n_freq).transpose(2, 1, 0)
             out -= left @ force.reshape(b * m, n_in, n_freq).transpose(2, 0, 1)

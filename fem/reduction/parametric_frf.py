@@ -115,7 +115,7 @@ class ParametricFRF:
         candidate_names = {e.name for e in candidates}
         ix = np.ix_(self.active, self.active)
         self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum.items()}
-        self._fixed["laws"] = [(f(self.omega.real), X[ix]) for f, X in reduced.base_laws]
+        self._fixed["laws"] = [(f(np.real(self.omega)), X[ix]) for f, X in reduced.base_laws]
         self._linear: list[tuple[int, float, Term]] = []
         self._scaled: list[_Scaled] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
@@ -227,7 +227,9 @@ class ParametricFRF:
             total[key] = total[key] + more
             if key == "K" and term.connection:
                 total["connections"] = total["connections"] + more
-        total["laws"] = total["laws"] + [(factor * f(self.omega.real), term.spread(X)) for f, X in term.laws]
+        total["laws"] = total["laws"] + [
+            (factor * f(np.real(self.omega)), term.spread(X)) for f, X in term.laws
+        ]
 
     def _following(
         self, values: NDArray[np.float64]

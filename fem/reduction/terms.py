@@ -91,7 +91,7 @@ class Term:
         stiffness = factors["connections" if self.connection else "K"]
         known = ((stiffness, self.K), *((factors[key], getattr(self, key)) for key in "MCD"))
         present = [(factor, X) for factor, X in known if X is not None and X.any()]
-        return present + [(f(omega.real), X) for f, X in self.laws if X.any()]
+        return present + [(f(np.real(omega)), X) for f, X in self.laws if X.any()]
 
 
 def combined(terms: Sequence[Term], factors: NDArray[np.float64]) -> Term:

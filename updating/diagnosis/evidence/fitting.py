@@ -225,7 +225,8 @@ def _assessed(function: FitFunction, solution: Solution, counted_as: int) -> Fit
         worth = apart
     covariance = np.linalg.inv(near.normal(worth, std))
     result = function.result(replace(solution, covariance=covariance))
-    return Fitted(result, evidence, levels, v, size, np.linalg.inv(normal))
+    own: Floats = np.asarray(np.linalg.inv(normal), dtype=float)
+    return Fitted(result, evidence, levels, v, size, own)
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:

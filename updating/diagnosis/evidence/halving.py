@@ -58,9 +58,9 @@ N_PAIRED = 4
 Candidate = tuple[tuple[Effect, ...], Start]
 
 
-def damped_for_look(problem: object, result: FitResult) -> FitProblem | None:
+def damped_for_look(problem: FitProblem, result: FitResult) -> FitProblem | None:
     """Return a problem on damped FRFs for a look at single effects; None where they cannot be damped."""
-    if not isinstance(problem, FitProblem) or isinstance(problem, LevelProblem):
+    if isinstance(problem, LevelProblem):
         return None
     return soundly_damped(problem, result, STAGES[1].share)
 

@@ -273,7 +273,10 @@ class Search:
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
         free, kept = self.fits.free(base), values_of(base.effects)
-        if self.fits.is_far(base) and (looked := damped_for_look(free, base.fitted.result)) is not None:
+        looked = None
+        if isinstance(free, FitProblem) and self.fits.is_far(base):
+            looked = damped_for_look(free, base.fitted.result)
+        if isinstance(free, FitProblem) and looked is not None:
             trials = self.from_afar(base, free, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
         else:
