@@ -135,8 +135,12 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
     assert asked == [steps]
 
 
-@pytest.mark.parametrize(("explains", "tried"), [(True, ["near"]), (False, ["near", "elsewhere"])])
-def test_an_effect_is_swapped_for_one_elsewhere_while_nothing_explains_the_data(monkeypatch, explains, tried):
+@pytest.mark.parametrize(
+    ("explains", "tried"), [(True, ["near", "alike"]), (False, ["near", "alike", "other"])]
+)
+def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_explains_the_data(
+    monkeypatch, explains, tried
+):
     asked = []
 
     def rivals(free, last, candidates, n_best):
@@ -145,8 +149,9 @@ def test_an_effect_is_swapped_for_one_elsewhere_while_nothing_explains_the_data(
 
     masses = [
         PointMass(name=name, member=member, position=0.1, mass=1.0)
-        for name, member in (("found", "arm"), ("near", "arm"), ("elsewhere", "post"))
+        for name, member in (("found", "arm"), ("near", "arm"), ("alike", "post"))
     ]
+    other = RigidEndZone(name="other", ends=(("post", 1),), length=0.0, longest=0.1)
     result = FitResult(None, {}, {}, np.zeros(1), (masses[0],), 0.0, 0.0, 0.0)
     h = SimpleNamespace(
         effects=(masses[0],), key=frozenset({"found"}), score=1.0, fitted=SimpleNamespace(result=result)
@@ -154,7 +159,7 @@ def test_an_effect_is_swapped_for_one_elsewhere_while_nothing_explains_the_data(
     monkeypatch.setattr(Search, "explains", lambda self, best: explains)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
     search = object.__new__(Search)
-    search.candidates, search.known, search.say = tuple(masses), {h.key: h}, lambda text: None
+    search.candidates, search.known, search.say = (*masses, other), {h.key: h}, lambda text: None
     search.fits = SimpleNamespace(free=lambda h: None, ranking=SimpleNamespace(rivals=rivals))
     search.workers = ALONE
     assert search.swapped(h) is h

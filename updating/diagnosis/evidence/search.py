@@ -377,7 +377,8 @@ class Search:
     def swapped(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
-        Anywhere, if it does not explain the data: what is soft at one connection can stand for another one.
+        Or of the same kind elsewhere, such as at the other end of a short piece. Of any kind anywhere, if it
+        does not explain the data: what is soft at one connection can stand for another one.
         What is alike at several places may differ there: each of them is tried by itself, too. All that are
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
@@ -387,7 +388,11 @@ class Search:
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             beside = self.fit_beside(rest)
-            near = [c for c in beside if c.name != e.name and (anywhere or near_to(c) & near_to(e))]
+            near = [
+                c
+                for c in beside
+                if c.name != e.name and (anywhere or near_to(c) & near_to(e) or c.kind == e.kind)
+            ]
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
