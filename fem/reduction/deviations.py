@@ -124,7 +124,7 @@ class DeviatingFRF(ParametricFRF):
     ) -> tuple[list[int], list[Any], NDArray[np.float32]]:
         """Return the parameters of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n)."""
         by, n_linear = self.factors(state), len(self._linear)
-        slopes = ParametricFRF.slopes(self, values, alone)
+        slopes = self.slopes(values, alone)
         constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
         still = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
         if self._constant is None:
