@@ -195,6 +195,9 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
+    separable : bool
+        Whether its matrices are a sum of functions of one parameter each, positive ones, that are 0 at their
+        nominal values.
     contains : tuple of str
         Kinds of effect that it is the same as, at their place, where its further parameters are absent.
     statement : str
@@ -213,6 +216,7 @@ class Effect(ABC):
     marker: ClassVar[Marker | None] = None
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
+    separable: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
     entry: ClassVar[Entry | None] = None
     name: str

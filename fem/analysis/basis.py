@@ -50,13 +50,21 @@ class Basis:
         load = without_modes(system, self.V[:, : self.n_modes], np.asarray(system.Q.T @ forces))
         return self._with(system, self.factor.solve(load))
 
-    def with_shapes(self, system: System, shapes: NDArray[np.float64]) -> "Basis":
-        """Return the basis with more motions (n_dof, k), which may violate releasable constraints."""
+    def with_shapes(self, system: System, shapes: NDArray[np.float64], share: float = 0.0) -> "Basis":
+        """Return the basis with more motions (n_dof, k), which may violate releasable constraints.
+
+        Without what it lacks of them in directions that are less than a ``share`` of their sizes.
+        """
         held = {c.key: c for c in system.model.constraints()}
         violated = [held[key] for key in self.keys]
         amount = np.array([c.coefficients @ shapes[c.dofs] for c in violated]).reshape(-1, shapes.shape[1])
-        meets_all = shapes - self.T[:, self.n_main :] @ amount
-        return self._with(system, np.asarray(system.Q.T @ meets_all))
+        vectors = np.asarray(system.Q.T @ (shapes - self.T[:, self.n_main :] @ amount))
+        if share:
+            size = np.sqrt(np.einsum("ij,ij->j", vectors, system.M @ vectors))
+            left = (vectors - self.V @ (self.V.T @ (system.M @ vectors))) / np.maximum(size, 1e-300)
+            squares, directions = np.linalg.eigh(left.T @ (system.M @ left))
+            vectors = left @ directions[:, squares > share**2]
+        return self._with(system, vectors)
 
     def _with(self, system: System, vectors: NDArray[np.float64]) -> "Basis":
         """Return the basis with more vectors (n_free, k) on the independent coordinates."""

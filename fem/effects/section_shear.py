@@ -45,6 +45,7 @@ class SectionShear(Effect):
 
     kind: ClassVar[str] = "section_shear"
     role: ClassVar[Role] = Role.STIFFNESS
+    separable: ClassVar[bool] = True
     name: str = "section_shear"
     groups: Mapping[str, tuple[str, ...]]
     directions: Mapping[str, tuple[str, ...]]

@@ -1,6 +1,6 @@
 """Receptances of a reduced model with small deviations: shifted frequencies, and losses here and there."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Contribution
-from fem.reduction.modal_solution import ModalSolution, lines_first, times
+from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import Term
 
@@ -86,43 +86,60 @@ class DeviatingFRF(ParametricFRF):
         return out if self._dense is None else out + np.tensordot(values[elements], self._dense, axes=1)
 
     def _derivatives(
-        self, values: Floats, zeta: Floats, state: ModalSolution, Xi: Complexes, alone: Sequence[Term]
+        self,
+        values: Floats,
+        zeta: Floats,
+        state: ModalSolution,
+        Xi: Complexes,
+        total: Mapping[str, Any],
+        alone: Sequence[Term],
     ) -> tuple[Complexes, Complexes]:
         """Return dH by the parameters and deviations, and by ζ, in single precision.
 
         dH = -Hₒ dZ Hᵢ with all dZ as one stack of matrices on the basis: few large products cost less than
         many small ones at the places of the parameters.
         """
-        Xo = state.solve(self.outputs, transposed=True)
-        inputs, outputs = times(state.V, Xi), times(state.V, Xo)
-        n, n_in, n_lines = Xi.shape
-        rows, factors, stack = self._stacked(values, state, alone)
-        flat = np.ascontiguousarray(inputs.reshape(n, -1), dtype=np.complex64).view(np.float32)
-        forces = (stack.reshape(-1, n) @ flat).view(np.complex64).reshape(len(stack), n, n_in, n_lines)
-        forces = forces.transpose(3, 1, 0, 2).reshape(n_lines, n, -1)
-        outward = np.ascontiguousarray(outputs.transpose(2, 1, 0), dtype=np.complex64)
-        moved = (outward @ forces).reshape(n_lines, -1, len(stack), n_in).transpose(2, 0, 1, 3)
-        dH = np.zeros((len(self.refs), *moved.shape[1:]), dtype=np.complex64)
-        for i, factor, part in zip(rows, factors, moved, strict=True):
-            dH[i] -= factor[:, None, None] * part
+        n_lines, n_in, n_out = len(self.omega), self.inputs.shape[1], self.outputs.shape[1]
+        inward = _real_and_imaginary(times(state.V, Xi))
+        outward = _real_and_imaginary(times(state.V, state.solve(self.outputs, transposed=True)))
+        rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
+        n = stack.shape[1]
+        forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
+        products = forces.reshape(n_lines, -1, n) @ outward.reshape(n_lines, -1, n).transpose(0, 2, 1)
+        (rr, ri), (ir, ii) = products.reshape(n_lines, n_in, 2, -1, n_out, 2).transpose(2, 5, 3, 0, 4, 1)
+        moved = _complex(rr - ii, ri + ir)
+        moved *= -np.array(factors, dtype=np.complex64)[:, :, None, None]
+        n_refs = len(self.refs)
+        dH = np.zeros((n_refs + (2 if zeta.ndim > 1 else 1), n_lines, n_out, n_in), dtype=np.complex64)
+        once, first = np.unique(rows, return_index=True)
+        dH[once] = moved[first]
+        for k in np.setdiff1d(np.arange(len(rows)), first):
+            dH[rows[k]] += moved[k]
         for own, S, factor in zip(self._own, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
-                ui, uo = times(S.T, inputs), times(S.T, outputs)
-                dH[own] = -np.einsum("mof,mif->mfoi", uo, factor * ui)
-        of_damping = [2j * state.lam[:, None, None] * Xi]
-        if zeta.ndim > 1:
-            own = 0 * Xi
-            if state.U is not None and state.own is not None:
-                own = 2j * times(state.U @ state.own, times(state.U.T, Xi))
-            of_damping = [of_damping[0] - own, own]
-        by_zeta = np.stack([-lines_first(Xo.transpose(1, 0, 2)) @ lines_first(F) for F in of_damping])
+                along = S.astype(np.float32)
+                ui, uo = (_complex(*(X @ along).transpose(2, 3, 0, 1)) for X in (inward, outward))
+                ui *= -np.broadcast_to(factor, n_lines)[:, None]
+                dH[own] = uo[:, :, :, None] * ui[:, :, None, :]
         slopes: Any = dH
-        return slopes, by_zeta if zeta.ndim > 1 else by_zeta[0]
+        if zeta.ndim > 1:
+            slopes[n_refs] -= slopes[n_refs + 1]  # all but the connections are damped as members
+            return slopes[:n_refs], slopes[n_refs:]
+        return slopes[:n_refs], slopes[n_refs]
 
     def _stacked(
-        self, values: Floats, state: ModalSolution, alone: Sequence[Term]
+        self,
+        values: Floats,
+        state: ModalSolution,
+        total: Mapping[str, Any],
+        alone: Sequence[Term],
+        *,
+        connections: bool,
     ) -> tuple[list[int], list[Any], NDArray[np.float32]]:
-        """Return the parameters of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n)."""
+        """Return the rows of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n).
+
+        The last rows are those of ζ, and of the ζ of ``connections`` if they have one of their own.
+        """
         by, n_linear = self.factors(state), len(self._linear)
         slopes = self.slopes(values, alone)
         constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
@@ -136,10 +153,13 @@ class DeviatingFRF(ParametricFRF):
             for factor, X in term.parts(by, self.omega):
                 *_, before = moving.get((i, id(factor)), (0, 0, 0.0))
                 moving[i, id(factor)] = i, factor, before + term.spread(X)
-        changing = np.array([X for *_, X in moving.values()], dtype=np.float32)
-        rows = [i for i, *_ in moving.values()] + [i for i, _ in still]
-        factors = [f for _, f, _ in moving.values()] + [f for _, f in still]
-        return rows, factors, np.concatenate([changing.reshape(-1, *2 * [self._n]), self._constant])
+        by_zeta = [total["K"], total["connections"]][: 2 if connections else 1]
+        changing = [X for *_, X in moving.values()] + by_zeta
+        rows = [i for i, *_ in moving.values()] + [len(self.refs) + k for k in range(len(by_zeta))]
+        twice = np.full(len(self.omega), 2j)
+        factors = [f for _, f, _ in moving.values()] + [twice] * len(by_zeta)
+        stack = np.concatenate([np.array(changing, dtype=np.float32), self._constant])
+        return rows + [i for i, _ in still], factors + [f for _, f in still], stack
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""
@@ -149,3 +169,16 @@ class DeviatingFRF(ParametricFRF):
         between = state.V.T @ losses @ state.V
         np.fill_diagonal(between, 0.0)
         return H - state.read(self.outputs, 1j * times(between, Xi), [])[0]
+
+
+def _real_and_imaginary(X: Complexes) -> NDArray[np.float32]:
+    """Return an array (n, m, n_freq) as (n_freq, m, 2, n) of real and imaginary parts."""
+    out = np.empty((X.shape[2], X.shape[1], 2, len(X)), dtype=np.float32)
+    out[:, :, 0], out[:, :, 1] = X.real.T, X.imag.T
+    return out
+
+
+def _complex(real: NDArray[np.float32], imaginary: NDArray[np.float32]) -> NDArray[np.complex64]:
+    out = np.empty(real.shape, dtype=np.complex64)
+    out.real, out.imag = real, imaginary
+    return out

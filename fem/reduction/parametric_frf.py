@@ -104,6 +104,7 @@ class ParametricFRF:
         columns = [basis.n_main + i for i, key in enumerate(basis.keys) if key in released]
         self.active = np.concatenate([np.arange(basis.n_main), np.array(columns, dtype=np.int64)])
         n = len(self.active)
+        self._all_active = n == basis.T.shape[1]
         ends = (outputs, inputs) if projected else (basis.T.T @ outputs, basis.T.T @ inputs)
         self.outputs, self.inputs = (X[self.active] for X in ends)
         self.outputs_on_basis = ends[0]
@@ -148,7 +149,8 @@ class ParametricFRF:
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
-        self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], list[Term]] | None = None
+        self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[Term]] | None
+        self._last = None
 
     def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
@@ -206,6 +208,8 @@ class ParametricFRF:
 
     def restrict(self, term: Term) -> Term:
         """Return a term on the active coordinates, without those of constraints that hold."""
+        if self._all_active:
+            return term
         if term.L is not None:
             return replace(term, L=term.L[:, self.active])
         ix = np.ix_(self.active, self.active)
@@ -252,7 +256,7 @@ class ParametricFRF:
                 term = self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
             for (i, begin), slope in zip(scaled.own, scaled.slopes or (), strict=False):
                 term = term.plus(slope, values[i] - begin)
-            self.add(total, term.scaled(scaled.factors(values)), 1.0)
+            self.add(total, term.scaled(scaled.factors(values)) if scaled.foreign else term, 1.0)
             alone.append(term)
         model, following = self._following(values)
         for now, _, _ in following:
@@ -282,7 +286,7 @@ class ParametricFRF:
                 slope = scaled.slopes[k] if scaled.slopes is not None else self.restrict(
                     self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
                 )  # fmt: skip
-                slopes.append((i, slope.scaled(factors)))
+                slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))
@@ -326,13 +330,13 @@ class ParametricFRF:
         values = np.asarray(values, dtype=float)
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
-            state, _, alone = self.solve(values, zeta)
-            self._last = (at, state, state.solve(self.inputs), alone)
-        _, state, Xi, alone = self._last
+            state, total, alone = self.solve(values, zeta)
+            self._last = (at, state, state.solve(self.inputs), total, alone)
+        _, state, Xi, total, alone = self._last
         H = self.read(values, state, Xi)
         if not gradient:
             return H, None, None
-        return H, *self._derivatives(values, zeta, state, Xi, alone)
+        return H, *self._derivatives(values, zeta, state, Xi, total, alone)
 
     def read(
         self, values: NDArray[np.float64], state: ModalSolution, Xi: NDArray[np.complex128]
@@ -346,9 +350,10 @@ class ParametricFRF:
         zeta: NDArray[np.float64],
         state: ModalSolution,
         Xi: NDArray[np.complex128],
+        total: Mapping[str, Any],
         alone: Sequence[Term],
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return dH by the parameters and by ζ."""
+        """Return dH by the parameters and by ζ, from the results of :meth:`solve`."""
         n_par, connections = len(self.refs), zeta.ndim > 1
         whole, places = self._slope_forces(self.slopes(values, alone), state, Xi)
         whole[n_par] = 2j * state.lam[:, None, None] * Xi

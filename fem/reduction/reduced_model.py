@@ -20,7 +20,7 @@ from fem.reduction.scaling import scaling_exponents
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
-from fem.tabulated import Tabulated
+from fem.tabulated import Sums, Tabulated
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
 """Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept
@@ -52,6 +52,7 @@ _SHAPES = 256
 _LACKING = 1e-8
 """Less than this part of a static response is in the basis but for rounding [-]."""
 
+_ALL = slice(None)
 _UNITS = 64
 """Effects whose matrices for a unit of their parameter are kept."""
 
@@ -68,11 +69,14 @@ class FullModelResults:
         By effect and parameter: the sums of its K, M, C and D, or their derivatives, sparse.
     flexibility : dict
         By DOFs and motions: flexibility to forces there, without the modes of the basis.
+    sums : dict
+        By effect: tables of those whose matrices are sums over their parameters.
     """
 
     exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
     matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
     flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
+    sums: dict[str, Sums] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +124,8 @@ class ReducedModel:
     # Of effects of the model, by their names: their projections ("") and those of their derivatives by linear
     # parameters.
     _terms: dict[tuple[str, str], Term] = field(default_factory=dict, init=False, repr=False)
+    # Of effects of the model that are sums over their parameters: the fixed matrices of these.
+    _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
     # Of any effects, by all their fields but one: the projected matrices for a unit of that one.
     _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
     # Of vectors on all DOFs, by keys of the caller.
@@ -180,6 +186,9 @@ class ReducedModel:
         out = ReducedModel(self.model, basis, self.system, self.full)
         grown = {at: out._grown(term, self.basis, *at) for at, term in self._terms.items()}
         out._terms.update({at: term for at, term in grown.items() if term is not None})
+        for name, matrices in self._summed.items():
+            pairs = zip(matrices, self.full.sums[name].full, strict=True)
+            out._summed[name] = np.stack([out._larger(X, full, self.basis) for X, full in pairs])
         return out
 
     def _grown(self, term: Term, before: Basis, name: str, parameter: str) -> Term | None:
@@ -198,24 +207,29 @@ class ReducedModel:
             step = {p.name: p.value + 1j * STEP for p in effect.parameters() if p.name == parameter}
             static = [static_part(c, bool(step)) for c in self.model.parts_of(effect.with_values(**step))]
             known[name, parameter] = sum_contributions(tuple(static), self.model.n_dof)
-        T, old, new = self.basis.T, before.n_main, self.basis.n_main
-        fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
-
-        def larger(X: NDArray[Any] | None, full: Any) -> NDArray[Any] | None:
-            if X is None:
-                return None
-            out = np.empty((T.shape[1],) * 2)
-            out[np.ix_(kept, kept)] = X
-            out[:, old:new] = T.T @ (full @ fresh)
-            out[old:new] = (full.T @ fresh).T @ T
-            return out
-
-        K, M, C, D = map(larger, (term.K, term.M, term.C, term.D), known[name, parameter])
+        present = (term.K, term.M, term.C, term.D)
+        K, M, C, D = (
+            None if X is None else self._larger(X, full, before)
+            for X, full in zip(present, known[name, parameter], strict=True)
+        )
         return replace(term, K=K, M=M, C=C, D=D)
 
-    def with_shapes(self, shapes: NDArray[np.float64]) -> "ReducedModel":
-        """Return the model with more shapes (n_dof, n) in its basis, such as responses at frequencies."""
-        return self._on(self.basis.with_shapes(self.system, shapes))
+    def _larger(self, X: NDArray[Any], full: Any, before: Basis) -> NDArray[Any]:
+        """Return a projected matrix from that on the basis which was extended, and the full one."""
+        T, old, new = self.basis.T, before.n_main, self.basis.n_main
+        fresh, kept = T[:, old:new], np.concatenate([np.arange(old), np.arange(new, T.shape[1])])
+        out = np.empty((T.shape[1],) * 2)
+        out[np.ix_(kept, kept)] = X
+        out[:, old:new] = T.T @ (full @ fresh)
+        out[old:new] = (full.T @ fresh).T @ T
+        return out
+
+    def with_shapes(self, shapes: NDArray[np.float64], share: float = 0.0) -> "ReducedModel":
+        """Return the model with more shapes (n_dof, n) in its basis, such as responses at frequencies.
+
+        Directions that are less than a ``share`` of them are left out.
+        """
+        return self._on(self.basis.with_shapes(self.system, shapes, share))
 
     def residual_flexibility(
         self, dofs: NDArray[np.int64], motions: NDArray[np.float64]
@@ -357,6 +371,8 @@ class ReducedModel:
         if model is None and (table := self._table_of(effect)) is not None:
             K, M = table.matrices(parameter_values(effect))
             return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+        if model is None and (sums := self._sums_of(effect)) is not None:
+            return self._sum(effect, sums.factors(parameter_values(effect)))
         unit = None if model else self._unit(effect)
         return unit[0].times(unit[1]) if unit else self._of(effect, (model or self.model).parts_of(effect))
 
@@ -365,6 +381,24 @@ class ReducedModel:
         table = effect.tabulated(self.model) if self.model.ground is None else None
         few = table is not None and len(table.dofs) <= max(LOCAL_LIMIT, LOCAL_SHARE * self.basis.T.shape[1])
         return table if few else None
+
+    def _sums_of(self, effect: Effect) -> Sums | None:
+        """Return the tables of an effect of the model that is a sum over its parameters (made once)."""
+        if not effect.separable or self.model.ground is not None:
+            return None
+        if effect.name not in self.full.sums:
+            self.full.sums[effect.name] = Sums.of(effect, self.model)
+        return self.full.sums[effect.name]
+
+    def _sum(self, effect: Effect, factors: NDArray[np.float64], own: slice = _ALL) -> Term:
+        """Return the sum of some of an effect's fixed matrices multiplied by factors."""
+        sums, T = self.full.sums[effect.name], self.basis.T
+        if effect.name not in self._summed:
+            self._summed[effect.name] = np.stack([T.T @ (X @ T) for X in sums.full])
+        matrices, keys = self._summed[effect.name][own], sums.keys[own]
+        by_key = np.where(keys == np.array(list("KMD"))[:, None], factors, 0.0)
+        K, M, D = (by_key @ matrices.reshape(len(keys), -1)).reshape(3, *matrices.shape[1:])
+        return Term(None, K, M, None, D if "D" in keys else None)
 
     def _rows(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the basis at some DOFs."""
@@ -393,6 +427,8 @@ class ReducedModel:
         if model is None and (table := self._table_of(effect)) is not None:
             K, M = table.slopes(parameter_values(effect) | {parameter: value}, parameter)
             return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+        if model is None and (sums := self._sums_of(effect)) is not None:
+            return self._sum(effect, *sums.slopes(parameter, value))
         unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
         return unit[0] if unit else self._slope_of(effect, parameter, value, model or self.model)
 

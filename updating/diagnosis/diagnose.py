@@ -230,11 +230,12 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses from nothing to the best one with one effect more each, the most telling first."""
     search, chain = done.search, [best]
     while chain[0].effects:
-        h, rest = chain[0], []
-        for e in h.effects:
-            fewer = tuple(x for x in h.effects if x.name != e.name)
-            rest.append(search.full(fewer, values_of(fewer), h))
-        chain.insert(0, max(rest, key=lambda r: r.score))
+        h = chain[0]
+        fewer = [tuple(x for x in h.effects if x.name != e.name) for e in h.effects]
+        if len(fewer) > 1:  # few lines tell which
+            _, rest = search.on_few_lines(search.fits.free(h), h, [(f, values_of(f)) for f in fewer])
+            fewer = [max(rest, key=lambda r: r.score).effects]
+        chain.insert(0, search.full(fewer[0], values_of(fewer[0]), h))
     return chain
 
 

@@ -5,44 +5,122 @@ inversion that is called cycle skipping, and is cured by decaying waves, from st
 *Geophys. J. Int.* 173, 2008, 922; 177, 2009, 1067).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from updating.inference.fit import FitProblem
+from updating.modal.poles import channel_sizes, poles_of_order
 
 LEAST_INSIDE = 0.85
 """Share of Poisson's kernel that measured lines must cover [-]."""
 LEAST_LINES = 4
 """With fewer such lines there is nothing to fit."""
+HIGHEST_ORDER, LINES_PER_ORDER = 120, 4
+"""Order of the rational function, and how many lines it needs for each at least."""
+QUIET = 1e-3
+"""Lines at which FRFs are smaller than this share of their sizes count no more for the rational function."""
+Complexes = NDArray[np.complex128]
 
 
-def damped(problem: FitProblem, share: float) -> FitProblem | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class Continuation:
+    """Receptances on and below the real axis: H(ω - iσ) = R(ω - iσ) + 1/π ∫ (H - R)(ω') σ dω'/((ω - ω')² + σ²).
+
+    Those of a stable structure are analytic there, and Poisson's integral continues them. As a sum over the
+    lines it errs where resonances are narrower than these are apart, and beyond the band. Therefore a rational
+    function R with their poles, analytic there too, is taken out before and added again at the complex
+    frequencies. The sum of its weights stands for π.
+
+    Attributes
+    ----------
+    frequency : ndarray (n_freq,)
+        [Hz].
+    rest : ndarray (n_freq, n_out, n_in)
+        H - R; NaN where H is not known.
+    poles : ndarray (n,)
+        With positive imaginary parts [rad/s].
+    factors : ndarray (2 n + 3, n_out, n_in)
+        Of the terms of R.
+    """
+
+    frequency: NDArray[np.float64]
+    rest: Complexes
+    poles: Complexes
+    factors: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> "Continuation":
+        """Find the rational function of FRFs by polyreference least squares."""
+        s, known = 2j * np.pi * frequency, np.isfinite(H).all(axis=(1, 2))
+        order = min(HIGHEST_ORDER, int(known.sum()) // LINES_PER_ORDER)
+        if order < 2 or not H[known].any():
+            return cls(frequency, H, np.zeros(0, dtype=complex), np.zeros((3, *H.shape[1:])))
+        f, there = frequency[known], H[known]
+        size, _ = channel_sizes(there)
+        poles = poles_of_order(f, there, order, size)
+        flat = there.reshape(len(f), -1)
+        sizes = np.maximum(np.sqrt((np.abs(flat) ** 2).mean(axis=0)), 1e-300)
+        weight = 1 / np.maximum((np.abs(flat) / sizes).mean(axis=1), QUIET)[:, None]
+        terms, wanted = weight * _terms(s[known], s[-1].imag, poles), weight * flat / sizes
+        scale = np.linalg.norm(terms, axis=0)
+        A, b = (np.vstack([X.real, X.imag]) for X in (terms / scale, wanted))
+        factors = (np.linalg.lstsq(A, b, rcond=1e-10)[0] / scale[:, None] * sizes).reshape(-1, *H.shape[1:])
+        R = np.tensordot(_terms(s, s[-1].imag, poles), factors, axes=1)
+        return cls(frequency, H - R, poles, factors)
+
+    def at(self, sigma: float) -> tuple[Complexes, NDArray[np.float64]]:
+        """Return FRFs at a decay rate σ/2π [Hz], and the share of the kernel that known lines cover.
+
+        Both (n_freq, n_out, n_in).
+        """
+        f = self.frequency
+        steps = np.diff(f)
+        # beside a gap a line stands for its own cell alone, so that the gap counts as not covered
+        cells = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
+        kernel = cells * sigma / (np.pi * ((f[:, None] - f) ** 2 + sigma**2))
+        there = np.isfinite(self.rest)
+        inside = np.tensordot(kernel, there.astype(float), axes=1)
+        rest = np.tensordot(kernel, np.where(there, self.rest, 0.0), axes=1)
+        terms = _terms(2 * np.pi * (1j * f + sigma), 2 * np.pi * f[-1], self.poles)
+        return rest / np.maximum(inside, LEAST_INSIDE / 2) + np.tensordot(terms, self.factors, axes=1), inside
+
+
+def _terms(s: Complexes, top: float, poles: Complexes) -> Complexes:
+    """Return 1/(s - λ) ± 1/(s - λ*) of each pole, and what modes beyond the band add, (n_freq, 2 n + 3)."""
+    one, two = top / (s[:, None] - poles), top / (s[:, None] - poles.conj())
+    beyond = (s[:, None] / top) ** np.array([-2, 0, 2])
+    return np.hstack([one + two, 1j * (one - two), beyond])
+
+
+def continuation_of(problem: FitProblem) -> Continuation | None:
+    """Return the measured FRFs on and below the real axis; None of amplitudes without phases."""
+    data = problem.data
+    if len(data.frequency) < 2 or not data.phase:
+        return None
+    return Continuation.of(data.frequency, data.H)
+
+
+def damped(problem: FitProblem, share: float, continuation: Continuation | None = None) -> FitProblem | None:
     """Return a problem at a decay rate, or None where its lines do not allow one.
-
-    H(ω - iσ) = 1/π ∫ H(ω') σ / ((ω - ω')² + σ²) dω', Poisson's integral, as a sum over the lines with the
-    sum of its weights for π. The receptance of a stable structure is analytic below the real axis of ω.
-    Amplitudes without phases have no such continuation.
 
     Parameters
     ----------
     problem : FitProblem
     share : float
         σ in parts of the band [-].
+    continuation : Continuation, optional
+        That of the measured FRFs, where it is known.
     """
     data, f = problem.data, problem.data.frequency
     if share == 0:
         return problem
-    if len(f) < 2 or not data.phase:
+    continuation = continuation or continuation_of(problem)
+    if continuation is None:
         return None
     sigma = share * float(f[-1] - f[0])
-    steps = np.diff(f)
-    # beside a gap a line stands for its own cell alone, so that the gap counts as not covered
-    cells = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
-    kernel = cells * sigma / (np.pi * ((f[:, None] - f) ** 2 + sigma**2))
-    there = np.isfinite(data.H)
-    inside = np.tensordot(kernel, there.astype(float), axes=1)
-    H = np.tensordot(kernel, np.where(there, data.H, 0.0), axes=1) / np.maximum(inside, LEAST_INSIDE / 2)
+    H, inside = continuation.at(sigma)
     mask = data.mask & (inside > LEAST_INSIDE)
     held_out = data.held_out | ~mask.any(axis=(1, 2))
     if (~held_out).sum() < LEAST_LINES:

@@ -14,7 +14,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Prior, Residual, Solution, inflation, solve_robust
+from updating.inference.solve import TOLERANCE, Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
 from updating.least_squares.costs import Costs
 from updating.least_squares.levels import Levels
@@ -207,6 +207,7 @@ class FitFunction:
         *,
         prior: Prior | None = None,
         levels: Costs | None = None,
+        tolerance: float = TOLERANCE,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -220,6 +221,8 @@ class FitFunction:
             :meth:`prior` unless given.
         levels : Levels, optional
             Cost of the error levels of the groups; :meth:`levels` unless given.
+        tolerance : float
+            The end is where a step gains less than this [nats].
         """
         p, limits = self.problem, self.limits()
         assert len(limits) == len(x)
@@ -233,6 +236,7 @@ class FitFunction:
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,
+            tolerance=tolerance,
             relative=self.relative,
         )
 

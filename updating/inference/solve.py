@@ -16,6 +16,10 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
 
 
+TOLERANCE = 5e-3
+"""A fit ends when a step gains less [nats]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
     """Independent normal priors; ``inf`` for none.
@@ -70,7 +74,7 @@ def solve_robust(
     groups: NDArray[np.int64] | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
-    tolerance: float = 5e-3,
+    tolerance: float = TOLERANCE,
     max_step: float = 1.0,
     relative: NDArray[np.bool_] | bool = False,
 ) -> Solution:

@@ -133,14 +133,30 @@ def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Float
     weight : ndarray (n_freq,)
         Weights of the lines [-].
     """
-    highest, n_in = int(orders[-1]), frf.H.shape[2]
-    low, high = float(frf.frequency[0]), float(frf.frequency[-1])
+    each = _poles(frf.frequency, frf.H, orders, scale, weight)
+    found = [(np.full(len(poles), order), poles, w) for order, (poles, w) in zip(orders, each, strict=True)]
+    order, poles, w = (np.concatenate(part) for part in zip(*found, strict=True))
+    return Stabilisation(order, poles, w, *_stable(order, poles, w), orders)
+
+
+def poles_of_order(frequency: Floats, H: Complexes, order: int, scale: Floats) -> Complexes:
+    """Return the poles of one order as :func:`fit_orders` does [rad/s], all lines weighted alike."""
+    ((poles, _),) = _poles(frequency, H, np.array([order]), scale, np.ones(len(frequency)))
+    return poles
+
+
+def _poles(
+    frequency: Floats, H: Complexes, orders: NDArray[np.int64], scale: Floats, weight: Floats
+) -> list[tuple[Complexes, Complexes]]:
+    """Return the poles of each order in the band, by frequency, and their participations."""
+    highest, n_in = int(orders[-1]), H.shape[2]
+    low, high = float(frequency[0]), float(frequency[-1])
     slope = (1 - 2 * GUARD) * np.pi / (high - low)  # of the angle over the frequency [1/Hz]
-    angle = GUARD * np.pi + slope * (frf.frequency - low)
-    H = frf.H / scale[:, None]
+    angle = GUARD * np.pi + slope * (frequency - low)
+    H = H / scale[:, None]
     columns = np.maximum(np.sqrt((np.abs(H) ** 2).mean(axis=(0, 1))), 1e-300)
     M = _normal_matrix(H / columns, np.exp(1j * angle), highest, weight)
-    found: list[tuple[NDArray[np.int64], Complexes, Complexes]] = []
+    found = []
     for order in orders:
         z, w = _roots(M, int(order), n_in)
         with np.errstate(divide="ignore"):
@@ -151,9 +167,8 @@ def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Float
         poles, w = poles[keep], w[keep] * columns
         rising = np.argsort(poles.imag)
         w = w / np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-300)
-        found.append((np.full(rising.size, order), poles[rising], w[rising]))
-    order, poles, w = (np.concatenate(part) for part in zip(*found, strict=True))
-    return Stabilisation(order, poles, w, *_stable(order, poles, w), orders)
+        found.append((poles[rising], w[rising]))
+    return found
 
 
 def channel_sizes(H: Complexes) -> tuple[Floats, Floats]:

@@ -24,6 +24,8 @@ QUICK_LINES, LOW_LINES = 40, 16
 """Lines of quick fits, and of those in the lowest band, which has few modes."""
 SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 """Steps of first, short fits in each band, of those that go on from them, and of those that must converge."""
+QUICK_NATS = 0.1
+"""They end when a step gains less."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
@@ -107,7 +109,7 @@ class Fits:
         None where no start has a structure. Of many starts those go on that do best in the lowest band.
         """
         few: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": FULL_LINES}
-        few |= {"max_iterations": steps, "stages": quick.stages[-1:]}
+        few |= {"max_iterations": steps, "stages": quick.stages[-1:], "tolerance": QUICK_NATS}
         if len(starts) > N_STARTS:
             # Several springs far from their values move resonances past each other: band by band.
             few["stages"] = quick.stages
@@ -174,6 +176,7 @@ class Fits:
         problem = with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
         way |= {"max_iterations": steps, "n_lines": QUICK_LINES, "counted_as": FULL_LINES}
+        way |= {"tolerance": QUICK_NATS}
         return self._fit(problem, effects, values, **way)
 
     def fully(

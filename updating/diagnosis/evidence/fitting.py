@@ -16,7 +16,7 @@ from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, wi
 from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import JointFunction, JointLevels, with_modes
 from updating.inference.mode_fit import ModeFunction, ModeProblem
-from updating.inference.solve import Prior, Solution
+from updating.inference.solve import TOLERANCE, Prior, Solution
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
@@ -154,6 +154,7 @@ def fit(
     counted_as: int = 0,
     max_iterations: int = 14,
     x_from: FitResult | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Fitted:
     """Find the most probable unknowns of a model with effects, band by band.
 
@@ -174,6 +175,8 @@ def fit(
         In each band.
     x_from : FitResult, optional
         Start uncertain parameters and damping there rather than at the nominal values.
+    tolerance : float
+        The end of a band's fit is where a step gains less than this [nats].
     """
     x: Floats | None = None
     function = solution = None
@@ -189,6 +192,7 @@ def fit(
             max_iterations,
             prior=priors_of(function),
             levels=levels_of(function, stage, counted_as),
+            tolerance=tolerance,
         )
         x = solution.x
     assert function is not None

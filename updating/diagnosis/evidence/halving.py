@@ -6,6 +6,7 @@ one (successive halving: Jamieson & Talwalkar, *AISTATS* 2016).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from math import ceil
 
@@ -19,7 +20,7 @@ from updating.diagnosis.evidence.fits import with_forces
 from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of, priors_of
 from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
-from updating.inference.damped import damped
+from updating.inference.damped import Continuation, continuation_of, damped
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.workers import Workers
@@ -36,7 +37,7 @@ class Stage:
     n_lines, n_steps : int
         Lines, and steps of each fit.
     kept, least : float, int
-        Share of the candidates of each sort that go on, and how many at least. Twins of the best one do, too.
+        Share of the candidates of each sort that go on at most, and how many at least.
     """
 
     share: float
@@ -47,43 +48,72 @@ class Stage:
 
 
 STAGES = (
-    Stage(share=0.04, n_lines=14, n_steps=6, kept=0.5, least=6),
-    Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=4),
-    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
+    Stage(share=0.04, n_lines=14, n_steps=6, kept=0.34, least=4),
+    Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=2),
+    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=1),
 )
+ROUGH_NATS = 0.5
+"""A fit to damped FRFs ends when it gains less."""
+BEHIND_NATS, TWINS_KEPT = 20.0, 0.5
+"""Those so much behind the best do not go on but for the least; its twins do, up to this share of all."""
 N_SOUND = 24
 """Lines at which damped FRFs of a model are compared with the sum over its lines."""
-N_PAIRED = 4
+N_PAIRED = 3
 """Pairs are made of so many of the best blocks."""
 Candidate = tuple[tuple[Effect, ...], Start]
 
 
-def damped_for_look(problem: FitProblem, result: FitResult) -> FitProblem | None:
-    """Return a problem on damped FRFs for a look at single effects; None where they cannot be damped."""
-    if isinstance(problem, LevelProblem):
-        return None
-    return soundly_damped(problem, result, STAGES[1].share)
+@dataclass(frozen=True, eq=False)
+class Damped:
+    """A problem at decay rates, as far as they say more of a fitted model than its own FRFs do of themselves.
 
-
-def soundly_damped(problem: FitProblem, result: FitResult, share: float) -> FitProblem | None:
-    """Return a problem at a decay rate; None where that errs by more than a fitted model leaves.
-
-    Lines may be too far apart for its resonances, or the band too short: the sum over the lines of the
-    model's own FRFs tells, beside its exact FRFs at the complex frequencies.
+    Attributes
+    ----------
+    problem : FitProblem
+    result : FitResult
     """
-    own = damped(problem, share)
-    if own is None:
-        return None
-    bare = replace(problem, scatter=None)
-    at_lines = replace(bare.data, H=bare.receptance(result))
-    summed = damped(replace(bare, data=at_lines), share)
-    lines = own.lines_up_to(np.inf, N_SOUND)
-    exact, mask = replace(own, scatter=None).receptance(result, lines), own.data.mask[lines]
 
-    def level(H: NDArray[np.complex128]) -> float:
-        return problem.level(np.where(mask, log_ratio(exact, np.where(mask, H[lines], 1.0)), np.nan), lines)
+    problem: FitProblem
+    result: FitResult
 
-    return own if summed and level(own.data.H) > np.sqrt(2) * level(summed.data.H) else None
+    @cached_property
+    def measured(self) -> Continuation | None:
+        """The measured FRFs below the real axis; None where they have no phases or are of several levels."""
+        return None if isinstance(self.problem, LevelProblem) else continuation_of(self.problem)
+
+    @cached_property
+    def computed(self) -> FitProblem:
+        """The problem with the model's own FRFs for data."""
+        bare = replace(self.problem, scatter=None)
+        return replace(bare, data=replace(bare.data, H=bare.receptance(self.result)))
+
+    @cached_property
+    def of_computed(self) -> Continuation | None:
+        """The model's own FRFs below the real axis."""
+        return continuation_of(self.computed)
+
+    def for_look(self) -> FitProblem | None:
+        """Return the problem for a look at single effects; None where there is none."""
+        return self.at(STAGES[1].share)
+
+    def at(self, share: float) -> FitProblem | None:
+        """Return the problem at a decay rate; None where that errs by more than the model leaves.
+
+        Lines may be too far apart for its resonances, or the band too short: the continuation of the model's
+        own FRFs tells, beside its exact FRFs at the complex frequencies.
+        """
+        own = damped(self.problem, share, self.measured) if self.measured else None
+        summed = damped(self.computed, share, self.of_computed) if own else None
+        if own is None or summed is None:
+            return None
+        problem, lines = self.problem, own.lines_up_to(np.inf, N_SOUND)
+        exact, mask = replace(own, scatter=None).receptance(self.result, lines), own.data.mask[lines]
+
+        def level(H: NDArray[np.complex128]) -> float:
+            ratio = np.where(mask, log_ratio(exact, np.where(mask, H[lines], 1.0)), np.nan)
+            return problem.level(ratio, lines)
+
+        return own if level(own.data.H) > np.sqrt(2) * level(summed.data.H) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,30 +138,24 @@ class Trial:
 
 
 def halved(
-    problem: FitProblem,
-    workers: Workers,
-    blocks: Sequence[Candidate],
-    singles: Sequence[Candidate],
-    base: FitResult,
+    damped: Damped, workers: Workers, blocks: Sequence[Candidate], singles: Sequence[Candidate]
 ) -> list[Trial]:
     """Return the best of candidates on weakly damped FRFs, of each sort the best first.
 
     Parameters
     ----------
-    problem : FitProblem
-        With all that may vary.
+    damped : Damped
+        With all that may vary, and what the candidates stand beside; its effects are the first of each.
     workers : Workers
     blocks, singles : sequence of (tuple of Effect, Start)
         Springs of whole connections, and effects that were looked at before: these begin at the second
         stage. Pairs of the best blocks join them there.
-    base : FitResult
-        What they stand beside; its effects are the first of each.
     """
-    n_base = len(base.effects)
+    n_base = len(damped.result.effects)
     sorts: dict[str, Sequence[Candidate]] = {"block": blocks}
     best: dict[str, list[Trial]] = {}
     for number, stage in enumerate(STAGES):
-        own = soundly_damped(problem, base, stage.share)
+        own = damped.at(stage.share)
         if own is not None:
             best = _tried(own, workers, stage, sorts)
             sorts = {sort: [t.candidate for t in trials] for sort, trials in best.items()}
@@ -160,8 +184,11 @@ def _tried(
             out[sort].append(trial)
     for sort, there in out.items():
         there.sort(key=lambda t: t.cost)
-        n_alike = sum(t.cost < there[0].cost + TWIN_NATS for t in there)
-        del there[max(stage.least, n_alike, ceil(stage.kept * len(there))) :]
+        near, twins = (
+            sum(t.cost < there[0].cost + behind for t in there) for behind in (BEHIND_NATS, TWIN_NATS)
+        )
+        twins = min(twins, ceil(TWINS_KEPT * len(there)))
+        del there[max(stage.least, twins, min(near, ceil(stage.kept * len(there)))) :]
         out[sort] = list({key_of(t.result.effects): t for t in reversed(there)}.values())[::-1]
     return out
 
@@ -178,6 +205,7 @@ def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | N
             stage.n_steps,
             prior=priors_of(function),
             levels=levels_of(function, n_lines=FULL_LINES),
+            tolerance=ROUGH_NATS,
         )
     except np.linalg.LinAlgError:
         return None

@@ -24,6 +24,9 @@ LEAST_GRIDS = 3
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
+LEAST_SHAPE = 1e-4
+"""What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
+
 N_SIZES = 5
 """Number of sizes of eigenvalues' shifts that are compared."""
 
@@ -164,7 +167,7 @@ class FrfRanking:
         error, responses = direct_responses(problem, result, n_lines)
         if error <= share * result.level / np.sqrt(2):
             return None
-        return error, problem.reduced.with_shapes(responses)
+        return error, problem.reduced.with_shapes(responses, LEAST_SHAPE)
 
     def left(self, problem: FitProblem) -> Any:
         """Return the square of the level that beams and the mesh leave."""

@@ -23,7 +23,7 @@ from updating.diagnosis.evidence.fits import (
     with_forces,
 )
 from updating.diagnosis.evidence.fitting import FULL_LINES
-from updating.diagnosis.evidence.halving import Trial, damped_for_look, halved
+from updating.diagnosis.evidence.halving import Damped, Trial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -73,7 +73,7 @@ AMID = 0.4
 """Springs of a connection begin at this place of their grids, from the stiffest [-]."""
 N_SINGLES = 16
 """So many single effects are fitted to damped FRFs."""
-BASIS_SHARE, BASIS_LINES = 0.03, (8, 16)
+BASIS_SHARE, BASIS_LINES = 0.03, (16, 24)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
 Say = Callable[[str], None]
@@ -273,11 +273,12 @@ class Search:
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
         free, kept = self.fits.free(base), values_of(base.effects)
-        looked = None
+        damped = None
         if isinstance(free, FitProblem) and self.fits.is_far(base):
-            looked = damped_for_look(free, base.fitted.result)
-        if isinstance(free, FitProblem) and looked is not None:
-            trials = self.from_afar(base, free, looked)
+            damped = Damped(free, base.fitted.result)
+        looked = damped.for_look() if damped else None
+        if damped and looked:
+            trials = self.from_afar(base, damped, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
         else:
             tried = self.from_near(base, free)
@@ -288,17 +289,27 @@ class Search:
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
-        # Few lines say less than all.
-        near = [h for k, h in enumerate(tried) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
-        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base))]
+        # Few lines say less than all, but not so much less.
+        near = [h for h in tried if h.score >= tried[0].score - BEAM_NATS]
+        near = [h for k, h in enumerate(near) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
+        # What comes from damped FRFs has bent nothing on its way.
+        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base) and not looked)]
+        self._keep_behind(fitted[0][0], tried)
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
-    def from_afar(self, base: Hypothesis, free: FitProblem, looked: FitProblem) -> list[Trial]:
+    def _keep_behind(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
+        """Keep what was fitted on few lines alone, as far behind the best as there."""
+        few = {h.key: h for h in tried}
+        for key, h in few.items():
+            behind = replace(h.fitted, log_evidence=best.score - few[best.key].score + h.fitted.log_evidence)
+            self.known.setdefault(key, replace(h, fitted=behind))
+
+    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[Trial]:
         """Return candidates that damped FRFs ask for, the best of each sort."""
         kept, now = values_of(base.effects), base.fitted.result
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
-            now = replace(free.at_nominal(now), scatter=np.zeros(0))
+            now = replace(damped.problem.at_nominal(now), scatter=np.zeros(0))
         beside = self.fit_beside(base.effects)
         springs = self.springs(key_of(beside))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
@@ -309,7 +320,7 @@ class Search:
             for s in screened[:N_SINGLES]
         ]
         self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
-        return halved(free, self.workers, blocks, singles, base.fitted.result)
+        return halved(damped, self.workers, blocks, singles)
 
     def amid(self, block: Sequence[Effect]) -> Values:
         """Return values in the middle of the effects' grids."""
@@ -362,12 +373,17 @@ class Search:
             if not doubtful:
                 return h
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in doubtful]
-            without = [(rest, values_of(rest)) for rest in fewer]
-            now, options = self.on_few_lines(free, h, without)
-            best = max(options, key=lambda o: o.score, default=None)
-            if best is None or best.score < now.score - TWIN_NATS:
-                return h
-            less = self.full(best.effects, values_of(best.effects), best, anew=True)
+            there = [k for rest in fewer if (k := self.known.get(key_of(rest))) and self.is_full(k)]
+            less = max(there, key=lambda k: k.score, default=None)
+            if less is None or less.score <= h.score:
+                without = [(rest, values_of(rest)) for rest in fewer if key_of(rest) not in {k.key for k in there}]
+                if not without:
+                    return h
+                now, options = self.on_few_lines(free, h, without)
+                best = max(options, key=lambda o: o.score, default=None)
+                if best is None or best.score < now.score - TWIN_NATS:
+                    return h
+                less = self.full(best.effects, values_of(best.effects), best, anew=True)
             if less.score <= h.score:
                 return h
             h = less
@@ -406,7 +422,7 @@ class Search:
             _onward, (self.fits, free), [r for r in rivals if r.score > now.score - BEAM_NATS]
         )
         # Few lines say less than all.
-        fitted = self.all_full([r for r in rivals if r.score > now.score - 2 * TWIN_NATS])
+        fitted = self.all_full([r for r in rivals if r.score > now.score - TWIN_NATS])
         best = max(k.score for k in (h, *fitted))
         for twin in fitted:
             if twin.score > best - TWIN_NATS:
@@ -599,12 +615,16 @@ class Search:
     def _deserves_fit(self, key: frozenset[str], near: Hypothesis | None, *, anew: bool = False) -> bool:
         known = self.known.get(key)
         again = anew or (near is not None and known is not None and _moved(near, known))
-        return known is None or (again and self._n_fits[key] < MOST_FITS)
+        return known is None or not self.is_full(known) or (again and self._n_fits[key] < MOST_FITS)
+
+    def is_full(self, h: Hypothesis) -> bool:
+        """Whether a known hypothesis was fitted on all lines."""
+        return not h.effects or self._n_fits[h.key] > 0
 
     def _keep(self, h: Hypothesis) -> None:
         self._n_fits[h.key] += 1
         known = self.known.get(h.key)
-        if known is None or h.score > known.score:
+        if known is None or self._n_fits[h.key] == 1 or h.score > known.score:
             self.known[h.key] = h
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
@@ -613,6 +633,7 @@ class Search:
         Effects that act on a whole member, and a form that has moved far, converge slowly on modes without
         them.
         """
+        before = self.fits
         for n_lines in BASIS_LINES:
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
             better = self.fits.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
@@ -622,6 +643,7 @@ class Search:
             self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=reduced))
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
+        if self.fits is not before:
             self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h)
         return h
 
