@@ -126,7 +126,8 @@ def test_what_the_measured_directions_do_not_see_does_not_go_on():
     rotor = next(e for e in Rotor.propose(model) if e.name.endswith("x"))
     about_y = next(e for e in Rotor.propose(model) if e.name.endswith("y"))
     grids = [Grid.of(problem, e) for e in (unseen, seen, about_y, rotor)]
-    chosen = screen(problem, problem.fit(), grids)
+    fitted = problem.fit()
+    chosen = screen(problem, (fitted, problem.at_nominal(fitted)), grids)
     # A rotor about x turns motion in the plane out of it; one about y couples twist and turning about z only.
     assert {c.effect.name for c in chosen} == {seen.name, rotor.name}
 

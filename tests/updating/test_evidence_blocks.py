@@ -103,7 +103,7 @@ def test_of_a_block_near_the_data_go_on_the_directions_that_pay(problem, springs
         search = Search(known, (), propose(known.reduced.model, ["support_flexibility"]))
         base = Hypothesis(fit(known, n_lines=FULL_LINES), 0.0)
         assert not search.fits.is_far(base)
-        ranked = search.fits.ranking.blocks(known, base.fitted.result)
+        ranked = search.fits.ranking.blocks(known, base.fitted.result, far=True)
         (block,) = ranked([springs])
         kept, wins = search.paying(base, block, ranked)
         return [e.name for e in kept[0].effects], wins

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
+from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
@@ -84,7 +85,8 @@ class FitFunction:
     @cached_property
     def _engine(self) -> ParametricFRF:
         frequency, refs = self.problem.data.frequency[self.lines], [v.ref for v in self.variables]
-        deviations = None if self.scatter is None else self.scatter.deviations
+        none = np.zeros((self.problem.reduced.model.n_dof, 0))
+        deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
         return self.problem.engine(frequency, refs, self.effects, deviations=deviations)
 
     @cached_property

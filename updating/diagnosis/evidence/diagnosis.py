@@ -12,6 +12,7 @@ from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import Progress, builder, refined
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
+from updating.diagnosis.evidence.fits import QUICK_LINES
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
@@ -252,7 +253,8 @@ def begun_with(
 
     Where some of the faults are doubtful, it has another one beside it that reads the data with them.
     """
-    null = fit(whole, n_lines=FULL_LINES)
+    bands: dict[str, Any] = {"stages": whole.stages[-1:], "x_from": fit(whole, n_lines=QUICK_LINES).result}
+    null = fit(whole, n_lines=FULL_LINES, **bands)
     read = whole.data
     right, result, faults = find_faults(whole, whole.assessed(null.result))
     right = replace(with_seen_noise(right, null.result), modes=modes)

@@ -240,13 +240,6 @@ class Fits:
                 break
         return h
 
-    def at(self, effects: Sequence[Effect], values: Values) -> Hypothesis:
-        """Return a hypothesis from the better of fits that begin at some values, staged and not."""
-        problem = with_forces(self.problem, effects, values)
-        ways = problem.stages, problem.stages[-1:]
-        fits = [self._where_it_is(problem, effects, values, stages=way) for way in ways]
-        return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
-
     def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
         return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
 

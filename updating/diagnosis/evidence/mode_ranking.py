@@ -409,7 +409,7 @@ class ModeRanking:
         each = zip(grids, little, strict=True)
         return [(g.effect.with_values(**x.values), x) for g, x in each if np.isfinite(x.evidence)]
 
-    def blocks(self, problem: ModeProblem, current: FitResult) -> RankedBlocks:
+    def blocks(self, problem: ModeProblem, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what ranks nothing: modes say too little of several springs at once."""
         return lambda groups: []
 

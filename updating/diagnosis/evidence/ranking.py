@@ -12,7 +12,7 @@ from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened, look_at, screen
+from updating.diagnosis.evidence.screening import Grid, Screened, look_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -62,8 +62,11 @@ class Ranking(Protocol):
         """
         ...
 
-    def blocks(self, problem: Any, current: FitResult) -> RankedBlocks:
-        """Return what puts groups of effects with starts in order, the most promising first."""
+    def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
+        """Return what puts groups of effects with starts in order, the most promising first.
+
+        Of a fit that is ``far`` from the data its uncertain parameters may be bent.
+        """
         ...
 
     def rivals(
@@ -133,16 +136,18 @@ class FrfRanking:
             gains = linear_gains(problem, current, grids)
             order = [int(i) for i in np.argsort(-gains, kind="stable") if gains[i] > -np.inf]
             best = order[:LEAST_GRIDS]
-            grids = [grids[i] for i in order if i in best or may_win(grids[i].effect, float(gains[i]))]
-        elif len(grids) > MOST_GRIDS:
-            bases = (current, problem.at_nominal(current))
+            kept = [i for i in order if i in best or may_win(grids[i].effect, float(gains[i]))]
+            return screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+        # Damped FRFs bend nothing.
+        bases = (current,) if problem.decay else (current, problem.at_nominal(current))
+        if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
-        return screen(problem, current, grids)
+        return screen(problem, bases, grids)
 
-    def blocks(self, problem: FitProblem, current: FitResult) -> RankedBlocks:
+    def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
-        bases = current, problem.at_nominal(current)
+        bases = (current, problem.at_nominal(current)) if far else (current,)
         return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
     def rivals(

@@ -39,6 +39,10 @@ directions measured do not see them [nepers]."""
 MOST_VALUES = 700
 """At most so many values of FRFs in the whole band, and in the low one, are looked at."""
 
+OUTDONE, N_COARSE = 30.0, 6
+"""Near the data a candidate is not looked at on its grid if it gains so much less than another one when all is
+linear, or on so many of its points [nats]."""
+
 WEAKER = 0.1
 """For the short list each candidate is tried at this share of the weakest of its points."""
 
@@ -149,11 +153,10 @@ class Screened:
     gain: float = np.inf
 
 
-def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tuple[Screened, ...]:
+def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
-    Each is judged by six measures, beside the nuisance parameters as they are fitted now, and beside their
-    nominal values:
+    Each is judged by three measures beside each of some fits:
 
     - the likelihood at each point of its grid, after a small change of the nuisance parameters,
     - the likelihood with the best multiple of what a little of it does: near the noise all is linear,
@@ -164,13 +167,13 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
     Parameters
     ----------
     problem : FitProblem
-    current : FitResult
-        The model so far, with the effects already found.
+    bases : sequence of FitResult
+        The model so far, with the effects already found; gains are over the first.
     grids : sequence of Grid
     """
     if not grids:
         return ()
-    looks = [look_at(problem, base) for base in (current, problem.at_nominal(current))]
+    looks = [look_at(problem, base) for base in bases]
     each = [[look.best_starts(grid) for look in looks] for grid in grids]
     tried = [[start for by_look in of_grid for start in by_look] for of_grid in each]
     now = looks[0].cost_now
@@ -192,6 +195,33 @@ def screen(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> tu
                 starts.append(start)
         out.append(Screened(grids[i].effect, tuple(starts[:2]), gains[i]))
     return tuple(out)
+
+
+def screen_near(
+    problem: FitProblem, current: FitResult, grids: Sequence[Grid], linear: Sequence[float]
+) -> tuple[Screened, ...]:
+    """Return the candidates that can be the best beside a fit near the data, by their gains there.
+
+    They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
+    that are looked at on few points of their grids first.
+    """
+    look = Look.of(problem, current, N_WHOLE, 0, MOST_VALUES)
+    best, out = -np.inf, []
+    for at_once in (True, False):
+        for grid, gain in zip(grids, linear, strict=True):
+            if np.isfinite(gain) != at_once:
+                continue
+            if not at_once:
+                few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
+                gain = look.cost_now - float(look.levels(few)[0].min())
+            if gain < best - OUTDONE:
+                continue
+            whole, *_, little = look.best_starts(grid)
+            cost, start = min(whole, little, key=lambda each: each[0])
+            if np.isfinite(cost):
+                out.append(Screened(grid.effect, (start,), look.cost_now - cost))
+                best = max(best, out[-1].gain)
+    return tuple(sorted(out, key=lambda each: -each.gain))
 
 
 def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
@@ -290,7 +320,7 @@ class Look:
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
         default_factory=dict, init=False, repr=False
     )
-    _projections: dict[tuple[ParameterRef, ...], tuple[Floats, Any]] = field(
+    _projections: dict[tuple[ParameterRef, ...], Floats] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -477,24 +507,33 @@ class Look:
         Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
         residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
-        slopes, back = self._by_nuisances(tuple(ref for ref in replaced if ref in self.prior_of))
+        back = self._back(tuple(ref for ref in replaced if ref in self.prior_of))
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
         known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
         flat = np.hstack([r.real, r.imag, known])
-        left = flat - (flat @ back.T) @ slopes
+        left = flat - (flat @ back.T) @ self.slopes
         m = r.shape[1]
         whole = np.hstack([left[:, :m] + 1j * left[:, m : 2 * m], left[:, 2 * m :]])
         return np.asarray(whole, dtype=complex)
 
-    def _by_nuisances(self, without: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
-        """Return the slopes of nuisance parameters but some, and what takes a residual to their change."""
+    @cached_property
+    def _nuisances(self) -> tuple[Floats, Floats]:
+        """Return the covariance of nuisance parameters, and what takes a residual to their change."""
+        weighted = self.slopes * self.trust
+        A = weighted @ self.slopes.T
+        A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
+        C: Floats = np.asarray(np.linalg.inv(A), dtype=float)
+        return C, C @ weighted
+
+    def _back(self, without: tuple[ParameterRef, ...]) -> Floats:
+        """Return what takes a residual to the change of nuisance parameters, some of which stay."""
         if without not in self._projections:
-            kept = [k for k in range(len(self.slopes)) if k >= len(self.refs) or self.refs[k] not in without]
-            slopes = self.slopes[kept]
-            weighted = slopes * self.trust
-            A = weighted @ slopes.T
-            A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
-            self._projections[without] = slopes, np.linalg.solve(A, weighted)
+            C, back = self._nuisances
+            fixed = [k for k, ref in enumerate(self.refs) if ref in without]
+            if fixed:
+                back = back - C[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], back[fixed])
+                back[fixed] = 0.0
+            self._projections[without] = back
         return self._projections[without]
 
     def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:

@@ -181,11 +181,6 @@ def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
     return fits.fully(near.effects, values_of(near.effects), near, anew=anew)
 
 
-def _again(shared: tuple[Fits, Hypothesis], near: Hypothesis | None) -> Hypothesis:
-    fits, h = shared
-    return _fully((fits, False), near) if near is not None else fits.at(h.effects, values_of(h.effects))
-
-
 @dataclass(slots=True, eq=False)
 class Search:
     """A search and all hypotheses that it has fitted.
@@ -250,6 +245,8 @@ class Search:
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if beam and beam[0].score > best.score:
                 beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
+                if self.explains(best):  # what explains the data needs no other way
+                    beam = beam[:1]
             elif self.explains(best):
                 break
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
@@ -314,7 +311,7 @@ class Search:
         springs = self.springs(key_of(beside))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
         others = [e for e in beside if e.kind not in BLOCK_KINDS]
-        screened = self.fits.ranking.screened(looked, base.fitted.result, others, lambda e: False)
+        screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
         singles = [
             ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
             for s in screened[:N_SINGLES]
@@ -433,13 +430,16 @@ class Search:
 
     def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
         """Return effects that may be added."""
-        current = base.fitted.result
-        ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
+        current, far = base.fitted.result, self.fits.is_far(base)
+        ranked: tuple[Scanned, ...] = ()
+        # Near FRFs what small changes gain says enough of where to look.
+        if far or not base.effects or not isinstance(quick, FitProblem):
+            ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
+            self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
         if not base.effects:
             self.scanned = ranked
         beside = self.fit_beside(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
-        self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
         now = self.fits.without_fixed(base)
         wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
@@ -449,7 +449,7 @@ class Search:
             now,
             beside,
             lambda e: e.name in there,
-            None if self.fits.is_far(base) else lambda effect, gain: self.may_win(base, (effect,), gain),
+            None if far else lambda effect, gain: self.may_win(base, (effect,), gain),
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: N_SHORT * self.fits.ranking.breadth]
@@ -513,7 +513,7 @@ class Search:
             tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked if len(s.places) == 2
         )
         two = [pair for pair in pairs if pair][:N_PAIRS]
-        ranked_blocks = self.fits.ranking.blocks(quick, now)
+        ranked_blocks = self.fits.ranking.blocks(quick, now, far=self.fits.is_far(base))
         alone = ranked_blocks(near or list(springs.values())[:MOST_CONNECTIONS])
         first = [each[0].effects for each in alone[:MOST_PAIRED]]
         paired = ranked_blocks([*two, *(a + b for a, b in combinations(first, 2))])
@@ -661,7 +661,7 @@ class Search:
         starts = [(h.effects, start) for start in around(h.effects)]
         here, others = self.on_few_lines(self.fits.free(h), h, starts)
         near = [a for a in others if a.score > here.score - BEAM_NATS and _moved(a, here)]
-        fits = [h, *self.workers.map(_again, (self.fits, h), [None, *near])]
+        fits = [h, *self.workers.map(_fully, (self.fits, False), near)]
         fits.sort(key=lambda f: -f.score)
         best = fits[0].fitted
         # The scale of an unknown is that of its start: all are compared on the one of the best.
