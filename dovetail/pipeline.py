@@ -35,6 +35,7 @@ from updating.diagnosis.begin import begin
 from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.evidence.diagnosis import formed_problem
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
@@ -143,8 +144,13 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
         scratch.write_bytes(found_text(result, result.folder).encode())
 
 
-def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1) -> Diagnosis:
-    """Diagnose with what the study says about uncertainty, band and candidates."""
+def diagnose_study(
+    study: Study, say: Progress | None = None, processes: int = 1, budget: str = "normal"
+) -> Diagnosis:
+    """Diagnose with what the study says about uncertainty, band and candidates.
+
+    ``budget`` is a name of :data:`updating.diagnosis.evidence.budget.BUDGETS`.
+    """
     more: dict[str, Any] = {}
     model = study.model
     if study.baseline_frfs is not None:
@@ -160,6 +166,7 @@ def diagnose_study(study: Study, say: Progress | None = None, processes: int = 1
         exclude=study.exclude,
         progress=say,
         processes=processes,
+        budget=BUDGETS[budget],
         **fit_settings(study),
         **more,
     )

@@ -58,6 +58,7 @@ from fem.summary import counted, listed
 from fem.system import assemble
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.findings import Finding
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import fitted_model
@@ -285,7 +286,9 @@ class Study(config.Study):
         elastic = range(modes.n_rigid, min(modes.n_rigid + n, len(modes.frequency)))
         return modes_figure(self.model, modes, list(elastic), title=f"{self.name}, {self.label}")
 
-    def diagnose(self, progress: Progress | None = None, processes: int = 1) -> Diagnosis | ModeDiagnosis:
+    def diagnose(
+        self, progress: Progress | None = None, processes: int = 1, budget: str = "normal"
+    ) -> Diagnosis | ModeDiagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.
 
         By FRFs; by measured modes where the study has nothing else.
@@ -297,15 +300,20 @@ class Study(config.Study):
         processes : int
             So many processes fit side by side, with the same result. With more than one, a script must guard
             its own work by ``if __name__ == "__main__":``.
+        budget : str
+            How much is tried with FRFs: ``"quick"`` for a first answer, ``"normal"`` or ``"thorough"``.
 
         Raises
         ------
         StudyError
-            If the study has no measurement.
+            If the study has no measurement, or there is no such budget.
         """
+        if budget not in BUDGETS:
+            message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
+            raise StudyError(message)
         if has_modes_alone(self):
             return ModeDiagnosis.of(diagnose_study_modes(self, progress))
-        return Diagnosis.of(diagnose_study(self, progress, processes))
+        return Diagnosis.of(diagnose_study(self, progress, processes, budget))
 
     def candidates(
         self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None

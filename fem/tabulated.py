@@ -17,8 +17,10 @@ N_NODES = 28
 the error falls as 2.1^-n (Trefethen, *Approximation Theory*, 2013, theorem 8.2)."""
 SEPARABLE = 1e-6
 """Relative error up to which matrices count as sums of functions of one number each."""
-FEW_NODES, NEGLIGIBLE = 14, 1e-9
-"""Nodes of tables over ± ln 5, where the error falls as 4.2^-n; singular values that are left out [-]."""
+FEW_NODES = 14
+"""Nodes of tables over ± ln 5, where the error falls as 4.2^-n."""
+NEGLIGIBLE, NEGLIGIBLE_OF_ALL = 1e-13, 1e-9
+"""Singular values of tables, and of those of whole models, that are left out [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +44,14 @@ class Table:
     parts: Floats
 
     @classmethod
-    def of(cls, low: float, high: float, values: Callable[[float], Floats], n: int = N_NODES) -> "Table":
+    def of(
+        cls,
+        low: float,
+        high: float,
+        values: Callable[[float], Floats],
+        n: int = N_NODES,
+        negligible: float = NEGLIGIBLE,
+    ) -> "Table":
         """Tabulate a function at n nodes. Of its values there few singular vectors are not negligible."""
         middle, half = (low + high) / 2, (high - low) / 2
         angle = np.pi * (np.arange(n) + 0.5) / n
@@ -50,7 +59,7 @@ class Table:
         T = np.cos(np.arange(n)[:, None] * angle) * (2 / n)
         T[0] /= 2
         U, size, rows = np.linalg.svd(T @ there.reshape(n, -1), full_matrices=False)
-        kept = size > NEGLIGIBLE * max(size[0], 1e-300)
+        kept = size > negligible * max(size[0], 1e-300)
         c = U[:, kept] * size[kept]
         slopes = np.polynomial.chebyshev.chebder(c, axis=0) / half
         return cls(middle, half, c, slopes, rows[kept].reshape(-1, *there.shape[1:]))
@@ -144,7 +153,7 @@ class Tabulated:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sums:
-    """Matrices of an effect on all DOFs as sums of fixed ones, each multiplied by a function of one parameter.
+    """Matrices of an effect on all DOFs as sums of fixed ones, each times a function of one parameter.
 
     Attributes
     ----------
@@ -182,7 +191,7 @@ class Sums:
                     def flat(s: float, of: Any = parts, key: str = key) -> Floats:
                         return np.concatenate([getattr(c, key).ravel() for c in of(s)])
 
-                    table = Table.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES)
+                    table = Table.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES, NEGLIGIBLE_OF_ALL)
                     tables.append((p.name, table))
                     for row in table.parts:
                         own = _contributions(like, key, row)

@@ -21,6 +21,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument("--number", type=count, default=20, metavar="N", help="candidates to print (default 20)")
     add_processes(p)
+    p.add_argument(
+        "--budget",
+        choices=("quick", "normal", "thorough"),
+        default="normal",
+        help="how much is tried with FRFs (default normal); quick gives a first answer",
+    )
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -53,7 +59,7 @@ def run(options: Options, progress: Progress) -> None:
         notes = (f"note: {note}" for note in study.measured_notes)
         say(options, *mode_lines(study.name, from_modes), *notes)
         return
-    found = pipeline.diagnose_study(study, progress, options.processes or cores())
+    found = pipeline.diagnose_study(study, progress, options.processes or cores(), options.budget)
     beside = modes_beside(found)
     progress.close()
     write_json(

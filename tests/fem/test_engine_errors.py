@@ -138,4 +138,4 @@ def test_without_deviations_nothing_changes():
     np.testing.assert_allclose(found, H, rtol=1e-12, atol=1e-12 * abs(H).max())
     # in single precision, 6e-8, with sums over some hundred coordinates
     np.testing.assert_allclose(slopes[: len(refs)], dH, rtol=1e-5, atol=1e-5 * abs(dH).max())
-    np.testing.assert_allclose(by_its_zeta, by_zeta, rtol=1e-9, atol=1e-9 * abs(by_zeta).max())
+    np.testing.assert_allclose(by_its_zeta, by_zeta, rtol=1e-5, atol=1e-5 * abs(by_zeta).max())

@@ -1,5 +1,6 @@
 """Where the search goes on and where it ends, and by which bands it fits, with scores that are given."""
 
+from collections import Counter
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -12,9 +13,10 @@ from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.support_shift import SupportShift
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
+from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
 from updating.diagnosis.evidence.hypothesis import Start, near_to
-from updating.diagnosis.evidence.search import MOST_EFFECTS, Search
+from updating.diagnosis.evidence.search import Search
 from updating.inference.fit_result import FitResult
 from updating.inference.workers import ALONE
 
@@ -70,7 +72,7 @@ def run(monkeypatch):
         }.items():
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)
-        search.known, search.say = {}, lambda text: None
+        search.known, search.say, search.budget = {}, lambda text: None, NORMAL
         search.fits = SimpleNamespace(floor=1.0, is_far=lambda h: True)
         return search.run().name, went
 
@@ -92,12 +94,14 @@ def test_it_goes_on_while_the_unknown_is_more_probable(run):
 
 def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
     """A hypothesis with as many effects as there may be is no end while another one has room."""
-    many = "abcdefgh"[:MOST_EFFECTS]
-    scores = {"": 0.0, "x": -15.0, "xy": 90.0} | {many[:n]: 10.0 + n for n in range(1, MOST_EFFECTS + 1)}
+    many = "abcdefgh"[: NORMAL.most_effects]
+    scores = {"": 0.0, "x": -15.0, "xy": 90.0} | {
+        many[:n]: 10.0 + n for n in range(1, NORMAL.most_effects + 1)
+    }
     best, went = run(scores, unknown=60.0)
     assert best == "xy"
-    assert went.index("x") == MOST_EFFECTS
-    assert module.MOST_BACK == 1
+    assert went.index("x") == NORMAL.most_effects
+    assert NORMAL.most_back == 1
     hopeless = {"": 0.0, "a": -1.0, "b": -2.0, "c": -3.0, "d": -4.0}
     assert run(hopeless, unknown=60.0) == ("nothing", ["nothing", "a", "b", "c"])
 
@@ -159,6 +163,7 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
     monkeypatch.setattr(Search, "explains", lambda self, best: explains)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
     search = object.__new__(Search)
+    search.budget, search._n_fits = NORMAL, Counter()
     search.candidates, search.known, search.say = (*masses, other), {h.key: h}, lambda text: None
     search.fits = SimpleNamespace(free=lambda h: None, ranking=SimpleNamespace(rivals=rivals))
     search.workers = ALONE
@@ -201,6 +206,7 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
     )
     asked, tried = [], []
     given = Search.__new__(Search)
+    given.budget, given._n_fits = NORMAL, Counter()
     given.candidates, given.known = (both, one, two, turned), {}
     given.say, given.workers = (lambda text: None), ALONE
     ranking = SimpleNamespace(

@@ -10,8 +10,8 @@ from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence import screening
 from updating.diagnosis.evidence import shortlist as listing
+from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.screening import Grid, screen
-from updating.diagnosis.evidence.search import N_RIVALS
 from updating.inference.preparation import build_problem
 
 
@@ -145,7 +145,7 @@ def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
     )
     monkeypatch.setattr(listing, "MOST_RIVALS", 10)
     monkeypatch.setattr(listing, "N_LISTED", 5)
-    found = listing.rivals(problem, best, grids, N_RIVALS)
+    found = listing.rivals(problem, best, grids, NORMAL.n_rivals)
     assert len(looked) < 0.6 * len(grids)
     assert (case.hidden.kind, case.hidden.where) in {(c.effect.kind, c.effect.where) for c in found}
 

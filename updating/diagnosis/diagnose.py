@@ -29,6 +29,7 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
+from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.priors import TWIN_NATS
@@ -70,6 +71,7 @@ def diagnose(
     between: Between = ONE_STRUCTURE,
     progress: Progress | None = None,
     processes: int = 1,
+    budget: Budget = NORMAL,
 ) -> Diagnosis:
     """Find the physical effects that a model lacks, by the evidence for them.
 
@@ -113,11 +115,13 @@ def diagnose(
     processes : int
         So many processes fit side by side, with the same result. With more than one, a script must guard
         its own work by ``if __name__ == "__main__":``, as :mod:`multiprocessing` demands.
+    budget : Budget
+        How much is tried.
     """
     started, say = time.perf_counter(), progress or (lambda text, done: None)
     more: dict[str, Any] = {
         "damping_std": damping_std, "band": band, "kinds": kinds, "exclude": exclude, "n_lines": n_lines,
-        "model_error": model_error, "progress": say,
+        "model_error": model_error, "progress": say, "budget": budget,
     }  # fmt: skip
     first = None
     with workers(processes) as crew:
@@ -249,7 +253,7 @@ def _with_last_faults(
     current, faults = steps[-1].result, done.faults
     if any(e.amplitude_dependent for e in current.effects):
         return problem, steps, faults
-    if done.explains:
+    if done.explains and done.search.budget.checked:
         problem, current, late = find_faults(problem, current)
         faults = (*faults, *late)
     if faults:
@@ -295,7 +299,7 @@ def _findings(
         same = tuple(known[t] for t in twins if t in known)
         against = rival or (same[0] if same else None)
         decisive: tuple[Decisive, ...] = ()
-        if against is not None:
+        if against is not None and done.search.budget.checked:
             both = _with_forces(problem, done, [*h.effects, *against.result.effects])
             decisive = what_decides(both, step.result, against.result)
         proposals = tuple(

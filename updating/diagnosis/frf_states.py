@@ -18,6 +18,7 @@ from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.begin import Progress
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
+from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import (
     Formed,
     Searched,
@@ -136,6 +137,7 @@ def begin_change(
     model_error: float = EXPLAINED_LEVEL,
     progress: Progress,
     crew: Workers = ALONE,
+    budget: Budget = NORMAL,
 ) -> tuple[Searched, CalibratedFrfs]:
     """Return a search for what has changed, and the calibration on the first state.
 
@@ -157,6 +159,7 @@ def begin_change(
         As of :func:`updating.diagnosis.diagnose.diagnose`.
     progress : callable
     crew : Workers
+    budget : Budget
     """
     progress("calibrating on the first state", 0.0)
     first, changed, problem = changed_frf_problem(
@@ -167,7 +170,9 @@ def begin_change(
     begun = Formed(changed, changed, (), first.mesh_db)
     candidates = candidates_for_test(changed, after, kinds, exclude)
     ranking = FrfRanking(form_share=between.form_share)
-    searched = begun_with(problem, begun, candidates, ranking=ranking, progress=progress, crew=crew)
+    searched = begun_with(
+        problem, begun, candidates, ranking=ranking, progress=progress, crew=crew, budget=budget
+    )
     note = (
         f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
         "leaves there was taken off the second state's, so that only the change remains"

@@ -20,7 +20,7 @@ from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fits import AnyProblem
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
 from updating.diagnosis.evidence.ranking import FrfRanking
-from updating.diagnosis.evidence.search import N_FINAL, Search
+from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
@@ -65,7 +65,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     candidates = (*one.candidates, *laws)
     search = Search(
         problem, one.fits.form, candidates, one.say, scanned=one.scanned, ranking=LevelRanking(),
-        workers=one.workers,
+        workers=one.workers, budget=one.budget,
     )  # fmt: skip
     first = one.known[frozenset()]
     nothing = search.full((), (), first)
@@ -91,7 +91,7 @@ def _add_laws(
         if short:
             fits.append(search.fits.continued(free, short[:2]))
     fits.sort(key=lambda h: -h.score)
-    for h in fits[:N_FINAL]:
+    for h in fits[: search.budget.n_final]:
         search.full(h.effects, values_of(h.effects), h)
 
 

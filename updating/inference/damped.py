@@ -26,12 +26,12 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuation:
-    """Receptances on and below the real axis: H(ω - iσ) = R(ω - iσ) + 1/π ∫ (H - R)(ω') σ dω'/((ω - ω')² + σ²).
+    """Receptances on and below the real axis, where those of a stable structure are analytic.
 
-    Those of a stable structure are analytic there, and Poisson's integral continues them. As a sum over the
-    lines it errs where resonances are narrower than these are apart, and beyond the band. Therefore a rational
-    function R with their poles, analytic there too, is taken out before and added again at the complex
-    frequencies. The sum of its weights stands for π.
+    H(ω - iσ) = R(ω - iσ) + 1/π ∫ (H - R)(ω') σ / ((ω - ω')² + σ²) dω', Poisson's integral. As a sum over the
+    lines, with the sum of its weights for π, it errs where resonances are narrower than these are apart, and
+    beyond the band. Therefore a rational function R with their poles, analytic there too, is taken out before
+    and added again at the complex frequencies.
 
     Attributes
     ----------

@@ -11,8 +11,9 @@ from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import Progress, builder, refined
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
+from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import QUICK_LINES
+from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
 from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
@@ -27,6 +28,10 @@ from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
 
+FIRST_ANSWER = (
+    "a first answer: effects at one place at most; no faults of the measurement were looked for, and no "
+    "rivals fitted"
+)
 UNKNOWN = "unknown"
 """Name of what the library does not have, in the posterior."""
 
@@ -171,6 +176,7 @@ def search_by_evidence(
     modes: ModeTargets | None = None,
     progress: Progress | None = None,
     crew: Workers = ALONE,
+    budget: Budget = NORMAL,
 ) -> Searched:
     """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
 
@@ -179,7 +185,7 @@ def search_by_evidence(
     say = progress or (lambda text, done: None)
     begun = begin_search(
         model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
-        n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew,
+        n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew, budget=budget,
     )  # fmt: skip
     return searched(begun, say)
 
@@ -198,6 +204,7 @@ def begin_search(
     modes: ModeTargets | None = None,
     progress: Progress,
     crew: Workers = ALONE,
+    budget: Budget = NORMAL,
 ) -> Searched:
     """Return a search that knows the model without effects, with faults of the measurement set right.
 
@@ -210,7 +217,7 @@ def begin_search(
     )  # fmt: skip
     progress("fitting the uncertain parameters", 0.05)
     candidates = candidates_for_test(begun.model, measurement, kinds, exclude)
-    return begun_with(whole, begun, candidates, modes=modes, progress=progress, crew=crew)
+    return begun_with(whole, begun, candidates, modes=modes, progress=progress, crew=crew, budget=budget)
 
 
 def formed_problem(
@@ -248,19 +255,22 @@ def begun_with(
     ranking: Ranking | None = None,
     progress: Progress,
     crew: Workers = ALONE,
+    budget: Budget = NORMAL,
 ) -> Searched:
     """Return a search of a problem that knows the model without effects, with faults set right.
 
     Where some of the faults are doubtful, it has another one beside it that reads the data with them.
     """
-    bands: dict[str, Any] = {"stages": whole.stages[-1:], "x_from": fit(whole, n_lines=QUICK_LINES).result}
-    null = fit(whole, n_lines=FULL_LINES, **bands)
-    read = whole.data
-    right, result, faults = find_faults(whole, whole.assessed(null.result))
+    lines: dict[str, Any] = {"n_lines": budget.n_lines, "counted_as": FULL_LINES}
+    banded = fit(whole, n_lines=QUICK_LINES)
+    null = fit(whole, stages=whole.stages[-1:], x_from=banded.result, **lines)
+    read, right, result, faults = whole.data, whole, null.result, ()
+    if budget.checked:
+        right, result, faults = find_faults(whole, whole.assessed(null.result))
     right = replace(with_seen_noise(right, null.result), modes=modes)
-    notes = ()
+    notes = () if budget.checked else (FIRST_ANSWER,)
     if begun.n_cut > 1:
-        notes = (
+        notes += (
             f"each element was cut into {begun.n_cut}: the mesh's error was {begun.uncut_db:.2g} dB, not "
             f"small beside the noise of {read.noise_db:.2g} dB",
         )
@@ -270,10 +280,9 @@ def begun_with(
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
             problem, begun.form, candidates, partial(told, progress), ranking=ranking or FrfRanking(),
-            workers=crew, beforehand=log_prior(doubtful(faults), read),
+            workers=crew, beforehand=log_prior(doubtful(faults), read), budget=budget,
         )  # fmt: skip
-        way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
-        first = fit(problem, n_lines=FULL_LINES, **way)
+        first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
         nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
         search.known[frozenset()] = nothing
         return Searched(search, nothing, faults, begun.mesh_db, begun.formed, notes)

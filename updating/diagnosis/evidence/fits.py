@@ -10,6 +10,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.absence import left_out
+from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
@@ -33,8 +34,6 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
-MOST_PASSES = 3
-"""Deviations of modes are fitted again at most so often, where another size than the next one is the best."""
 MOST_MOVES, BASIS_NATS = 5, 0.1
 """A fit to modes begins again at most so often on the basis of the places that it has found, while its
 likelihood there differs by so much [nats]."""
@@ -54,12 +53,14 @@ class Fits:
         Those of them that are the form's.
     odds : Odds
     ranking : Ranking
+    budget : Budget
     """
 
     problem: AnyProblem
     form: tuple[Nuisance, ...]
     odds: Odds
     ranking: Ranking
+    budget: Budget = NORMAL
 
     @property
     def floor(self) -> float:
@@ -206,7 +207,7 @@ class Fits:
 
         Frequencies know a place by the stiffness there alone, which is too high where the basis lacks them.
         """
-        h = self._fit(problem, effects, values, n_lines=FULL_LINES, **way)
+        h = self._fit(problem, effects, values, **self._all_lines, **way)
         if not any(p.position for e in h.effects for p in e.parameters()):
             return h
         for _ in range(MOST_MOVES):
@@ -220,7 +221,7 @@ class Fits:
             if abs(h.fitted.levels.cost(misfit) - h.fitted.levels.cost(h.fitted.misfit)) < BASIS_NATS:
                 break
             again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
-            h = self._fit(problem, h.effects, values, n_lines=FULL_LINES, **again)
+            h = self._fit(problem, h.effects, values, **self._all_lines, **again)
         return h
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
@@ -228,8 +229,8 @@ class Fits:
 
         They begin with a size in the middle: a large one does instead of an effect.
         """
-        size, way = None, {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
-        for _ in range(MOST_PASSES):
+        size, way = None, {"stages": problem.stages[-1:], **self._all_lines}
+        for _ in range(self.budget.n_passes):
             scatter = self.ranking.scatter(problem, h.fitted.result, size)
             if scatter is None:
                 break
@@ -239,6 +240,21 @@ class Fits:
             if size is None or 0.4 < size / scatter.eigenvalue < 2.5:
                 break
         return h
+
+    def again(self, h: Hypothesis) -> Hypothesis:
+        """Return a full fit that goes on from a hypothesis and its deviations, on a basis that has grown."""
+        values = values_of(h.effects)
+        problem = with_forces(self.problem, h.effects, values)
+        scatter = self.ranking.scatter(problem, h.fitted.result, h.fitted.size)
+        if scatter is None:
+            return self.fully(h.effects, values, h)
+        way = {"stages": problem.stages[-1:], "x_from": h.fitted.result, **self._all_lines}
+        return self._fit(replace(problem, scatter=scatter), h.effects, values, **way)
+
+    @property
+    def _all_lines(self) -> dict[str, Any]:
+        """Lines of full fits, and as how many they count."""
+        return {"n_lines": self.budget.n_lines, "counted_as": FULL_LINES}
 
     def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
         return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))

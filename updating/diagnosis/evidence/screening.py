@@ -40,8 +40,8 @@ MOST_VALUES = 700
 """At most so many values of FRFs in the whole band, and in the low one, are looked at."""
 
 OUTDONE, N_COARSE = 30.0, 6
-"""Near the data a candidate is not looked at on its grid if it gains so much less than another one when all is
-linear, or on so many of its points [nats]."""
+"""Near the data a candidate is not looked at on its grid if it gains so much less than another one [nats]: as
+far as all is linear, or on so many of its points."""
 
 WEAKER = 0.1
 """For the short list each candidate is tried at this share of the weakest of its points."""
@@ -320,9 +320,7 @@ class Look:
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
         default_factory=dict, init=False, repr=False
     )
-    _projections: dict[tuple[ParameterRef, ...], Floats] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(

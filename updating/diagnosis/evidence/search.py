@@ -13,6 +13,7 @@ from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.absence import gains_without
 from updating.diagnosis.evidence.blocks import Block
+from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import (
     MOST_STEPS,
     QUICK_STEPS,
@@ -42,37 +43,18 @@ from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
-N_PLACES, N_PAIRS, N_FULL, N_FINAL, N_BEAM = 4, 2, 6, 3, 2
-"""Numbers of places at which each kind, and of connections at which the block, gets a short fit; of pairs of
-connections; of hypotheses that are fitted fully at most and at least, and kept."""
 DOUBT_NATS = 15.0
 """An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
-N_SHORT = 3
-"""For each hypothesis that is fitted on, so many of the best candidates get a short fit."""
-MOST_FITS = 3
-"""A hypothesis is fitted fully from at most so many values."""
-N_RIVALS = 6
-"""Number of rival candidates at the place of a found effect that are fitted."""
-MOST_EFFECTS = 6
-"""A hypothesis with so many effects is not searched on from."""
-MOST_BACK = 1
-"""So often the search goes back to a less probable hypothesis if the best one does not explain the data."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
 """Kinds that give way in single directions: all of a connection's together are its block."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places that have such springs."""
-MOST_CONNECTIONS, MOST_PAIRED = 40, 8
-"""So many connections, the first of the scan, are looked at in all directions; pairs are made of so many."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
-TOGETHER = 8
-"""So many proposals are fitted before it is asked whether others can still win."""
 AMID = 0.4
 """Springs of a connection begin at this place of their grids, from the stiffest [-]."""
-N_SINGLES = 16
-"""So many single effects are fitted to damped FRFs."""
 BASIS_SHARE, BASIS_LINES = 0.03, (16, 24)
 """The basis gets responses at so many lines of what was found while it errs there by more than this share of
 the level."""
@@ -194,6 +176,8 @@ class Search:
         What computes independent fits.
     beforehand : float
         Logarithm of how probable the data were read rightly.
+    budget : Budget
+        How much is tried.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
     """
@@ -207,6 +191,7 @@ class Search:
     ranking: InitVar[Ranking] = FrfRanking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
     beforehand: InitVar[float] = 0.0
+    budget: Budget = NORMAL
 
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
@@ -216,7 +201,7 @@ class Search:
     def __post_init__(
         self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
     ) -> None:
-        self.fits = Fits(problem, form, Odds.of(self.candidates, beforehand), ranking)
+        self.fits = Fits(problem, form, Odds.of(self.candidates, beforehand), ranking, self.budget)
         self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
@@ -238,22 +223,29 @@ class Search:
         # The form of one that is far from the data is bent, and not searched on from.
         best = best if self.fits.is_far(best) else self.on_own_basis(best)
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
-        beam, gone, n_back = [best], {best.key}, 0
-        while beam:
+        beam, gone, n_back, n_left = [best], {best.key}, 0, self.budget.n_rounds
+        while beam and n_left:
+            n_left -= 1
             better = {h.key: h for b in beam for h in self.extended(b, gone)}
-            beam = sorted(better.values(), key=lambda h: -h.score)[:N_BEAM]
+            beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if beam and beam[0].score > best.score:
-                beam[0] = best = self.on_own_basis(self.swapped(beam[0]))
+                if self.budget.checked:
+                    beam[0] = self.swapped(beam[0])
+                beam[0] = best = self.on_own_basis(beam[0])
                 if self.explains(best):  # what explains the data needs no other way
                     beam = beam[:1]
             elif self.explains(best):
                 break
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
-            beam = [h for h in beam if len(h.effects) < MOST_EFFECTS]
-            if not beam and not self.explains(best) and n_back < MOST_BACK:
+            beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
+            if not beam and not self.explains(best) and n_back < self.budget.most_back:
                 n_back += 1
-                left = [h for h in self.known.values() if h.key not in gone and len(h.effects) < MOST_EFFECTS]
+                left = [
+                    h
+                    for h in self.known.values()
+                    if h.key not in gone and len(h.effects) < self.budget.most_effects
+                ]
                 beam = sorted(left, key=lambda h: -h.score)[:1]
             gone |= {h.key for h in beam}
             for h in beam[:1]:
@@ -282,16 +274,25 @@ class Search:
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
         now = self.fits.quickly(free, base, base.effects, kept).score
-        least = 1 if base.effects else N_FINAL
-        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][:N_FULL]
+        least = 1 if base.effects else self.budget.n_final
+        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][
+            : self.budget.n_full
+        ]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         # Few lines say less than all, but not so much less.
         near = [h for h in tried if h.score >= tried[0].score - BEAM_NATS]
-        near = [h for k, h in enumerate(near) if k < N_FINAL or h.score >= tried[0].score - 2 * TWIN_NATS]
+        near = [
+            h
+            for k, h in enumerate(near)
+            if k < self.budget.n_final or h.score >= tried[0].score - 2 * TWIN_NATS
+        ]
         # What comes from damped FRFs has bent nothing on its way.
-        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base) and not looked)]
-        self._keep_behind(fitted[0][0], tried)
+        fitted = [
+            (h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base) and not looked)
+        ]
+        if fitted:
+            self._keep_behind(fitted[0][0], tried)
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
 
     def _keep_behind(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
@@ -314,7 +315,7 @@ class Search:
         screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
         singles = [
             ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
-            for s in screened[:N_SINGLES]
+            for s in screened[: self.budget.n_singles]
         ]
         self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
         return halved(damped, self.workers, blocks, singles)
@@ -344,12 +345,12 @@ class Search:
         ]
         short: list[tuple[list[Hypothesis], bool]] = []
         now = self.fits.quickly(free, base, base.effects, kept).score
-        for first in range(0, len(wanted), TOGETHER):
+        for first in range(0, len(wanted), self.budget.together):
             # What a look promises less of than a fit has found is not fitted.
             best = max((fits[0].score for fits, _ in short), default=-np.inf)
             if not self.fits.is_far(base) and now + proposals[first].worth < best - 2 * TWIN_NATS:
                 break
-            these = slice(first, first + TOGETHER)
+            these = slice(first, first + self.budget.together)
             fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted[these])
             short += [(f, p.is_first) for f, p in zip(fitted, proposals[these], strict=True) if f]
         short.sort(key=lambda each: -each[0][0].score)
@@ -373,10 +374,8 @@ class Search:
             there = [k for rest in fewer if (k := self.known.get(key_of(rest))) and self.is_full(k)]
             less = max(there, key=lambda k: k.score, default=None)
             if less is None or less.score <= h.score:
-                without = [(rest, values_of(rest)) for rest in fewer if key_of(rest) not in {k.key for k in there}]
-                if not without:
-                    return h
-                now, options = self.on_few_lines(free, h, without)
+                # From here they may end elsewhere.
+                now, options = self.on_few_lines(free, h, [(rest, values_of(rest)) for rest in fewer])
                 best = max(options, key=lambda o: o.score, default=None)
                 if best is None or best.score < now.score - TWIN_NATS:
                     return h
@@ -407,7 +406,7 @@ class Search:
                 if c.name != e.name and (anywhere or near_to(c) & near_to(e) or c.kind == e.kind)
             ]
             last = replace(result, effects=(*rest, e))
-            found = self.fits.ranking.rivals(free, last, near, N_RIVALS)
+            found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
@@ -441,7 +440,7 @@ class Search:
         beside = self.fit_beside(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
-        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[:N_PLACES]
+        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[: self.budget.n_places]
         held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
         there = set[str]().union(*held)
         screened = self.fits.ranking.screened(
@@ -452,11 +451,11 @@ class Search:
             None if far else lambda effect, gain: self.may_win(base, (effect,), gain),
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
-        chosen = likely[: N_SHORT * self.fits.ranking.breadth]
+        chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
         for names in held:
             best = {s.effect.kind: s for s in reversed(likely) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
-        chosen += [s for s in screened if s not in chosen][: max(0, N_FINAL - len(chosen))]
+        chosen += [s for s in screened if s not in chosen][: max(0, self.budget.n_final - len(chosen))]
         first = held[0] if held else set[str]()
         odds = self.fits.odds
         out = [
@@ -508,19 +507,19 @@ class Search:
         """
         springs = self.springs(beside)
         order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
-        near = [springs[whole] for whole in order if whole in springs][:MOST_CONNECTIONS]
+        near = [springs[whole] for whole in order if whole in springs][: self.budget.most_connections]
         pairs = (
             tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked if len(s.places) == 2
         )
-        two = [pair for pair in pairs if pair][:N_PAIRS]
+        two = [pair for pair in pairs if pair][: self.budget.n_pairs]
         ranked_blocks = self.fits.ranking.blocks(quick, now, far=self.fits.is_far(base))
-        alone = ranked_blocks(near or list(springs.values())[:MOST_CONNECTIONS])
-        first = [each[0].effects for each in alone[:MOST_PAIRED]]
+        alone = ranked_blocks(near or list(springs.values())[: self.budget.most_connections])
+        first = [each[0].effects for each in alone[: self.budget.most_paired]]
         paired = ranked_blocks([*two, *(a + b for a, b in combinations(first, 2))])
-        keys = {key_of(block) for block in (*near[:N_PLACES], *two)}
+        keys = {key_of(block) for block in (*near[: self.budget.n_places], *two)}
         chosen = [
             each
-            for blocks, n in ((alone, N_PLACES), (paired, N_PAIRS))
+            for blocks, n in ((alone, self.budget.n_places), (paired, self.budget.n_pairs))
             for k, each in enumerate(blocks)
             if k < n or key_of(each[0].effects) in keys
         ]
@@ -615,17 +614,19 @@ class Search:
     def _deserves_fit(self, key: frozenset[str], near: Hypothesis | None, *, anew: bool = False) -> bool:
         known = self.known.get(key)
         again = anew or (near is not None and known is not None and _moved(near, known))
-        return known is None or not self.is_full(known) or (again and self._n_fits[key] < MOST_FITS)
+        return (
+            known is None or not self.is_full(known) or (again and self._n_fits[key] < self.budget.most_fits)
+        )
 
     def is_full(self, h: Hypothesis) -> bool:
         """Whether a known hypothesis was fitted on all lines."""
         return not h.effects or self._n_fits[h.key] > 0
 
     def _keep(self, h: Hypothesis) -> None:
-        self._n_fits[h.key] += 1
         known = self.known.get(h.key)
-        if known is None or self._n_fits[h.key] == 1 or h.score > known.score:
+        if known is None or not self.is_full(known) or h.score > known.score:
             self.known[h.key] = h
+        self._n_fits[h.key] += 1
 
     def on_own_basis(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
@@ -644,7 +645,7 @@ class Search:
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
         if self.fits is not before:
-            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h)
+            self.known[h.key] = h = self.fits.again(h)
         return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:
@@ -656,7 +657,7 @@ class Search:
         mixture of their normal approximations: Σ w (C + d dᵀ), with weights w by their evidence and distances
         d from the best one.
         """
-        if not h.effects:
+        if not h.effects or not self.budget.checked:
             return h
         starts = [(h.effects, start) for start in around(h.effects)]
         here, others = self.on_few_lines(self.fits.free(h), h, starts)
