@@ -13,6 +13,9 @@ from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import Term
 
+TINY = 1e-12
+"""Smaller parts of the largest entry do not count in single precision; three of them are no subnormal number."""
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -64,7 +67,7 @@ class DeviatingFRF(ParametricFRF):
         ends = np.cumsum([len(self.refs), self._stiff.shape[1], self._lossy.shape[1], len(self._elements)])
         self._own = [slice(first, last) for first, last in pairwise(ends)]
         self._dense: Floats | None = None
-        self._constant: NDArray[np.float32] | None = None
+        self._constant: tuple[NDArray[np.float32], Floats] | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
     def matrices(self, values: Floats) -> tuple[dict[str, Any], list[Term]]:
@@ -100,15 +103,16 @@ class DeviatingFRF(ParametricFRF):
         many small ones at the places of the parameters.
         """
         n_lines, n_in, n_out = len(self.omega), self.inputs.shape[1], self.outputs.shape[1]
-        inward = _real_and_imaginary(times(state.V, Xi))
-        outward = _real_and_imaginary(times(state.V, state.solve(self.outputs, transposed=True)))
+        inward, size = _real_and_imaginary(times(state.V, Xi))
+        outward, other = _real_and_imaginary(times(state.V, state.solve(self.outputs, transposed=True)))
+        size = -size * other
         rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
         n = stack.shape[1]
         forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
         products = forces.reshape(n_lines, -1, n) @ outward.reshape(n_lines, -1, n).transpose(0, 2, 1)
         (rr, ri), (ir, ii) = products.reshape(n_lines, n_in, 2, -1, n_out, 2).transpose(2, 5, 3, 0, 4, 1)
         moved = _complex(rr - ii, ri + ir)
-        moved *= -np.array(factors, dtype=np.complex64)[:, :, None, None]
+        moved *= (size * np.array(factors)).astype(np.complex64)[:, :, None, None]
         n_refs = len(self.refs)
         dH = np.zeros((n_refs + (2 if zeta.ndim > 1 else 1), n_lines, n_out, n_in), dtype=np.complex64)
         once, first = np.unique(rows, return_index=True)
@@ -119,7 +123,7 @@ class DeviatingFRF(ParametricFRF):
             if S.size:
                 along = S.astype(np.float32)
                 ui, uo = (_complex(*(X @ along).transpose(2, 3, 0, 1)) for X in (inward, outward))
-                ui *= -np.broadcast_to(factor, n_lines)[:, None]
+                ui *= (size * factor).astype(np.complex64)[:, None]
                 dH[own] = uo[:, :, :, None] * ui[:, :, None, :]
         slopes: Any = dH
         if zeta.ndim > 1:
@@ -146,7 +150,7 @@ class DeviatingFRF(ParametricFRF):
         still = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
         if self._constant is None:
             parts = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]
-            self._constant = np.array(parts, dtype=np.float32).reshape(-1, *2 * [self._n])
+            self._constant = _single(np.array(parts).reshape(-1, *2 * [self._n]))
         # Moduli multiply the matrices of many effects alike.
         moving: dict[tuple[int, int], tuple[int, Any, Any]] = {}
         for i, term in slopes[n_linear:]:
@@ -156,10 +160,11 @@ class DeviatingFRF(ParametricFRF):
         by_zeta = [total["K"], total["connections"]][: 2 if connections else 1]
         changing = [X for *_, X in moving.values()] + by_zeta
         rows = [i for i, *_ in moving.values()] + [len(self.refs) + k for k in range(len(by_zeta))]
-        twice = np.full(len(self.omega), 2j)
-        factors = [f for _, f, _ in moving.values()] + [twice] * len(by_zeta)
-        stack = np.concatenate([np.array(changing, dtype=np.float32), self._constant])
-        return rows + [i for i, _ in still], factors + [f for _, f in still], stack
+        factors = [f for _, f, _ in moving.values()] + [np.full(len(self.omega), 2j)] * len(by_zeta)
+        (first, sizes), (others, theirs) = _single(np.array(changing)), self._constant
+        rows, factors = rows + [i for i, _ in still], factors + [f for _, f in still]
+        sizes = np.append(sizes, theirs)
+        return rows, [f * s for f, s in zip(factors, sizes, strict=True)], np.concatenate([first, others])
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""
@@ -171,11 +176,25 @@ class DeviatingFRF(ParametricFRF):
         return H - state.read(self.outputs, 1j * times(between, Xi), [])[0]
 
 
-def _real_and_imaginary(X: Complexes) -> NDArray[np.float32]:
-    """Return an array (n, m, n_freq) as (n_freq, m, 2, n) of real and imaginary parts."""
-    out = np.empty((X.shape[2], X.shape[1], 2, len(X)), dtype=np.float32)
+def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:
+    """Return an array (n, m, n_freq) as (n_freq, m, 2, n) of real and imaginary parts, and its sizes.
+
+    As of :func:`_single`.
+    """
+    out = np.empty((X.shape[2], X.shape[1], 2, len(X)))
     out[:, :, 0], out[:, :, 1] = X.real.T, X.imag.T
-    return out
+    return _single(out)
+
+
+def _single(X: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """Return arrays in parts of their largest entries, in single precision, and these.
+
+    Of less than ``TINY`` nothing is left: products of subnormal numbers take many times as long.
+    """
+    size = np.abs(X).max(axis=tuple(range(1, X.ndim)), initial=1e-300)
+    out = (X / size.reshape(-1, *[1] * (X.ndim - 1))).astype(np.float32)
+    out[np.abs(out) < TINY] = 0.0
+    return out, size
 
 
 def _complex(real: NDArray[np.float32], imaginary: NDArray[np.float32]) -> NDArray[np.complex64]:

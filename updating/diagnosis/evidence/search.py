@@ -417,8 +417,13 @@ class Search:
         rivals = self.workers.map(
             _onward, (self.fits, free), [r for r in rivals if r.score > now.score - BEAM_NATS]
         )
-        # Few lines say less than all.
-        fitted = self.all_full([r for r in rivals if r.score > now.score - TWIN_NATS])
+        # Few lines say less than all. On the way the best alone goes on, and at the end with its twins.
+        rivals.sort(key=lambda r: -r.score)
+        fitted = self.all_full(
+            [r for r in rivals[:1] if r.score > now.score]
+            if anywhere
+            else [r for r in rivals if r.score > now.score - TWIN_NATS]
+        )
         best = max(k.score for k in (h, *fitted))
         for twin in fitted:
             if twin.score > best - TWIN_NATS:
@@ -488,9 +493,9 @@ class Search:
     def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
         """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
 
-        Or nearly so. Far from the data nothing is linear, and all may be.
+        Far from the data nothing is linear, and all may be.
         """
-        return self.fits.is_far(base) or gain > self.fits.odds.against(base.effects, new) - TWIN_NATS
+        return self.fits.is_far(base) or gain > self.fits.odds.against(base.effects, new)
 
     def blocks(
         self,
