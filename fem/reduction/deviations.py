@@ -14,7 +14,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import Term
 
 TINY = 1e-12
-"""Smaller parts of the largest entry do not count in single precision; three of them are no subnormal number."""
+"""Smaller parts of the largest entry do not count in single precision: three of them are not subnormal."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

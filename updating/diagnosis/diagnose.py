@@ -40,6 +40,7 @@ from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import beating
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model
@@ -118,13 +119,14 @@ def diagnose(
     budget : Budget
         How much is tried.
     """
-    started, say = time.perf_counter(), progress or (lambda text, done: None)
+    started = time.perf_counter()
     more: dict[str, Any] = {
         "damping_std": damping_std, "band": band, "kinds": kinds, "exclude": exclude, "n_lines": n_lines,
-        "model_error": model_error, "progress": say, "budget": budget,
+        "model_error": model_error, "budget": budget,
     }  # fmt: skip
     first = None
-    with workers(processes) as crew:
+    with workers(processes) as crew, beating(progress or (lambda text, done: None)) as say:
+        more["progress"] = say
         if baseline is None:
             begun = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
         else:

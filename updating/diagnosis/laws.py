@@ -64,7 +64,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     problem = LevelProblem.of(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
-        problem, one.fits.form, candidates, one.say, scanned=one.scanned, ranking=LevelRanking(),
+        problem, one.fits.form, candidates, one.tell, scanned=one.scanned, ranking=LevelRanking(),
         workers=one.workers, budget=one.budget,
     )  # fmt: skip
     first = one.known[frozenset()]

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -233,7 +232,7 @@ def search_modes(
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(model, targets, kinds, exclude)
     return searched_modes(
-        Search(problem, own, candidates, partial(told, say), ranking=ModeRanking()), formed, say
+        Search(problem, own, candidates, told(say, time.monotonic()), ranking=ModeRanking()), formed, say
     )
 
 

@@ -13,7 +13,6 @@ So k r is subtracted. ε remains uncertain as the first state has left it, and a
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,7 +244,7 @@ def diagnose_change(
         model, before, after, nuisances, changes=changes, damping_std=damping_std, model_error=model_error
     )
     candidates = candidates_for(changed, problem.targets, kinds, exclude)
-    search = Search(problem, (), candidates, partial(told, say), ranking=ModeRanking())
+    search = Search(problem, (), candidates, told(say, time.monotonic()), ranking=ModeRanking())
     out = concluded(searched_modes(search, changed, say), begun)
     level = 100 * first.fitted.level
     note = (

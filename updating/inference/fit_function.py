@@ -15,6 +15,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import beat
 from updating.inference.solve import TOLERANCE, Prior, Residual, Solution, inflation, solve_robust
 from updating.inference.unknowns import ScaledUnknown
 from updating.least_squares.costs import Costs
@@ -116,6 +117,7 @@ class FitFunction:
     def _evaluated(
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        beat()
         keep, weight = self.keep, self.problem.data.weight[self.lines]
         (own, damping, scatter), (hats, offset) = self._parts, self._damping
         values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])

@@ -6,7 +6,7 @@ import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fem.linalg.solvers import one_thread
+from updating.inference.heartbeat import INTERVAL, beat
 
 Shared = TypeVar("Shared")
 Item = TypeVar("Item")
@@ -53,10 +54,16 @@ class Workers:
                     file = Path(folder, "shared")
                     file.write_bytes(pickle.dumps(shared, pickle.HIGHEST_PROTOCOL))
                     results = [self.pool.submit(_call, function, str(file), item) for item in items]
+                    while wait(results, INTERVAL).not_done:
+                        beat()
                     return [r.result() for r in results]
             except BrokenProcessPool:  # one was stopped from outside, perhaps for its memory
                 self.pool = None
-        return [function(shared, item) for item in items]
+        results = []
+        for item in items:
+            beat()
+            results.append(function(shared, item))
+        return results
 
 
 ALONE = Workers()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.correlation import complex_log
+from updating.inference.heartbeat import beat
 from updating.least_squares.loss import pseudo_huber
 from updating.quality.corrections import Fault
 
@@ -106,6 +107,7 @@ class Series:
 
     def losses(self, predicted: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the losses (…, n_lines) against other predictions (…, n_lines, n)."""
+        beat()
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             z = _log(self.measured / predicted) / self.sigma
         return (_loss(z) * self.seen).sum(axis=-1)

@@ -11,7 +11,7 @@ import numpy as np
 from tests.independent.casefiles import NOTHING, with_noise, write_files
 from tests.independent.foreign.bench import Bench
 from tests.independent.foreign.draw import draw, plans
-from tests.independent.foreign.structure import FRESH, FURTHER, LATER, nominal_of, read
+from tests.independent.foreign.structure import NAMED, nominal_of, read
 
 CODES = {"solid": "scikit-fem, quadratic hexahedra", "beam": "OpenSees, Timoshenko beams"}
 
@@ -48,7 +48,7 @@ def name_of(seed, plan):
 
 def main(argv=None):
     usual = read()
-    known = usual | read(FURTHER) | read(LATER) | read(FRESH)
+    known = usual | {name: each for file in NAMED for name, each in read(file).items()}
     parser = argparse.ArgumentParser(prog="python -m tests.independent.foreign", description=__doc__)
     parser.add_argument("out", type=Path, help="folder of the cases")
     parser.add_argument("--seed", type=int, default=1, help="draws everything (default: %(default)s)")

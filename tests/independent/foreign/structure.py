@@ -10,10 +10,11 @@ import numpy as np
 from tests.independent.bodies import Bar
 from tests.independent.casefiles import DIRECTIONS
 
-STRUCTURES, FURTHER, LATER, FRESH = (
-    Path(__file__).with_name(f"{name}.toml") for name in ("structures", "further", "later", "fresh")
+STRUCTURES, FURTHER, LATER, FRESH, LATEST = (
+    Path(__file__).with_name(f"{name}.toml") for name in ("structures", "further", "later", "fresh", "latest")
 )
-"""Structures that every run draws, and three sets of which each is drawn when it is named."""
+NAMED = FURTHER, LATER, FRESH, LATEST
+"""Structures that every run draws are the first ones; of the others each is drawn when it is named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11
 """Stiffness of what is held, in every direction [N/m, N·m/rad]."""

@@ -1,8 +1,9 @@
 """The posterior over what a model lacks, from measured FRFs."""
 
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,8 @@ FIRST_ANSWER = (
     "a first answer: effects at one place at most; no faults of the measurement were looked for, and no "
     "rivals fitted"
 )
+AS_LONG = 6.0
+"""A search usually takes so many times as long as its beginning."""
 UNKNOWN = "unknown"
 """Name of what the library does not have, in the posterior."""
 
@@ -261,6 +264,7 @@ def begun_with(
 
     Where some of the faults are doubtful, it has another one beside it that reads the data with them.
     """
+    begun_at = time.monotonic()
     lines: dict[str, Any] = {"n_lines": budget.n_lines, "counted_as": FULL_LINES}
     banded = fit(whole, n_lines=QUICK_LINES)
     null = fit(whole, stages=whole.stages[-1:], x_from=banded.result, **lines)
@@ -279,7 +283,7 @@ def begun_with(
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
-            problem, begun.form, candidates, partial(told, progress), ranking=ranking or FrfRanking(),
+            problem, begun.form, candidates, told(progress, begun_at), ranking=ranking or FrfRanking(),
             workers=crew, beforehand=log_prior(doubtful(faults), read), budget=budget,
         )  # fmt: skip
         first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
@@ -323,6 +327,21 @@ def candidates_for_test(
     return tuple(e for e in propose(model, kinds, exclude, measurement) if not e.is_form)
 
 
-def told(say: Progress, text: str) -> None:
-    """Report a text of the search, which does not know how far it is."""
-    say(text, 0.5)
+def told(say: Progress, begun: float) -> Callable[[str], None]:
+    """Return what reports texts of a search and how far it probably is, by how long its beginning took.
+
+    Parameters
+    ----------
+    say : callable
+    begun : float
+        ``time.monotonic()`` when that began [s].
+    """
+    searching: list[float] = []
+
+    def tell(text: str) -> None:
+        now = time.monotonic()
+        searching.append(now)
+        expected = AS_LONG * max(searching[0] - begun, 0.1)
+        say(text, 0.9 - 0.8 * math.exp((searching[0] - now) / expected))
+
+    return tell

@@ -23,6 +23,7 @@ from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import beat
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
@@ -198,28 +199,27 @@ def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid
 
 
 def screen_near(
-    problem: FitProblem, current: FitResult, grids: Sequence[Grid], linear: Sequence[float]
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], linear: Sequence[float]
 ) -> tuple[Screened, ...]:
-    """Return the candidates that can be the best beside a fit near the data, by their gains there.
+    """Return the candidates that can be the best beside fits near the data, by their gains over the first.
 
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
     """
-    look = Look.of(problem, current, N_WHOLE, 0, MOST_VALUES)
-    best, out = -np.inf, []
+    looks = [Look.of(problem, base, N_WHOLE, 0, MOST_VALUES) for base in bases]
+    now, best, out = looks[0].cost_now, -np.inf, []
     for at_once in (True, False):
         for grid, gain in zip(grids, linear, strict=True):
             if np.isfinite(gain) != at_once:
                 continue
             if not at_once:
                 few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
-                gain = look.cost_now - float(look.levels(few)[0].min())
+                gain = now - min(float(look.levels(few)[0].min()) for look in looks)
             if gain < best - OUTDONE:
                 continue
-            whole, *_, little = look.best_starts(grid)
-            cost, start = min(whole, little, key=lambda each: each[0])
+            cost, start = min((s for look in looks for s in look.best_starts(grid)), key=lambda each: each[0])
             if np.isfinite(cost):
-                out.append(Screened(grid.effect, (start,), look.cost_now - cost))
+                out.append(Screened(grid.effect, (start,), now - cost))
                 best = max(best, out[-1].gain)
     return tuple(sorted(out, key=lambda each: -each.gain))
 
@@ -421,6 +421,7 @@ class Look:
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return the residuals of a candidate at its points, and which of them can be."""
+        beat()
         terms = terms_beside(self.problem, self.base, grid)
         return self._possible(self._local(grid.effect.released()).with_terms(terms))
 

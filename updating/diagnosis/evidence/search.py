@@ -172,12 +172,16 @@ class Search:
     problem, form, ranking
         Of :class:`updating.diagnosis.evidence.fits.Fits`.
     candidates : tuple of Effect
+    tell : callable
+        Is told what is being decided.
     workers : Workers
         What computes independent fits.
     beforehand : float
         Logarithm of how probable the data were read rightly.
     budget : Budget
         How much is tried.
+    say : callable
+        Is told each score, for those who work on the search.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
     """
@@ -185,13 +189,14 @@ class Search:
     problem: InitVar[AnyProblem]
     form: InitVar[tuple[Nuisance, ...]]
     candidates: tuple[Effect, ...]
-    say: Say = lambda text: None
+    tell: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     scanned: tuple[Scanned, ...] = ()
     ranking: InitVar[Ranking] = FrfRanking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
     beforehand: InitVar[float] = 0.0
     budget: Budget = NORMAL
+    say: Say = lambda text: None
 
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
@@ -214,8 +219,10 @@ class Search:
 
     @property
     def best(self) -> Hypothesis:
-        """The most probable hypothesis so far."""
-        return max(self.known.values(), key=lambda h: h.score)
+        """The most probable hypothesis so far; of it and twins without some of its effects the simplest."""
+        top = max(self.known.values(), key=lambda h: h.score)
+        fewer = [h for h in self.known.values() if h.key < top.key and not self.beats(top, h)]
+        return min(fewer, key=lambda h: (len(h.effects), -h.score), default=top)
 
     def rounds(self) -> Iterator[Hypothesis]:
         """Search with one effect more each time, and yield the most probable hypothesis so far."""
@@ -229,7 +236,7 @@ class Search:
             better = {h.key: h for b in beam for h in self.extended(b, gone)}
             beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
-            if beam and beam[0].score > best.score:
+            if beam and self.beats(beam[0], best):
                 if self.budget.checked:
                     beam[0] = self.swapped(beam[0])
                 beam[0] = best = self.on_own_basis(beam[0])
@@ -251,6 +258,14 @@ class Search:
             for h in beam[:1]:
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
             yield best
+
+    def settled(self, h: Hypothesis) -> bool:
+        """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
+        return bool(h.effects) and self.explains(h)
+
+    def beats(self, h: Hypothesis, best: Hypothesis) -> bool:
+        """Whether a hypothesis is more probable than another one; with more effects, more than a twin."""
+        return h.score > best.score + (TWIN_NATS if best.key < h.key else 0.0)
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
@@ -317,7 +332,7 @@ class Search:
             ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
             for s in screened[: self.budget.n_singles]
         ]
-        self.say(f"damped FRFs: {len(blocks)} connections, {len(singles)} of {len(others)} other effects")
+        self.tell(f"comparing {len(blocks)} connections and {len(singles)} of {len(others)} other effects")
         return halved(damped, self.workers, blocks, singles)
 
     def amid(self, block: Sequence[Effect]) -> Values:
@@ -336,6 +351,8 @@ class Search:
 
     def from_near(self, base: Hypothesis, free: AnyProblem) -> list[Hypothesis]:
         """Return candidates that a look at small changes asks for, fitted on few lines."""
+        what = f"effects beside {base.name}" if base.effects else "effects"
+        self.tell(f"looking at {len(self.candidates)} {what}")
         quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
         proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
@@ -410,6 +427,7 @@ class Search:
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
+        self.tell(f"fitting {len(others)} rivals of {h.name}")
         now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -454,6 +472,7 @@ class Search:
             beside,
             lambda e: e.name in there,
             None if far else lambda effect, gain: self.may_win(base, (effect,), gain),
+            settled=self.settled(base),
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
@@ -612,6 +631,8 @@ class Search:
         With ``anew`` also from nominal values of all but their effects.
         """
         wanted = [h for h in many if self._deserves_fit(h.key, h)]
+        if wanted:
+            self.tell("fitting on all lines: " + "; ".join(h.name for h in wanted))
         for fitted in self.workers.map(_fully, (self.fits, anew), wanted):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
@@ -650,7 +671,11 @@ class Search:
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
         if self.fits is not before:
-            self.known[h.key] = h = self.fits.again(h)
+            # What is bent would stay so.
+            anew = not self.settled(h)
+            self.known[h.key] = h = (
+                self.fits.fully(h.effects, values_of(h.effects), h) if anew else self.fits.again(h)
+            )
         return h
 
     def polished(self, h: Hypothesis) -> Hypothesis:

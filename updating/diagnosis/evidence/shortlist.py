@@ -17,6 +17,7 @@ from updating.diagnosis.evidence.screening import (
 )
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import beat
 
 MOST_RIVALS = 400
 """Of more candidates at the place of an effect only a short list is looked at."""
@@ -73,14 +74,15 @@ def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[G
     return sorted(listed)
 
 
-def linear_gains(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> Floats:
+def linear_gains(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> Floats:
     """Return by how much candidates would raise the log likelihood of a fit if FRFs changed in proportion.
 
-    Shape (n_grids,), on all lines of a full fit; near the noise all is linear. Infinite for those that
-    release a constraint, which have no small change, and minus infinity for those that the data do not see.
+    Shape (n_grids,), on all lines of a full fit, over the first of some fits; near the noise all is linear.
+    Infinite for those that release a constraint, which have no small change, and minus infinity for those
+    that the data do not see.
     """
-    look = Look.of(problem, current, FULL_LINES, 0, MOST_VALUES_LISTED)
-    gains = look.cost_now - _proportional_levels([look], grids)[0]
+    looks = [Look.of(problem, base, FULL_LINES, 0, MOST_VALUES_LISTED) for base in bases]
+    gains = looks[0].cost_now - _proportional_levels(looks, grids)[::2].min(axis=0)
     return np.where([bool(grid.effect.released()) for grid in grids], np.inf, gains)
 
 
@@ -99,6 +101,7 @@ def _proportional_levels(looks: Sequence[Look], grids: Sequence[Grid]) -> Floats
         most: list[float] = []
         slopes: list[list[Complexes]] = [[] for _ in looks]
         for i in range(first, min(first + _TOGETHER, len(grids))):
+            beat()
             effect = grids[i].effect
             points = () if effect.released() else grids[i].slight_points()
             step = max(1, -(-len(points) // MOST_PLACES))

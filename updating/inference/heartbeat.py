@@ -1,0 +1,49 @@
+"""Regular reports of long work, so that it can be ended anywhere by an exception from its progress."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import partial
+
+Progress = Callable[[str, float], None]
+"""Called with a text and the fraction done."""
+
+INTERVAL = 0.25
+"""Reports are at least so far apart [s]."""
+
+
+class _Pulse:
+    """The last report of some work, given again while the work goes on."""
+
+    def __init__(self, report: Progress) -> None:
+        self.report, self.last, self.at = report, ("", 0.0), time.monotonic()
+
+    def __call__(self, text: str, done: float) -> None:
+        self.last, self.at = (text, done), time.monotonic()
+        self.report(text, done)
+
+    def beat(self) -> None:
+        if time.monotonic() - self.at > INTERVAL:
+            self(*self.last)
+
+
+_pulse: ContextVar[_Pulse | None] = ContextVar("pulse", default=None)
+
+
+@contextmanager
+def beating(report: Progress) -> Iterator[Progress]:
+    """Give a progress function whose last report :func:`beat` gives again within the block."""
+    pulse = _Pulse(report)
+    token = _pulse.set(pulse)
+    try:
+        yield partial(_Pulse.__call__, pulse)
+    finally:
+        _pulse.reset(token)
+
+
+def beat() -> None:
+    """Give the last report again, if that is due: long work calls this at every step."""
+    pulse = _pulse.get()
+    if pulse is not None:
+        pulse.beat()
