@@ -145,7 +145,8 @@ def test_every_verdict_has_its_words(found, album, verdict, faults, words_of_it)
 def test_twins_are_named_in_the_headline(found, album):
     d = found.diagnosis
     (finding,) = d.findings
-    twins = d.rounds[0][1:3]
+    rival = d.rounds[0][1]
+    twins = (rival, replace(rival, name="another"))
     twofold = replace(found, diagnosis=replace(d, findings=(replace(finding, twins=twins),)))
     page = report_html(twofold, album)
     assert "or it is one of 2 others that these data cannot tell from it" in page

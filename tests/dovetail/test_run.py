@@ -126,7 +126,9 @@ def test_what_is_not_ours_stays(study_file, tmp_path):
 @pytest.fixture
 def quick(monkeypatch, done):
     """Let runs use the diagnosis that is there already."""
-    monkeypatch.setattr(run, "diagnose_study", lambda study, say=None, processes=1: done.diagnosis)
+    monkeypatch.setattr(
+        run, "diagnose_study", lambda study, say=None, processes=1, budget="normal": done.diagnosis
+    )
     monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
 
 

@@ -4,13 +4,13 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
-from fem.model import parameter_values
 from tests.frames import write_study
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.diagnosis.evidence.search import Search
 from updating.inference.workers import ALONE, workers
 
 
@@ -67,15 +67,17 @@ def test_two_processes_find_what_one_finds(tmp_path):
     assert together == pytest.approx(alone, rel=1e-9)
 
 
-def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path):
+def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path, monkeypatch):
     """A mass and its position vary on scales of their own, the mass as a share of where its fit began."""
+    fits, polished = [], Search.polished
+    monkeypatch.setattr(Search, "polished", lambda self, h: polished(self, fits.append(h) or h))
     study, (measurement,) = asked(tmp_path, 0.25)
     done = search_by_evidence(
         study.model, measurement, study.nuisances, damping_std=study.damping_std, kinds=["point_mass"],
         model_error=0.1,
     )  # fmt: skip
     (effect,) = done.best.effects
-    alone = done.search.fits.fully([effect], [parameter_values(effect)], done.best).fitted.result
+    (alone,) = (h.fitted.result for h in fits)
     for name in ("mass", "position"):
         ref = effect.name, name
         assert done.best.fitted.result.std[ref] == pytest.approx(alone.std[ref], rel=0.02)

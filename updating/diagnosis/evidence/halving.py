@@ -50,7 +50,7 @@ class Stage:
 STAGES = (
     Stage(share=0.04, n_lines=14, n_steps=6, kept=0.34, least=4),
     Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=2),
-    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=1),
+    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
 )
 ROUGH_NATS = 0.5
 """A fit to damped FRFs ends when it gains less."""

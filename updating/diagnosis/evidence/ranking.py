@@ -12,15 +12,13 @@ from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened, look_at, screen, screen_near
+from updating.diagnosis.evidence.screening import LEAST_GRIDS, Grid, Screened, look_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import Scatter, scatter_of
 
-LEAST_GRIDS = 3
-"""So many of the best by a linear look are looked at in any case."""
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 

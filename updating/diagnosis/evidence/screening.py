@@ -40,6 +40,9 @@ directions measured do not see them [nepers]."""
 MOST_VALUES = 700
 """At most so many values of FRFs in the whole band, and in the low one, are looked at."""
 
+LEAST_GRIDS = 3
+"""So many of the best by a linear look are looked at in any case."""
+
 OUTDONE, N_COARSE = 30.0, 6
 """Near the data a candidate is not looked at on its grid if it gains so much less than another one [nats]: as
 far as all is linear, or on so many of its points."""
@@ -215,7 +218,7 @@ def screen_near(
             if not at_once:
                 few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
                 gain = now - min(float(look.levels(few)[0].min()) for look in looks)
-            if gain < best - OUTDONE:
+            if gain < best - OUTDONE and len(out) >= LEAST_GRIDS:
                 continue
             cost, start = min((s for look in looks for s in look.best_starts(grid)), key=lambda each: each[0])
             if np.isfinite(cost):
