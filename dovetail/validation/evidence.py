@@ -93,7 +93,7 @@ def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | N
         if len({e.name for e in effects}) < len(effects):
             continue  # one candidate cannot be two of the hidden effects
         try:
-            fits.append(search.fits.at(effects, tuple(values for _, values in starts)))
+            fits.append(search.fits.fully(effects, tuple(values for _, values in starts)))
         except np.linalg.LinAlgError:
             continue
     return max(fits, key=lambda h: h.score, default=None)
