@@ -59,7 +59,20 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         if here < exact:
             text += f"; at this position: {percent(here)}"
         text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
-    return text
+        return text
+    return f"{text}. {vague}" if (vague := vague_text(d)) else text
+
+
+def vague_text(d: Diagnosis) -> str:
+    """Return which values found are smaller than their standard deviations; empty if none is."""
+    vague = [
+        f"{effect_label(f.effect.kind, f.effect.where)} is not known in size: the standard deviation of its "
+        f"{p.name.replace('_', ' ')} exceeds the value"
+        for f in d.findings
+        for p, own in zip(f.parameters, f.effect.parameters(), strict=True)
+        if not own.position and p.std > abs(p.value)
+    ]
+    return "; ".join(text[0].upper() + text[1:] for text in vague)
 
 
 def replaced_text(d: Diagnosis, subject: str, name: str) -> str:

@@ -16,6 +16,7 @@ from dovetail.commands.diagnosis_words import found_lines
 from dovetail.report import probable, words
 from dovetail.report.page import Markup, esc, table, tag
 from dovetail.report.pictures import Album, draw_all
+from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
 from dovetail.result import Uncertain, result_dict
@@ -151,6 +152,15 @@ def test_twins_are_named_in_the_headline(found, album):
     page = report_html(twofold, album)
     assert "or it is one of 2 others that these data cannot tell from it" in page
     assert page.count(">twin<") >= 2
+
+
+def test_a_value_below_its_deviation_is_said_in_words(found):
+    d = found.diagnosis
+    (finding,) = d.findings
+    first, *others = finding.parameters
+    vague = replace(finding, parameters=(replace(first, std=2 * abs(first.value)), *others))
+    assert "is not known in size" not in probability_text(d)
+    assert "is not known in size" in probability_text(replace(d, findings=(vague,)))
 
 
 def with_posterior(result, *hypotheses):
