@@ -276,10 +276,8 @@ class Search:
 
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
-        free, kept = self.fits.free(base), values_of(base.effects)
-        damped = None
-        if isinstance(free, FitProblem) and self.fits.is_far(base):
-            damped = Damped(free, base.fitted.result)
+        free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
+        damped = Damped(free, base.fitted.result) if far and isinstance(free, FitProblem) else None
         looked = damped.for_look() if damped else None
         if damped and looked:
             trials = self.from_afar(base, damped, looked)
@@ -289,23 +287,16 @@ class Search:
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
         now = self.fits.quickly(free, base, base.effects, kept).score
-        least = 1 if base.effects else self.budget.n_final
-        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS][
-            : self.budget.n_full
-        ]
+        least, final = 1 if base.effects else self.budget.n_final, self.budget.n_final
+        tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS]
+        tried = tried[: self.budget.n_full]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
         # Few lines say less than all, but not so much less.
-        near = [h for h in tried if h.score >= tried[0].score - BEAM_NATS]
-        near = [
-            h
-            for k, h in enumerate(near)
-            if k < self.budget.n_final or h.score >= tried[0].score - 2 * TWIN_NATS
-        ]
+        behind = (BEAM_NATS if k < final else 2 * TWIN_NATS for k in range(len(tried)))
+        near = [h for h, most in zip(tried, behind, strict=True) if h.score >= tried[0].score - most]
         # What comes from damped FRFs has bent nothing on its way.
-        fitted = [
-            (h, self.simplified(h)) for h in self.all_full(near, anew=self.fits.is_far(base) and not looked)
-        ]
+        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=far and not looked)]
         if fitted:
             self._keep_behind(fitted[0][0], tried)
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
