@@ -2,7 +2,7 @@
 
 import argparse
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from dovetail.commands.argument_types import number_up_to, positive, values_by_n
 from dovetail.commands.common import Options, say, warn
 from dovetail.disk.output import Output, OutputError, Progress, check_outputs
 from dovetail.file.paths import InputFile
+from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
 from fem.io.atomic import replacing
 
 if TYPE_CHECKING:
@@ -35,8 +36,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz or .uff")
     p.add_argument(
-        "--force", nargs="+", metavar="CHANNEL", help="channels of forces (default: those in a unit of force)"
-    )
+        "--force", "--reference", nargs="+", metavar="CHANNEL",
+        help="channels of forces (default: those in a unit of force), or of the motions that "
+        "transmissibilities refer to",
+    )  # fmt: skip
     p.add_argument(
         "--response", nargs="+", metavar="CHANNEL", help="channels of responses (default: the rest)"
     )
@@ -50,8 +53,9 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     p.add_argument("--sample-rate", type=positive, metavar="HZ", help="of files that do not say it")
     p.add_argument(
-        "--kind", choices=["receptance", "mobility", "accelerance"],
-        help="kind of FRF (default: that of the responses' units, else accelerance)",
+        "--kind", choices=[*map(str, FRFKind), TRANSMISSIBILITY],
+        help="kind of FRF (default: that of the units, else accelerance); a transmissibility is a motion for "
+        "another one",
     )  # fmt: skip
     p.add_argument(
         "--hits",
@@ -91,7 +95,7 @@ def labels_by_name(text: str) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Chosen:
-    """Channels of forces and responses in SI units."""
+    """Channels of forces and responses in SI units; ``of_motion`` where motions are in place of forces."""
 
     force: Floats
     response: Floats
@@ -99,6 +103,7 @@ class _Chosen:
     outputs: tuple[str, ...]
     kind: str
     notes: tuple[str, ...]
+    of_motion: bool = False
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -151,33 +156,94 @@ def _channels(options: Options, data: "TimeData") -> _Chosen:
             f"{data.name}: the forces are {', '.join(forces)}, the responses {', '.join(responses) or 'none'}"
         )
         raise OutputError(msg)
-    notes: list[str] = []
-    kinds: dict[str, str] = {}
+    notes = list(data.notes)
+    kinds: dict[str, FRFKind] = {}
     columns: dict[str, Floats] = {}
     for name in (*forces, *responses):
         at = data.channel(name)
         unit, is_force = data.units[at], name in forces
-        motion = motion_unit(unit)
-        known = force_unit(unit) if is_force else None if motion is None else motion[1]
-        if not is_force and motion is not None:
-            kinds[name] = str(motion[0])
+        motion, force = motion_unit(unit), force_unit(unit)
+        if motion is not None:
+            kinds[name] = motion[0]
+        if not is_force and force is not None and name not in options.scale:
+            msg = (
+                f"{data.name}: the response {name} is in '{unit}', a unit of force; give it as --force, or "
+                f"--scale {name}=FACTOR"
+            )
+            raise OutputError(msg)
+        known = force if motion is None else motion[1]
         if name not in options.scale and known is None:
+            of = "SI units" if not is_force or options.kind == TRANSMISSIBILITY else "N"
             notes.append(
                 f"channel {name} of {data.name} has {f'the unit {unit!r}' if unit else 'no unit'} and is "
-                "taken to "
-                f"be in {'N' if is_force else 'SI units'}; --scale {name}=FACTOR corrects that"
+                f"taken to be in {of}; --scale {name}=FACTOR corrects that"
             )
         if data.full_scale is not None and (np.abs(data.values[:, at]) >= 0.999 * data.full_scale).any():
             notes.append(f"channel {name} of {data.name} reaches the end of its range: it may be clipped")
         columns[name] = options.scale.get(name, known or 1.0) * data.values[:, at]
-    if len(set(kinds.values())) > 1 and options.kind is None:
-        listed = ", ".join(f"{c} of {k}" for c, k in kinds.items())
-        msg = f"{data.name}: the responses are of several kinds ({listed}); give --response of one kind"
-        raise OutputError(msg)
-    kind = options.kind or next(iter(kinds.values()), "accelerance")
+    kind, of_motion = _kind(
+        options, data, {c: kinds.get(c) for c in forces}, {c: kinds.get(c) for c in responses}
+    )
     labels = [tuple(options.rename.get(n, n) for n in part) for part in (forces, responses)]
     parts = [np.column_stack([columns[n] for n in part]) for part in (forces, responses)]
-    return _Chosen(parts[0], parts[1], labels[0], labels[1], kind, tuple(notes))
+    return _Chosen(parts[0], parts[1], labels[0], labels[1], kind, tuple(notes), of_motion)
+
+
+def _kind(
+    options: Options,
+    data: "TimeData",
+    references: dict[str, FRFKind | None],
+    responses: dict[str, FRFKind | None],
+) -> tuple[str, bool]:
+    """Return the kind of the FRFs, and whether their references are motions in place of forces.
+
+    A motion for another one has the kind of the FRF to the acceleration of the reference
+    (:attr:`fem.io.uff_types.Function.kind`), so two of one quantity have that of a transmissibility.
+    """
+    stated = {c: k for c, k in responses.items() if k is not None and c not in options.scale}
+    if len(set(stated.values())) > 1 and options.kind is None:
+        listed = ", ".join(f"{c} of {k}" for c, k in stated.items())
+        msg = f"{data.name}: the responses are of several kinds ({listed}); give --response of one kind"
+        raise OutputError(msg)
+    motions = {c: k for c, k in references.items() if k is not None and c not in options.scale}
+    asked = options.kind == TRANSMISSIBILITY
+    if not asked and (
+        not motions or (options.kind is not None and all(c in options.scale for c in references))
+    ):
+        return str(options.kind or next(iter(stated.values()), FRFKind.ACCELERANCE)), False
+    from fem.io.time_data import force_unit
+
+    labels = {c: data.units[data.channel(c)] for c in (*references, *responses)}
+    of_force = [c for c in references if force_unit(labels[c]) is not None and c not in options.scale]
+    if of_force:
+        msg = (
+            f"{data.name}: the reference {of_force[0]} is in '{labels[of_force[0]]}', a unit of force; "
+            "a transmissibility refers to a motion, and --force takes either forces or motions"
+        )
+        raise OutputError(msg)
+    if options.kind is not None and not asked:
+        name = next(iter(motions))
+        msg = (
+            f"{data.name}: --force {name} is in '{labels[name]}', a unit of motion, and --kind "
+            f"{options.kind} needs a force [N]; give --kind {TRANSMISSIBILITY}, or --scale {name}=FACTOR to N"
+        )
+        raise OutputError(msg)
+    of, to = (next(iter(k.values()), None) for k in (stated, motions))
+    if len(set(motions.values())) > 1:
+        listed = ", ".join(motions)
+        msg = f"{data.name}: the references are different motions ({listed}); give --force of one kind"
+        raise OutputError(msg)
+    if of is None or to is None or of == to:
+        return str(FRFKind.ACCELERANCE), True
+    order = of.derivatives - to.derivatives + 2
+    if asked or not 0 <= order <= 2:
+        one, other = next(iter(stated)), next(iter(motions))
+        msg = (
+            f"{data.name}: {one} is in '{labels[one]}' and the reference {other} in '{labels[other]}'; a "
+            "transmissibility needs two motions of one kind"
+        )
+        raise OutputError(msg)
+    return str(tuple(FRFKind)[order]), True
 
 
 def _estimate(
@@ -188,7 +254,8 @@ def _estimate(
 
     first = chosen[0]
     for record, c in zip(records, chosen, strict=True):
-        same = (c.inputs, c.outputs, c.kind) == (first.inputs, first.outputs, first.kind)
+        one, other = ((x.inputs, x.outputs, x.kind, x.of_motion) for x in (c, first))
+        same = one == other
         if not same or not np.isclose(record.sample_rate, records[0].sample_rate, rtol=1e-6):
             msg = f"{record.name}: it has other channels or another sample rate than {records[0].name}"
             raise OutputError(msg)
@@ -210,6 +277,8 @@ def _estimate(
             outputs=first.outputs, inputs=first.inputs,
             band=None if options.band is None else tuple(options.band), hits=options.hits is not None,
         )  # fmt: skip
+    if first.of_motion:
+        estimate = replace(estimate, frf=replace(estimate.frf, base=estimate.frf.inputs))
     warn(estimate.messages)
     if estimate.added_decay:
         notes.append(
@@ -244,14 +313,15 @@ def _write(path: Path, estimate: "EstimatedFRF") -> None:
     from fem.io.uff_types import Function
 
     frf = estimate.frf
+    kind = TRANSMISSIBILITY if frf.quantity == TRANSMISSIBILITY else str(frf.kind)
     averages = max(1, int(np.floor(estimate.effective_averages.min())))
     if path.suffix.lower() == ".npz":
         with replacing(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
-                file, frequency=frf.frequency, H=frf.H, kind=np.array(str(frf.kind)),
+                file, frequency=frf.frequency, H=frf.H, kind=np.array(kind),
                 outputs=np.array(frf.outputs, dtype=str), inputs=np.array(frf.inputs, dtype=str),
                 coherence=estimate.coherence, averages=np.array(averages), std=estimate.std,
-                added_decay=np.array(estimate.added_decay),
+                added_decay=np.array(estimate.added_decay), base=np.array(frf.base, dtype=str),
             )  # fmt: skip
         return
     coherences = [
@@ -272,8 +342,9 @@ def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> Non
     uff = options.out.suffix.lower() != ".npz"
     say(
         options,
-        f"{options.out}: {frf.kind} [{frf.kind.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
-        f"force(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to {frf.frequency[-1]:.4g} Hz, "
+        f"{options.out}: {frf.quantity} [{frf.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
+        f"{'reference' if frf.base else 'force'}(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to "
+        f"{frf.frequency[-1]:.4g} Hz, "
         f"{options.estimator} of {estimate.n_averages[0]} blocks worth {estimate.effective_averages[0]:.3g} "
         "independent ones",
         f"{'FRF':{width}}  {'least coherence':>15}  {'median':>7}  {'std of |H|, median %':>20}",

@@ -53,8 +53,8 @@ def run(options: Options, progress: Progress) -> None:
     RESULTS.check(options, InputFile(options.psd, "the excitation's density"))
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     require_sensors(study)
-    table = read_columns(options.psd, ("frequency", "f"))
-    driven = driven_by(study, table)
+    table = read_columns(options.psd, ("frequency",))
+    driven = driven_by(study, table, density=True)
     progress("computing densities")
     system = assemble(study.model, reciprocal=False)
 
@@ -63,8 +63,8 @@ def run(options: Options, progress: Progress) -> None:
             system,
             outputs,
             loads=driven.loads.T,
-            forces=[Tabulated.of(table.x, table.values[:, k]) for k in driven.of_loads],
-            base={d: Tabulated.of(table.x, table.values[:, k]) for d, k in driven.base.items()},
+            forces=[Tabulated.of(table.x, driven.values[:, k]) for k in driven.of_loads],
+            base={d: Tabulated.of(table.x, driven.values[:, k]) for d, k in driven.base.items()},
             response=options.response,
             relative=options.relative,
         )

@@ -25,7 +25,7 @@ from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
 HELP = "combine the largest responses of modes to a response spectrum of the base"
-FREQUENCY, PERIOD, TIME = ("frequency", "f"), ("period", "t"), ("time",)
+FREQUENCY, PERIOD, TIME = "frequency", "period", "time"
 PER_OCTAVE = 24
 """Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
 half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
@@ -70,7 +70,7 @@ def run(options: Options, progress: Progress) -> None:
     RESULTS.check(options, InputFile(options.spectrum, "the spectrum"))
     study = loaded(options, ())
     refuse_rotors(study)
-    table = read_columns(options.spectrum, (*FREQUENCY, *PERIOD, *TIME))
+    table = read_columns(options.spectrum, (FREQUENCY, PERIOD, TIME))
     spectra, rigid = _spectra(table, options.zeta)
     progress("combining modes")
     found = solve_spectrum(
@@ -163,16 +163,19 @@ def _spectra(table: Columns, zeta: float) -> tuple[dict[str, Tabulated], dict[st
 
     Those of a record are its shock response spectra for a damping ratio.
     """
+    table = table.named([*DIRECTIONS, *(BASE + d for d in DIRECTIONS)])
     names = [name.lower().removeprefix(BASE) for name in table.names]
     for name in names:
         if name not in DIRECTIONS:
             msg = f"{table.file}: '{name}' is no direction of the base; {suggest(name, DIRECTIONS)}"
             raise StudyError(msg)
-    x, values, rigid = table.x, table.values, {}
-    if table.abscissa in TIME:
+    units = ["rad/s^2" if name.startswith("r") else "m/s^2" for name in names]
+    x, rigid = table.x, {}
+    values = np.column_stack([table.in_si(k, unit) for k, unit in enumerate(units)])
+    if table.abscissa == TIME:
         rigid = dict(zip(names, np.abs(values).max(axis=0).tolist(), strict=True))
         x, values = _shock_spectra(x, values, zeta)
-    if table.abscissa in PERIOD:
+    if table.abscissa == PERIOD:
         if x[0] == 0:
             rigid, x, values = dict(zip(names, values[0].tolist(), strict=True)), x[1:], values[1:]
         x, values = 1 / x[::-1], values[::-1]

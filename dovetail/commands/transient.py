@@ -213,9 +213,9 @@ def _excitation(study: Study, options: Options, initial: Start | None) -> Excita
             raise OutputError(msg)
         table = Columns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
     else:
-        table = read_columns(options.excitation, ("time", "t"))
+        table = read_columns(options.excitation, ("time",))
     driven = driven_by(study, table)
-    time, values = table.x, table.values
+    time, values = table.x, driven.values
     step = options.step or float(time[-1] - time[0]) / (time.size - 1)
     duration = options.duration or float(time[-1] - time[0])
     if duration / step > MOST_STEPS:

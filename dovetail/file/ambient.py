@@ -125,6 +125,7 @@ def _at_sensors(test: AmbientTest, data: TimeData) -> AmbientChannels:
         for k, label in enumerate(labels)
         if full is not None and (np.abs(values[:, k]) >= 0.999 * full).any()
     ]
+    notes += data.notes
     if data.rate_note:
         notes.append(data.rate_note)
     rest = [c for c in data.channels if c not in labels]

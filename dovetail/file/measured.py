@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.file.sensors import read_convention
 from dovetail.file.table import Table
-from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
+from fem.analysis.frf import FRF, TRANSMISSIBILITY, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
 from fem.io.frf_files import read_frfs, reader_of
@@ -26,7 +26,6 @@ from updating.quality.phase import phase_evidence
 COHERENCE_TYPE = 6
 """Function type of a coherence in universal files."""
 
-TRANSMISSIBILITY = "transmissibility"
 """Kind of FRFs of accelerations for an acceleration of the base: as accelerances for a force of 1."""
 
 G0 = 9.80665

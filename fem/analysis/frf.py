@@ -19,6 +19,9 @@ WITHOUT_PHASE = (
 )
 """Reason why amplitudes are no FRFs, and their use; every reader gives it."""
 
+TRANSMISSIBILITY = "transmissibility"
+"""An acceleration for an acceleration: an accelerance in which a motion is in place of the force."""
+
 
 class FRFKind(StrEnum):
     """Response per unit force: displacement, velocity or acceleration."""
@@ -43,7 +46,7 @@ class FRFKind(StrEnum):
         return {
             "receptance": ("displacement per acceleration", "s²"),
             "mobility": ("velocity per acceleration", "s"),
-            "accelerance": ("transmissibility", "-"),
+            "accelerance": (TRANSMISSIBILITY, "-"),
         }[self.value]
 
 

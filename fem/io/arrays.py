@@ -1,8 +1,9 @@
 """FRFs and modes as arrays in ``.npz`` files, and FRFs written as tables.
 
 Keys of an ``.npz`` file with FRFs: ``frequency`` (n_freq,) [Hz], ``H`` (n_freq, n_out, n_in), ``kind``,
-``outputs``, ``inputs``; with modes: ``frequency`` (n_modes,) [Hz], ``shapes`` (n_dof, n_modes), and where
-they are known ``zeta`` (n_modes,), ``labels`` (n_dof,), ``n_rigid``, and relative standard deviations
+``outputs``, ``inputs``, and ``base``, the inputs that are accelerations, where there are some; with modes:
+``frequency`` (n_modes,) [Hz], ``shapes`` (n_dof, n_modes), and where they are known ``zeta`` (n_modes,),
+``labels`` (n_dof,), ``n_rigid``, and relative standard deviations
 ``frequency_std``, ``zeta_std`` and ``shape_std`` (n_modes,) [-].
 """
 
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.analysis.frf import FRF, TRANSMISSIBILITY, FRFError, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
 
@@ -51,6 +52,8 @@ def write_npz(
             "outputs": np.array(data.outputs, dtype=str),
             "inputs": np.array(data.inputs, dtype=str),
         }
+        if data.base:
+            arrays["base"] = np.array(data.base, dtype=str)
     else:
         arrays = {"frequency": data.frequency, "shapes": data.shapes, "n_rigid": np.array(data.n_rigid)}
         if data.zeta is not None:
@@ -86,7 +89,11 @@ def read_npz(path: str | os.PathLike[str], kind: FRFKind | str | None = None) ->
         tuple(typed(arrays, key, name, "text", 1).tolist()) if key in arrays else None
         for key in ("outputs", "inputs")
     )
-    return _checked(frequency, H, given, outputs, inputs, name)
+    base = typed(arrays, "base", name, "text", 1).tolist() if "base" in arrays else ()
+    if given == TRANSMISSIBILITY:
+        given = FRFKind.ACCELERANCE
+        base = inputs or [f"in{k + 1}" for k in range(np.shape(H)[-1] if np.ndim(H) else 0)]
+    return _checked(frequency, H, given, outputs, inputs, name, base)
 
 
 def _checked(
@@ -96,9 +103,10 @@ def _checked(
     outputs: Sequence[str] | None,
     inputs: Sequence[str] | None,
     name: str,
+    base: Sequence[str] = (),
 ) -> FRF:
     try:
-        return FRF.from_arrays(frequency, H, kind, outputs, inputs)
+        return FRF.from_arrays(frequency, H, kind, outputs, inputs, base)
     except (FRFError, ValueError, TypeError) as reason:
         msg = f"{name}: {reason}"
         raise TableError(msg) from reason

@@ -14,6 +14,8 @@ from fem.io.mat5 import read_mat5
 from fem.io.trial import end_of_trial
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+_UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription")
+"""Attributes that hold the unit of an array, in small letters."""
 LARGEST_RATIO = 1032
 """Deflate makes data smaller by this factor at most (zlib's documentation, "maximum compression factor")."""
 
@@ -31,12 +33,15 @@ class Named:
     unit : str
     scales : mapping of str to ndarray
         Values along its axes by the names of these.
+    attributes : mapping of str to object
+        Numbers and texts that the file has with the array.
     """
 
     values: NDArray[Any]
     axes: tuple[str, ...] = ()
     unit: str = ""
     scales: dict[str, NDArray[Any]] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
 
 
 def read_mat(path: Path) -> dict[str, Named]:
@@ -112,8 +117,10 @@ def _dataset(h5py: Any, file: Any, item: Any) -> Named | None:
     if array.dtype.kind not in "fiucb":
         return None
     names, scales = _dimensions(h5py, item)
-    unit = _attribute(item, "units") or _attribute(item, "unit")
-    return Named(array.T if matlab else array, names[::-1] if matlab else names, unit, scales)
+    keys = {str(key).lower(): str(key) for key in item.attrs}
+    unit = next((u for key in _UNIT_KEYS if key in keys and (u := _attribute(item, keys[key]))), "")
+    attributes = {str(key): value for key, value in item.attrs.items() if np.size(value) == 1}
+    return Named(array.T if matlab else array, names[::-1] if matlab else names, unit, scales, attributes)
 
 
 def _dimensions(h5py: Any, item: Any) -> tuple[tuple[str, ...], dict[str, NDArray[Any]]]:
@@ -140,8 +147,9 @@ def _text_of(values: Any) -> str:
 
 def _attribute(item: Any, key: str) -> str:
     value = item.attrs.get(key, "")
+    value = np.ravel(value)[0] if isinstance(value, np.ndarray) and value.size == 1 else value
     value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-    return value if isinstance(value, str) else ""
+    return str(value) if isinstance(value, str) else ""
 
 
 def _short(reason: BaseException) -> str:

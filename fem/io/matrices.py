@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.io.abaqus import read_abaqus_nodes
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
+from fem.io.columns import cut_number
 from fem.io.matrix_market import MOST_ROWS, read_matrix_market
 from fem.matrices import Matrices, MatricesError
 from fem.system import System, sum_contributions
@@ -419,8 +420,8 @@ def read_calculix(
             raise MatricesError(msg)
     node, direction = _calculix_dofs(files[0])
     found: dict[str, Any] = {
-        "K": _triplets(files[1], node.size),
-        "M": _triplets(files[2], node.size),
+        "K": _triplets(files[1], node.size, diagonal=True),
+        "M": _triplets(files[2], node.size, diagonal=False),
     }
     deck = job.with_name(f"{job.name}.inp") if deck is None else Path(deck)
     if nodes is not None and points is not None:
@@ -446,8 +447,18 @@ def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return numbers[:, 0], numbers[:, 1]
 
 
-def _triplets(file: Path, n: int) -> sp.csr_array:
+def _triplets(file: Path, n: int, diagonal: bool) -> sp.csr_array:
+    """Return the symmetric matrix of a file; with ``diagonal`` each row has to have its diagonal entry.
+
+    CalculiX leaves out entries below 1e-20: a row of the stiffness has a diagonal, and one of the mass may
+    have none.
+    """
     text = file.read_text(encoding="ascii", errors="replace").replace("D", "E")
+    if not text.endswith("\n") and text.strip():
+        values = [line.split()[-1] for line in text.splitlines() if line.strip()]
+        if reason := cut_number(values, ()):
+            msg = f"{file.name}, line {len(values)}: {reason}"
+            raise MatricesError(msg)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # so NumPy says that it met something else than a number
@@ -462,6 +473,13 @@ def _triplets(file: Path, n: int) -> sp.csr_array:
         msg = (
             f"{file.name}: line {k + 1} is about row {rows[k] + 1} and column {cols[k] + 1}; the .dof file "
             f"has {n} rows"
+        )
+        raise MatricesError(msg)
+    bare = np.setdiff1d(np.arange(n), rows[rows == cols])
+    if diagonal and bare.size:
+        msg = (
+            f"{file.name}: there is no diagonal entry of row {bare[0] + 1}, {bare.size} missing in all; the "
+            f".dof file has {n} rows and each of them needs one: is the file cut?"
         )
         raise MatricesError(msg)
     low, high = np.minimum(rows, cols), np.maximum(rows, cols)

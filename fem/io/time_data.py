@@ -4,7 +4,7 @@ import logging
 import os
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,21 +16,44 @@ from fem.analysis.frf import FRFKind
 from fem.io.arrays import TableError, named_arrays
 from fem.io.columns import Columns, read_columns
 from fem.io.frf_files import is_universal
+from fem.io.frf_labels import frequency_factor
 from fem.io.frf_reading import optional
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
 from fem.io.uff import read_quietly
-from fem.io.uff_units import TIME, abscissa_factor, force_factor, motion_factor
+from fem.io.uff_units import force_factor, motion_factor
+from fem.io.units import TIME_NAMES, Heading, conversion, heading_of, size_of, split_heading
 
+_FACTORS = ("scalefactor", "scale", "scaling", "gain", "slope", "multiplier", "calibrationfactor")
+_OFFSETS = ("addoffset", "offset")
+"""Attributes that scale and shift values, in small letters alone."""
 SAME_RATE = 1e-3
 """Relative difference of sample rates that is rounding [-]."""
 UNEVEN = 1e-3
 """Largest deviation of a time step from the median one, beyond which samples do not follow evenly [-]."""
 
-_TIMES = ("time", "t", "zeit", "seconds", "times")
+_TIMES = (*TIME_NAMES, "seconds", "xvalue")
 _RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "rate")
 _STEPS = ("dt", "timestep", "increment", "samplingtime")
+_UNITS = ("units", "unit", "channelunits", "unitlabels")
 _NAMES = ("channels", "names", "labels", "channelnames", "channellabels")
-_UNIT = re.compile(r"[\[(]([^\[\]()]*(?:\([^()]*\)[^\[\]()]*)*)[\])]\s*$")
+_UNIT_KEYS = ("unit_string", "unit", "units", "NI_UnitDescription")
+"""Properties of TDMS that hold a channel's unit; the first that is there counts."""
+_TDMS_SCALES = (
+    "Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple", "Add", "Subtract",
+    "AdvancedAPI",
+)  # fmt: skip
+"""Scales of TDMS that nptdms applies; of another one it returns the raw counts."""
+_LEAD_IN = 28
+"""Bytes of the lead-in of a TDMS segment."""
+_QUANTITY_WORDS = {
+    (1, 0, 0, 0): r"force|load|hammer|shaker|kraft|impact",
+    (0, 1, -2, 0): r"acc|accel|acceleration|accelerometer|beschl\w*",
+    (0, 1, -1, 0): r"vel|velocity|speed|geschw\w*",
+    (0, 1, 0, 0): r"disp|displacement|defl|deflection|weg|laser",
+}
+"""Words of a channel's name by the dimension of the quantity; with one, a unit may follow an underscore."""
+OFF_GRID = 0.02
+"""Largest distance of a start from the samples of other channels that counts as rounding [samples]."""
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +77,8 @@ class TimeData:
         Value at which a sample is clipped, where the format has one.
     stated_rate : float or None
         Sample rate of the file where the one asked for took its place [Hz].
+    notes : tuple of str
+        Omissions, such as samples before all channels have started.
     """
 
     name: str
@@ -63,6 +88,7 @@ class TimeData:
     units: tuple[str, ...]
     full_scale: float | None = None
     stated_rate: float | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def rate_note(self) -> str:
@@ -241,6 +267,7 @@ def _wav(path: Path, sample_rate: float | None) -> TimeData:
 
 def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     nptdms = optional("nptdms", "tdms", path.name)
+    _refuse_cut_tdms(path)
     # it writes about damaged files to standard error, which are refused below
     logs = [logging.getLogger(f"nptdms.{part}") for part in ("reader", "types", "tdms_segment", "tdms")]
     levels = [log.level for log in logs]
@@ -249,7 +276,7 @@ def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     try:
         file = nptdms.TdmsFile.read(path)
         found = [
-            (group.name, channel.name, dict(channel.properties), np.asarray(channel[:]))
+            (group.name, channel.name, file.properties | group.properties | channel.properties, channel[:])
             for group in file.groups()
             for channel in group.channels()
         ]
@@ -261,118 +288,395 @@ def _tdms(path: Path, sample_rate: float | None) -> TimeData:
             log.setLevel(level)
     if file.file_status.incomplete_final_segment:
         _refuse(path, "it is cut short: its last segment is not complete")
+    found = [(*f[:3], np.asarray(f[3])) for f in found]
     found = [f for f in found if f[3].dtype.kind in "fiu" and f[3].ndim == 1 and f[3].size]
     if not found:
         _refuse(path, "it has no channels of numbers")
     names = [name for _, name, _, _ in found]
     alike = len(set(names)) < len(names)
     channels = tuple(f"{group}/{name}" if alike else name for group, name, _, _ in found)
-    steps = {name: f[2].get("wf_increment") for name, f in zip(channels, found, strict=True)}
-    known = {s for s in steps.values() if isinstance(s, float | int) and s > 0}
+    for name, f in zip(channels, found, strict=True):
+        _refuse_unknown_scale(path, name, f[2])
+    known = {step for name, f in zip(channels, found, strict=True) if (step := _tdms_step(path, name, f[2]))}
     if len(known) > 1:
         _refuse(
             path, f"its channels have different sample steps, {', '.join(f'{s:g} s' for s in sorted(known))}"
         )
     rate = 1 / known.pop() if known else None
-    units = tuple(str(f[2].get("unit_string", "")) for f in found)
+    units = tuple(next((str(f[2][k]) for k in _UNIT_KEYS if f[2].get(k)), "") for f in found)
     curves = [f[3].astype(float) for f in found]
-    return _together(path, _rate(path, sample_rate, rate), channels, curves, units)
+    given = _rate(path, sample_rate, rate)
+    return _together(path, given, channels, curves, units, _tdms_starts(path, channels, found, rate or given))
+
+
+def _refuse_cut_tdms(path: Path) -> None:
+    """Refuse a file that does not end with a segment; nptdms reads it to the last complete one.
+
+    A segment begins with TDSm, its table of contents, its version, and the bytes from the end of these 28 to
+    the next segment (NI, *TDMS File Format Internal Structure*).
+    """
+    size, at = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            lead = file.read(_LEAD_IN)
+            if len(lead) < _LEAD_IN or lead[:4] != b"TDSm":
+                _refuse(
+                    path, f"it is cut short or damaged: no complete segment begins at byte {at} of {size}"
+                )
+            big = bool(int.from_bytes(lead[4:8], "little") & 0x40)
+            after = at + _LEAD_IN + int.from_bytes(lead[12:20], "big" if big else "little")
+            if after > size:
+                _refuse(
+                    path, f"it is cut short: its segment from byte {at} on is not complete ({size} bytes)"
+                )
+            at = after
+
+
+def _refuse_unknown_scale(path: Path, name: str, properties: Mapping[str, Any]) -> None:
+    """Refuse a channel with a scale that would be left out."""
+    if properties.get("NI_Scaling_Status") == "scaled":
+        return
+    for key, value in properties.items():
+        if re.fullmatch(r"NI_Scale\[\d+\]_Scale_Type", key) and value not in _TDMS_SCALES:
+            _refuse(
+                path,
+                f"channel '{name}' has the scale '{value}' ({key}), which is not known; known are "
+                f"{', '.join(_TDMS_SCALES)}: apply it and write the scaled samples",
+            )
+    _refuse_scale_attribute(path, name, properties)
+
+
+def _refuse_scale_attribute(path: Path, name: str, attributes: Mapping[str, Any]) -> None:
+    """Refuse an attribute that scales or shifts the values of a channel."""
+    for key, value in attributes.items():
+        plain = re.sub(r"[^a-z]", "", key.lower())
+        neutral = 1.0 if plain in _FACTORS else 0.0 if plain in _OFFSETS else None
+        if neutral is None:
+            continue
+        try:
+            same = bool(np.all(np.asarray(value, dtype=float) == neutral))
+        except (TypeError, ValueError):
+            same = False
+        if not same:
+            _refuse(
+                path,
+                f"channel '{name}' has the attribute {key} = {value}, which is not applied; apply it and "
+                f"write the scaled samples without it",
+            )
+
+
+def _tdms_step(path: Path, name: str, properties: Mapping[str, Any]) -> float | None:
+    """Return the time between samples [s]; None where the file does not state it."""
+    step, label = properties.get("wf_increment"), str(properties.get("wf_xunit_string", ""))
+    if not (isinstance(step, float | int) and step > 0):
+        return None
+    return float(step) * _seconds(path, f"channel '{name}' (wf_xunit_string)", label)
+
+
+def _tdms_starts(
+    path: Path, channels: Sequence[str], found: Sequence[tuple[Any, ...]], rate: float
+) -> list[float]:
+    """Return the starts of channels [s]: their offset from their date, and this from the first one."""
+    dates = [f[2].get("wf_start_time") for f in found]
+    dated = [np.datetime64(d, "us") for d in dates if d is not None]
+    if len(set(dated)) > 1 and len(dated) < len(dates):
+        bare = channels[dates.index(None)]
+        _refuse(
+            path, f"channel '{bare}' has no wf_start_time and others start at different ones; they cannot be "
+            "aligned",
+        )  # fmt: skip
+    out = []
+    for name, f, date in zip(channels, found, dates, strict=True):
+        offset = f[2].get("wf_start_offset", 0.0)
+        label = str(f[2].get("wf_xunit_string", ""))
+        offset = float(offset) * _seconds(path, f"channel '{name}' (wf_xunit_string)", label)
+        since = (
+            0.0 if date is None else float((np.datetime64(date, "us") - min(dated)) / np.timedelta64(1, "s"))
+        )
+        # a date in microseconds may be off by one of these
+        whole = round(since * rate)
+        out.append(offset + (whole / rate if abs(since - whole / rate) <= min(1e-6, 0.25 / rate) else since))
+    return out
+
+
+def _seconds(path: Path, what: str, label: str) -> float:
+    """Return the size of a unit of time [s]; 1 where there is none."""
+    factor = conversion(label, "s") if label.strip() else 1.0
+    if factor is None:
+        _refuse(
+            path, f"{what} is in '{label}', which is no unit of time that is known; s, ms, us and min are"
+        )
+    return factor
 
 
 def _together(
-    path: Path, rate: float, channels: Sequence[str], curves: Sequence[Floats], units: Sequence[str]
+    path: Path,
+    rate: float,
+    channels: Sequence[str],
+    curves: Sequence[Floats],
+    units: Sequence[str],
+    starts: Sequence[float] | None = None,
+    own_rate: float | None = None,
 ) -> TimeData:
+    """Return channels of one rate on the samples that all of them have.
+
+    Parameters
+    ----------
+    path : Path
+    rate : float
+        [Hz].
+    channels, curves, units : sequences
+    starts : sequence of float, optional
+        Times of their first samples [s].
+    own_rate : float, optional
+        That of the starts, where another one is asked for [Hz].
+    """
+    shift = np.zeros(len(curves)) if starts is None else np.asarray(starts, dtype=float)
+    shift = (shift - shift.min()) * (own_rate or rate)
+    whole = np.round(shift).astype(np.int64)
+    off = np.abs(shift - whole)
+    if (off > OFF_GRID).any():
+        k = int(np.argmax(off))
+        _refuse(
+            path,
+            f"channel '{channels[k]}' starts {shift[k]:.6g} samples after the first one; channels that share "
+            "their samples, a whole number of them apart, are needed",
+        )
     sizes = {name: c.size for name, c in zip(channels, curves, strict=True)}
-    if len(set(sizes.values())) > 1:
-        shown = ", ".join(f"{name} {n}" for name, n in list(sizes.items())[:6])
-        _refuse(path, f"its channels have different numbers of samples ({shown}); one number is needed")
-    return TimeData(path.name, rate, tuple(channels), np.column_stack(curves), tuple(units))
+    if not whole.any():
+        if len(set(sizes.values())) > 1:
+            shown = ", ".join(f"{name} {n}" for name, n in list(sizes.items())[:6])
+            _refuse(path, f"its channels have different numbers of samples ({shown}); one number is needed")
+        return TimeData(path.name, rate, tuple(channels), np.column_stack(curves), tuple(units))
+    first, last = whole.max(), min(w + c.size for w, c in zip(whole, curves, strict=True))
+    if last - first < 1:
+        _refuse(path, "its channels have no time in common")
+    values = np.column_stack([c[first - w : last - w] for w, c in zip(whole, curves, strict=True)])
+    late = channels[int(np.argmax(whole))]
+    note = (
+        f"{path.name}: its channels start at different times, '{late}' "
+        f"{whole.max() / (own_rate or rate):.6g} s after the first; the {last - first} samples that all "
+        "of them have are used"
+    )
+    return TimeData(path.name, rate, tuple(channels), values, tuple(units), notes=(note,))
 
 
 def _text(path: Path, sample_rate: float | None) -> TimeData:
     table = read_columns(path)
     if np.iscomplexobj(table.values):
         _refuse(path, "it has complex numbers; time data are real")
-    names, units = _heads(table)
-    at = next((k for k, n in enumerate(names) if n.lower().partition(" ")[0] in _TIMES), None)
-    step = np.diff(table.values[:, 0].real)
-    rises = step.size > 0 and bool((step > 0).all()) and bool(np.ptp(step) <= 2 * UNEVEN * step.mean())
-    if at is None and sample_rate is None and rises:
-        at = 0
-    factor = 1.0
-    if at is not None:
-        factor = abscissa_factor(TIME, units[at])[0] if units[at] else 1.0
-    rate = sample_rate
-    if at is not None and rate is None:
-        rate = _rate_of(path, factor * table.values[:, at].real)
-    rest = [k for k in range(table.width) if k != at]
-    channels = [names[k] or f"ch{i + 1}" for i, k in enumerate(rest)]
-    values = np.asarray(table.values[:, rest], dtype=float)
-    return TimeData(
-        path.name, _rate(path, sample_rate, rate), tuple(channels), values, tuple(units[k] for k in rest)
-    )
+    heads = _heads(table)
+    times = {k: t for k, h in enumerate(heads) if (t := _time_heading(h, first=k == 0)) is not None}
+    if not times and sample_rate is None and _rises(table.values[:, 0].real):
+        times = {0: _unnamed_times(path, heads[0])}
+    rest = [k for k in range(table.width) if k not in times]
+    seconds = {}
+    for k, heading in times.items():
+        stamped = k == 0 and table.stamped
+        label = "" if stamped else heading.unit
+        seconds[k] = _seconds(path, f"the column '{heading.name}'", label) * table.values[:, k].real
+    starts, own = _starts_of_columns(path, rest, seconds, even=sample_rate is None)
+    channels = [heads[k].name or f"ch{i + 1}" for i, k in enumerate(rest)]
+    curves = [np.asarray(table.values[:, k], dtype=float) for k in rest]
+    units = [heads[k].unit for k in rest]
+    if not rest:
+        _refuse(path, "it has times and no channels beside them")
+    return _together(path, _rate(path, sample_rate, own), channels, curves, units, starts, own)
 
 
-def _heads(table: Columns) -> tuple[list[str], list[str]]:
+def _rises(x: Floats) -> bool:
+    """Return whether numbers rise evenly, as times without a name do."""
+    step = np.diff(x)
+    return step.size > 0 and bool((step > 0).all()) and bool(np.ptp(step) <= 2 * UNEVEN * step.mean())
+
+
+def _time_heading(heading: Heading, first: bool) -> Heading | None:
+    """Return the heading of a column of times with its unit; None for another column.
+
+    A first column may have a unit of time alone for its name, or any name and a unit of time.
+    """
+    found = heading_of(heading.name, _TIMES, digits=True)
+    if found is not None:
+        return Heading(heading.name, heading.unit or found.unit)
+    if not first:
+        return None
+    if not heading.unit and conversion(heading.name, "s") is not None:
+        return Heading(heading.name, heading.name)
+    return heading if conversion(heading.unit, "s") is not None else None
+
+
+def _unnamed_times(path: Path, heading: Heading) -> Heading:
+    """Return the heading of a first column that rises evenly, which may have no name."""
+    if heading.unit or heading.name.lower() not in ("", "x", "x-axis", "x axis", "abscissa"):
+        unit = f" [{heading.unit}]" if heading.unit else ""
+        _refuse(
+            path,
+            f"it does not say its sample rate: its first column '{heading.name}'{unit} rises evenly, and is "
+            "not called time; name it, such as 'time [s]', or give the rate [Hz], --sample-rate",
+        )
+    return heading
+
+
+def _starts_of_columns(
+    path: Path, channels: Sequence[int], seconds: Mapping[int, Floats], even: bool
+) -> tuple[list[float] | None, float | None]:
+    """Return the start of each channel by the times to its left [s], and their rate [Hz].
+
+    ``even`` refuses times that do not follow evenly; of one column they are else left out.
+    """
+    if not seconds or (not even and len(seconds) == 1):
+        return None, None
+    rates = {k: _rate_of(path, t) for k, t in seconds.items()}
+    low, high = min(rates.values()), max(rates.values())
+    if high - low > SAME_RATE * high:
+        _refuse(path, f"its columns of times have different sample rates, {low:.6g} to {high:.6g} Hz")
+    columns = list(seconds)
+    of = [max((c for c in columns if c < k), default=columns[0]) for k in channels]
+    return [float(seconds[c][0]) for c in of], rates[columns[0]]
+
+
+def _heads(table: Columns) -> list[Heading]:
     """Return names and units above the columns of time data."""
-    names, units = [], []
+    out = []
     for k in range(table.width):
         name = unit = ""
         for row in table.heads[::-1]:
             cell = row[k]
-            known = force_unit(cell) is not None or motion_unit(cell) is not None
-            known = known or cell.lower() in ("v", "mv", "s", "ms", "-", "pa")
+            known = size_of(cell) is not None or cell.lower() in ("v", "mv", "pa")
             if known and not unit and len(table.heads) > 1:
                 unit = cell
             elif cell and not name:
-                found = _UNIT.search(cell)
-                unit = unit or (found[1].strip() if found else "")
-                name = cell[: found.start()].strip() if found else cell
-        names.append(name or "")
-        units.append(unit)
-    return names, units
+                found = split_heading(cell)
+                name, unit = found.name, unit or found.unit
+        out.append(Heading(name, unit or _unit_behind(name)))
+    return out
+
+
+def _unit_behind(name: str) -> str:
+    """Return the unit behind an underscore of a name that states its quantity, ``acc_g``; else nothing.
+
+    ``acc_N`` has none: the N is not one of accelerations, but may be the north.
+    """
+    words = re.split(r"[_\s]+", name)
+    found = size_of(words[-1]) if len(words) > 1 else None
+    quantity = _QUANTITY_WORDS.get(found[1]) if found is not None else None
+    if quantity is None or not any(re.fullmatch(rf"({quantity})\d*", w, re.IGNORECASE) for w in words[:-1]):
+        return ""
+    return words[-1]
 
 
 def _arrays(path: Path, arrays: dict[str, Named], sample_rate: float | None) -> TimeData:
-    """Return the channels among named arrays: those with as many samples as the longest."""
-    plain = {re.sub(r"[^a-z]", "", key.rpartition("/")[2].lower()): key for key in arrays}
+    """Return the channels among named arrays: those with as many samples as the times, or the longest."""
 
-    def pick(words: Sequence[str]) -> Any:
-        return next((np.squeeze(arrays[plain[w]].values) for w in words if w in plain), None)
+    def named(words: Sequence[str]) -> dict[str, Heading]:
+        found = {key: heading_of(key.rpartition("/")[2], words) for key in arrays}
+        return {key: heading for key, heading in found.items() if heading is not None}
 
-    time, rate, step, names = (pick(w) for w in (_TIMES, _RATES, _STEPS, _NAMES))
-    known = {plain[w] for words in (_TIMES, _RATES, _STEPS, _NAMES) for w in words if w in plain}
-    found = None
-    if sample_rate is not None:
-        found = sample_rate
-    elif time is not None and time.ndim == 1 and time.dtype.kind in "fiu":
-        found = _rate_of(path, time.astype(float))
-    elif rate is not None and rate.size == 1 and rate.dtype.kind in "fiu":
-        found = float(rate)
-    elif step is not None and step.size == 1 and step.dtype.kind in "fiu" and float(step) > 0:
-        found = 1 / float(step)
+    names, unit_labels = (
+        next((np.squeeze(arrays[key].values) for key in named(words)), None) for words in (_NAMES, _UNITS)
+    )
+    times = {
+        key: _seconds(path, f"'{key}'", arrays[key].unit or heading.unit)
+        * np.ravel(arrays[key].values).astype(float)
+        for key, heading in named(_TIMES).items()
+        if arrays[key].values.dtype.kind in "fiu"
+        and arrays[key].values.size == max(arrays[key].values.shape, default=0) > 1
+    }
+    known = {key for words in (_TIMES, _RATES, _STEPS, _NAMES, _UNITS) for key in named(words)}
     data = {
         k: np.squeeze(v.values) for k, v in arrays.items() if k not in known and v.values.dtype.kind in "fiu"
     }
     data = {k: v for k, v in data.items() if v.ndim in (1, 2) and v.size > 1}
     if not data:
         _refuse(path, f"it has no arrays of samples; it has {', '.join(arrays) or 'none'}")
-    n = int(time.size) if time is not None and time.ndim == 1 else max(max(v.shape) for v in data.values())
+    own = _rate_of_times(path, times) if times and (sample_rate is None or len(times) > 1) else None
+    found = sample_rate or own or _stated(path, arrays, named(_RATES), named(_STEPS))
+    longest = max(max(v.shape) for v in data.values())
     channels: list[str] = []
     curves: list[Floats] = []
     units: list[str] = []
+    starts: list[float] = []
     for key, value in data.items():
+        time = _times_of(path, key, times)
+        n = longest if time is None else time.size
         if n not in value.shape:
             continue
+        _refuse_scale_attribute(path, key, arrays[key].attributes)
         columns = value.reshape(n, 1) if value.ndim == 1 else value if value.shape[0] == n else value.T
         count = columns.shape[1]
-        own = [f"{key}[{k + 1}]" for k in range(count)]
+        labels = [f"{key}[{k + 1}]" for k in range(count)]
         if names is not None and names.dtype.kind == "U" and names.size == count:
-            own = [str(x) for x in names.reshape(-1)]
-        channels += own if count > 1 else [key]
+            labels = [str(x) for x in names.reshape(-1)]
+        of_columns = [arrays[key].unit] * count
+        if (
+            unit_labels is not None
+            and unit_labels.dtype.kind == "U"
+            and unit_labels.size == count
+            and count > 1
+        ):
+            of_columns = [str(x) for x in unit_labels.reshape(-1)]
+        channels += labels if count > 1 else [key]
         curves += list(columns.T.astype(float))
-        units += [arrays[key].unit] * count
-    return _together(path, _rate(path, sample_rate, found), channels, curves, units)
+        units += [unit or _unit_behind(key.rpartition("/")[2]) for unit in of_columns]
+        starts += [0.0 if time is None else float(time[0])] * count
+    if not curves:
+        listed = ", ".join(f"{k} {' × '.join(map(str, v.shape))}" for k, v in data.items())
+        sizes = ", ".join(f"{k} {t.size}" for k, t in times.items())
+        _refuse(path, f"no array has as many samples as its times ({sizes}); it has {listed}")
+    return _together(path, _rate(path, sample_rate, found), channels, curves, units, starts, own)
+
+
+def _rate_of_times(path: Path, times: Mapping[str, Floats]) -> float:
+    """Return the one sample rate of vectors of times [Hz]."""
+    rates = {key: _rate_of(path, t) for key, t in times.items()}
+    if max(rates.values()) - min(rates.values()) > SAME_RATE * max(rates.values()):
+        listed = ", ".join(f"{key} {rate:.6g} Hz" for key, rate in rates.items())
+        _refuse(path, f"its times have different sample rates ({listed})")
+    return next(iter(rates.values()))
+
+
+def _stated(
+    path: Path, arrays: Mapping[str, Named], rates: Mapping[str, Heading], steps: Mapping[str, Heading]
+) -> float | None:
+    """Return the sample rate that a number of the file states, or its inverse [Hz]; None without one."""
+    for of, inverse in ((rates, False), (steps, True)):
+        for key, heading in of.items():
+            value, label = np.squeeze(arrays[key].values), arrays[key].unit or heading.unit
+            if value.size != 1 or value.dtype.kind not in "fiu" or float(value) <= 0:
+                continue
+            if inverse:
+                return 1 / (float(value) * _seconds(path, f"'{key}'", label))
+            factor = frequency_factor(label) if label else 1.0
+            if factor is None:
+                _refuse(
+                    path, f"'{key}' is in '{label}', which is no unit of a sample rate that is known; Hz is"
+                )
+            return float(value) * factor
+    return None
+
+
+def _times_of(path: Path, key: str, times: Mapping[str, Floats]) -> Floats | None:
+    """Return the times of a channel: of its folder or name where there are several; None without any.
+
+    ``acc/time`` and ``time_acc`` are those of ``acc/values`` and ``acc``.
+    """
+    every = list(times.values())
+    if not every:
+        return None
+    if all(t.size == every[0].size and np.array_equal(t, every[0]) for t in every):
+        return every[0]
+    folder, _, name = key.rpartition("/")
+    for other, time in times.items():
+        parent, _, last = other.rpartition("/")
+        words = re.split(r"[_\s]+", last.lower())
+        if (parent and folder == parent) or (parent == folder and name.lower() in words):
+            return time
+    _refuse(
+        path,
+        f"it has several vectors of times that differ ({', '.join(times)}), and none of them is named after "
+        f"'{key}', as time_{name} would be",
+    )
 
 
 def _npz(path: Path, sample_rate: float | None) -> TimeData:
@@ -384,7 +688,8 @@ def _uff(path: Path, sample_rate: float | None) -> TimeData:
     records = [f for f in read_quietly(path, FRFKind.ACCELERANCE).functions if f.function_type == 1]
     if not records:
         _refuse(path, "it has no time responses (dataset 58, function type 1)")
-    rates = [_rate_of(path, f.x) for f in records]
+    times = [f.x * _seconds(path, f"the abscissa of {f.response}", f.x_unit) for f in records]
+    rates = [_rate_of(path, t) for t in times]
     if not np.allclose(rates, rates[0], rtol=UNEVEN):
         _refuse(path, f"its records have different sample rates, {min(rates):g} to {max(rates):g} Hz")
     labels = [f.response for f in records]
@@ -392,7 +697,8 @@ def _uff(path: Path, sample_rate: float | None) -> TimeData:
     if len(set(names)) < len(names):
         names = [f"{name} ({k + 1})" for k, name in enumerate(names)]
     curves = [np.real(f.values).astype(float) for f in records]
-    return _together(path, _rate(path, sample_rate, rates[0]), names, curves, [f.unit for f in records])
+    starts, units = [float(t[0]) for t in times], [f.unit for f in records]
+    return _together(path, _rate(path, sample_rate, rates[0]), names, curves, units, starts, rates[0])
 
 
 READERS: tuple[TimeReader, ...] = (

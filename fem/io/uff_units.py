@@ -19,14 +19,14 @@ G0 = 9.80665
 POUND_FORCE = 4.4482216152605
 """[N]."""
 
-_LENGTHS = {
+LENGTHS = {
     "m": 1.0, "meter": 1.0, "metre": 1.0, "km": 1e3, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
     "µm": 1e-6, "μm": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
     "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "mil": 2.54e-5, "mils": 2.54e-5,
 }  # fmt: skip
-_GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0}
-_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
-_FORCES = {
+GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0}
+ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
+FORCES = {
     "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
     "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
     "kp": G0, "gf": 1e-3 * G0, "dyn": 1e-5,
@@ -38,10 +38,10 @@ _FREQUENCIES = {
     "r/min": 1 / 60, "rev/min": 1 / 60, "cycles/min": 1 / 60, "1/min": 1 / 60, "krpm": 1e3 / 60,
     "rps": 1.0, "rev/s": 1.0, "r/s": 1.0, "deg/s": 1 / 360, "°/s": 1 / 360,
 }  # fmt: skip
-_CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
+CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
 """Labels in which capitals matter."""
 
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "ns": 1e-9}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "ns": 1e-9}
 
 FREQUENCY, TIME = 18, 17
 """Specific data types of an abscissa."""
@@ -100,14 +100,14 @@ def abscissa_factor(x_type: int, label: str) -> tuple[float, str, str]:
     """
     name = plain(label)
     if x_type == TIME:
-        known = _TIMES.get(name) if name else 1.0
+        known = TIMES.get(name) if name else 1.0
         return (known, "", "") if known else (1.0, f"the time label '{label}' is not known; s is taken", "")
     if x_type not in (0, 1, FREQUENCY):
         return 1.0, "", f"its abscissa has data type {x_type}, not 18 (frequency)"
-    known = _CAPITALS.get(label.strip()) or _FREQUENCIES.get(name)
+    known = CAPITALS.get(label.strip()) or _FREQUENCIES.get(name)
     if known:
         return known, "", ""
-    if name in _TIMES or name.startswith("order") or name in _LENGTHS:
+    if name in TIMES or name.startswith("order") or name in LENGTHS:
         return 1.0, "", f"its abscissa is in '{label}', which is no frequency"
     if name:
         return 1.0, f"the label '{label}' of the abscissa is not known; Hz is taken", ""
@@ -144,13 +144,13 @@ def motion_factor(label: str, kind: FRFKind, turned: bool) -> float | None:
     found = [
         (factor, powers.get("s", 0), symbol)
         for symbol, power in powers.items()
-        if power == 1 and (factor := _known(symbol, _ANGLES if turned else _LENGTHS)) is not None
+        if power == 1 and (factor := _known(symbol, ANGLES if turned else LENGTHS)) is not None
     ]
     if not turned and kind == FRFKind.ACCELERANCE and "s" not in powers:
         found += [
             (factor, -2, symbol)
             for symbol, power in powers.items()
-            if power == 1 and (factor := _known(symbol, _GRAVITIES)) is not None
+            if power == 1 and (factor := _known(symbol, GRAVITIES)) is not None
         ]
     if len(found) != 1 or found[0][1] != -kind.derivatives:
         return None
@@ -168,7 +168,7 @@ def _force_of(powers: dict[str, int] | None, moment: bool) -> float | None:
         return None
     symbols = list(powers)
     forces = [f for s in symbols if (f := _force(s)) is not None]
-    lengths = [f for s in symbols if (f := _known(s, _LENGTHS)) is not None]
+    lengths = [f for s in symbols if (f := _known(s, LENGTHS)) is not None]
     if not moment:
         return forces[0] if len(symbols) == len(forces) == 1 else None
     if len(symbols) == 2 and len(forces) == len(lengths) == 1:
@@ -176,7 +176,7 @@ def _force_of(powers: dict[str, int] | None, moment: bool) -> float | None:
     if len(symbols) == 1:  # Nm, lbfin, inlb
         for k in range(1, len(symbols[0])):
             for force, length in ((symbols[0][:k], symbols[0][k:]), (symbols[0][k:], symbols[0][:k])):
-                f, arm = _force(force), _known(length, _LENGTHS)
+                f, arm = _force(force), _known(length, LENGTHS)
                 if f is not None and arm is not None:
                     return f * arm
     return None
@@ -187,7 +187,7 @@ def _known(symbol: str, table: Mapping[str, float]) -> float | None:
 
 
 def _force(symbol: str) -> float | None:
-    return 1e6 if symbol == "MN" else _known(symbol, _FORCES)
+    return 1e6 if symbol == "MN" else _known(symbol, FORCES)
 
 
 def _force_in(label: str, moment: bool) -> float | None:

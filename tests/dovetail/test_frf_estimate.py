@@ -159,3 +159,67 @@ def test_without_a_channel_of_force_they_are_listed(tmp_path, capsys):
         "no channel is in a unit of force; give --force, of hammer [V], motion [mm]"
         in capsys.readouterr().err
     )
+
+
+def pair(folder, units=("g", "g"), names=("a1", "a2")):
+    """Write the motion of a base and twice that with a little noise, in the units of their labels."""
+    motion, noise = np.random.default_rng(3).standard_normal((2, 8192))
+    table = np.column_stack([np.arange(motion.size) / RATE, motion, 2 * motion + 1e-4 * noise])
+    head = f"time [s],{names[0]} [{units[0]}],{names[1]} [{units[1]}]"
+    np.savetxt(folder / "r.csv", table, delimiter=",", header=head, comments="")
+    return folder / "r.csv"
+
+
+@pytest.mark.parametrize("more", [[], ["--kind", "transmissibility"]])
+@pytest.mark.parametrize(("units", "ratio"), [(("g", "g"), 2), (("m/s^2", "g"), 2 * G0), (("mm", "m"), 2e3)])
+def test_two_motions_of_one_kind_make_a_transmissibility(tmp_path, capsys, more, units, ratio):
+    assert run(pair(tmp_path, units), "--reference", "a1", *more) == 0
+    frf = read_frf(tmp_path / "frf.npz")
+    assert (frf.quantity, frf.unit, frf.base) == ("transmissibility", "-", ("a1",))
+    np.testing.assert_allclose(frf.H, ratio, rtol=1e-3)
+    assert arrays(tmp_path / "frf.npz")["kind"] == "transmissibility"
+    assert "transmissibility [-], 1 responses to 1 reference(s)" in capsys.readouterr().out
+
+
+def test_a_transmissibility_is_one_in_a_universal_file(tmp_path):
+    out = tmp_path / "frf.uff"
+    assert (
+        main(
+            [
+                "frf-estimate",
+                str(pair(tmp_path)),
+                "--out",
+                str(out),
+                "--force",
+                "a1",
+                "--rename",
+                "a1=1Z+,a2=2Z+",
+            ]
+        )
+        == 0
+    )
+    frf = read_frf(out)
+    assert frf.quantity == "transmissibility"
+    np.testing.assert_allclose(frf.H, 2, rtol=1e-3)
+
+
+def test_a_displacement_for_an_acceleration_keeps_its_unit(tmp_path):
+    assert run(pair(tmp_path, ("g", "mm")), "--force", "a1") == 0
+    frf = read_frf(tmp_path / "frf.npz")
+    assert (frf.quantity, frf.unit) == ("displacement per acceleration", "s²")
+    np.testing.assert_allclose(frf.H, 2e-3 / G0, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("units", "more", "words"),
+    [
+        (("g", "g"), ["--kind", "accelerance"], "--force a1 is in 'g', a unit of motion"),
+        (("N", "g"), ["--kind", "transmissibility"], "the reference a1 is in 'N', a unit of force"),
+        (("m/s", "g"), ["--kind", "transmissibility"], "needs two motions of one kind"),
+        (("m", "g"), [], "needs two motions of one kind"),
+        (("N", "kN"), [], "the response a2 is in 'kN', a unit of force"),
+    ],
+)
+def test_units_that_do_not_fit_the_kind_are_named(tmp_path, capsys, units, more, words):
+    assert run(pair(tmp_path, units), "--force", "a1", *more) == 2
+    assert words in capsys.readouterr().err

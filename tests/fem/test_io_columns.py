@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.io import Asked, TableError, read_frf, read_frfs
+from fem.io import Asked, TableError, read_csv, read_frf, read_frfs
+from fem.io.columns import cut_number
 from fem.io.frf_labels import decibel_reference, frf_unit
 from fem.io.uff_units import G0
 
@@ -267,3 +268,34 @@ def test_a_universal_file_with_another_ending_is_read_as_what_it_is(tmp_path):
     write_uff(tmp_path / "a.uff", frf)
     (tmp_path / "b.txt").write_bytes((tmp_path / "a.uff").read_bytes())
     np.testing.assert_allclose(read_frf(tmp_path / "b.txt").H[:, 0, 0], H)
+
+
+@pytest.mark.parametrize(
+    ("column", "cut"),
+    [
+        (["0.5", "0.25", "0"], False),
+        (["1.5", "2.25", "3"], False),
+        (["0.125", "0.25"], False),
+        (["1", "2", "3"], False),
+        (["0.12", "0.13", "0.14", "0.15", "0.1"], True),
+        (["0.12", "0.1", "0.14", "0.15", "0.1"], False),
+        (["0.1234", "0.12"], True),
+        (["1.2e-05", "1.3e-05", "1.4e-0"], True),
+        (["1.2e-05", "1.3e-05", "1.4"], True),
+        (["1.2e-05", "1.3", "1.4"], False),
+        (["1.5", "2.5", "3."], True),
+        (["1.", "2.", "3."], False),
+        (["1,234", "2,345", "2,"], True),
+    ],
+)
+def test_a_last_number_without_a_line_end(column, cut):
+    assert bool(cut_number(column, ())) == cut
+
+
+def test_frfs_whose_last_number_is_cut_are_refused(tmp_path):
+    rows = ["# kind: accelerance", "frequency_Hz,re(1Z+/1Z+),im(1Z+/1Z+)", "1.0,0.1257302210933933,-0.31630"]
+    (tmp_path / "h.csv").write_text("\n".join(rows), encoding="utf-8")
+    with pytest.raises(TableError, match=r"^h\.csv: line 3: its last number '-0\.31630' has fewer decimals"):
+        read_csv(tmp_path / "h.csv")
+    (tmp_path / "h.csv").write_text("\n".join([*rows, ""]), encoding="utf-8")
+    assert read_csv(tmp_path / "h.csv").H[0, 0, 0] == 0.1257302210933933 - 0.3163j

@@ -1,0 +1,217 @@
+"""Units of quantities: labels such as ``(cm/s^2)^2/Hz`` or ``milliseconds``, and headings that have one."""
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.uff_units import ANGLES, CAPITALS, FORCES, GRAVITIES, LENGTHS, TIMES
+
+TIME_NAMES = (
+    "time", "t", "zeit", "temps", "times", "timestamp", "elapsed", "elapsedtime", "timeelapsed", "timevector",
+    "timeaxis", "relativetime", "timerelative", "datetime",
+)  # fmt: skip
+"""Names of times in small letters, without blanks and underscores."""
+
+Dimension = tuple[int, int, int, int]
+"""Powers of force, length, time and angle."""
+
+_DIMENSIONS: tuple[tuple[dict[str, float], Dimension], ...] = (
+    (FORCES, (1, 0, 0, 0)),
+    (LENGTHS, (0, 1, 0, 0)),
+    (GRAVITIES | {"gal": 1e-2}, (0, 1, -2, 0)),
+    (TIMES | {"h": 3600.0}, (0, 0, 1, 0)),
+    ({"hz": 1.0, "khz": 1e3}, (0, 0, -1, 0)),
+    (ANGLES, (0, 0, 0, 1)),
+    ({"kg": 1.0}, (1, -1, 2, 0)),
+    ({"%": 0.01}, (0, 0, 0, 0)),
+)
+_CASES: dict[str, tuple[float, Dimension]] = {
+    "MN": (1e6, (1, 0, 0, 0)),
+    **{label: (size, (0, 0, -1, 0)) for label, size in CAPITALS.items()},
+}
+"""Symbols in which capitals matter."""
+
+_PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "kilo": "k"}
+_WORDS = {
+    "second": "s", "sec": "s", "metre": "m", "meter": "m", "newton": "N", "hertz": "Hz", "radian": "rad",
+    "gram": "g",
+}  # fmt: skip
+_WORD = re.compile(rf"(?<![a-z])({'|'.join(_PREFIXES)[1:]})?({'|'.join(_WORDS)})s?(?![a-z])", re.IGNORECASE)
+_SHORT_SECONDS = re.compile(r"(?<![a-z])([muµμn]?)secs?(?![a-z])", re.IGNORECASE)
+_OTHER_WORDS = (
+    (r"\bdegrees?\b", "deg"), (r"\bminutes?\b", "min"), (r"\bhours?\b", "h"), (r"\bmps2\b", "m/s^2"),
+    (r"\bmps\b", "m/s"), (r"\s+per\s+", "/"), (r"\s+squared\b", "^2"), (r"\bsince\b.*$", ""),
+)  # fmt: skip
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμ°%]+))")
+_POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
+_LONGEST = 60
+"""Characters of a label."""
+
+_BRACKETS = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_BETWEEN = re.compile(r"[\s_,/]+")
+
+
+def size_of(label: str) -> tuple[float, Dimension] | None:
+    """Return the size of a unit in SI (N, m, s, rad) and its dimension; None for a label that is no unit.
+
+    Symbols are multiplied and divided from the left, as in m/s/s; a bracket may have a power. ``g`` is
+    standard gravity, ``-`` and ``1`` are the unit of numbers.
+    """
+    text = _in_symbols(label)
+    if not text or len(text) > _LONGEST:
+        return None
+    if text in ("-", "1"):
+        return 1.0, (0, 0, 0, 0)
+    found = _product(text, 0, nested=False)
+    return None if found is None else (found[0], found[1])
+
+
+def conversion(label: str, unit: str) -> float | None:
+    """Return the factor from a unit to another one of the same dimension; None for another label.
+
+    Parameters
+    ----------
+    label : str
+        Such as ``"g^2/Hz"``.
+    unit : str
+        The unit to convert to, such as ``"(m/s^2)^2/Hz"``.
+    """
+    one, other = size_of(label), size_of(unit)
+    if one is None or other is None or one[1] != other[1]:
+        return None
+    return one[0] / other[0]
+
+
+def density_conversion(label: str, unit: str) -> float | None:
+    """Return the factor from a density to one per Hz of the square of a unit; None for another label.
+
+    A density over rad/s is 1/2π of the one over Hz.
+    """
+    per_hertz = conversion(label, f"({unit})^2/Hz")
+    per_radian = conversion(label, f"({unit})^2/(rad/s)")
+    return per_hertz if per_radian is None else 2 * np.pi * per_radian
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """The text above a column: its name, and the label of its unit, empty where there is none."""
+
+    name: str
+    unit: str = ""
+
+
+def split_heading(text: str) -> Heading:
+    """Return name and unit of a heading whose unit is in square or round brackets at its end."""
+    found = _BRACKETS.search(text)
+    if found is None:
+        return Heading(text.strip())
+    inside = found[1] if found[1] is not None else found[2]
+    return Heading(text[: found.start()].strip(), inside.strip())
+
+
+def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Heading | None:
+    """Return the heading of a column that has one of some names; None for one that has none of them.
+
+    The unit may be in brackets, or follow the name after an underscore, a blank, a comma or a slash:
+    ``time_ms``, ``Time (ms)``, ``timestamp in us``, ``t/ms``.
+
+    Parameters
+    ----------
+    text : str
+    names : sequence of str
+        In small letters, without blanks and underscores.
+    digits : bool
+        Whether a number at the end of the name does not count, as in ``time2``.
+    """
+    plain = split_heading(text)
+    words = [word for word in _BETWEEN.split(plain.name) if word]
+    for k in range(len(words), 0, -1):
+        name = "".join(words[:k]).lower().strip(".:-")
+        if digits and len(name.rstrip("0123456789")) > 1:
+            name = name.rstrip("0123456789")
+        if name not in names:
+            continue
+        behind = [word for word in words[k:] if word.lower() != "in"]
+        unit = "/".join(behind)
+        if not plain.unit and behind and size_of(behind[-1]) is not None and not behind[-1].isdigit():
+            unit = behind[-1] if size_of(unit) is None else unit
+            return Heading(name, unit)
+        return Heading(name, plain.unit)
+    return None
+
+
+def named_unit(text: str, names: Collection[str]) -> Heading:
+    """Return name and unit of a column that should have one of some names, perhaps in capitals.
+
+    The unit may be in brackets, or follow one of the names after an underscore or a blank.
+    """
+    if text.strip() in names:
+        return Heading(text.strip())
+    plain = split_heading(text)
+    if plain.unit:
+        return plain
+    for found in re.finditer(r"[_\s]+", plain.name):
+        name, unit = plain.name[: found.start()], plain.name[found.end() :]
+        if (name in names or name.lower() in names) and size_of(unit) is not None:
+            return Heading(name, unit)
+    return plain
+
+
+def _in_symbols(label: str) -> str:
+    """Return a label with symbols in place of words and raised numbers."""
+    text = label.strip().replace("−", "-").replace("[", "(").replace("]", ")").translate(_RAISED)
+    for word, symbol in _OTHER_WORDS:
+        text = re.sub(word, symbol, text, flags=re.IGNORECASE)
+    text = _SHORT_SECONDS.sub(lambda m: m[1] + "s", text)
+    text = _WORD.sub(lambda m: _PREFIXES[(m[1] or "").lower()] + _WORDS[m[2].lower()], text)
+    return text.strip()
+
+
+def _product(text: str, at: int, nested: bool) -> tuple[float, Dimension, int] | None:
+    """Return size and dimension of a product from a place on, and the place behind it."""
+    size, powers, sign, empty = 1.0, np.zeros(4, dtype=int), 1, True
+    while at < len(text):
+        found = _TOKEN.match(text, at)
+        if found is None:
+            return None
+        mark, one, symbol = found.groups()
+        at = found.end()
+        if mark == ")":
+            return (size, _powers(powers), at) if nested and not empty else None
+        if mark and mark != "(":
+            sign = -1 if mark == "/" else 1
+            continue
+        known: tuple[float, Dimension] | None = (1.0, (0, 0, 0, 0))
+        if mark == "(":
+            inner = _product(text, at, nested=True)
+            if inner is None:
+                return None
+            known, at = inner[:2], inner[2]
+        elif not one:
+            known = _symbol(symbol)
+        if known is None:
+            return None
+        raised = None if one else _POWER.match(text, at)
+        n = sign
+        if raised is not None:
+            n *= int(raised[1] or raised[2])
+            at = raised.end()
+        size *= known[0] ** n
+        powers = powers + n * np.array(known[1])
+        empty = False
+    return None if nested or empty else (size, _powers(powers), at)
+
+
+def _powers(powers: NDArray[np.int64]) -> Dimension:
+    force, length, time, angle = (int(p) for p in powers)
+    return force, length, time, angle
+
+
+def _symbol(symbol: str) -> tuple[float, Dimension] | None:
+    if symbol in _CASES:
+        return _CASES[symbol]
+    return next(((t[symbol.lower()], d) for t, d in _DIMENSIONS if symbol.lower() in t), None)
