@@ -5,6 +5,7 @@ import pytest
 
 from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce
 from fem.analysis.statics import solve_static
+from fem.analysis.stations import largest_displacements
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
@@ -105,3 +106,18 @@ def test_displacements_do_not_depend_on_how_a_member_is_divided(seed, theory):
     size = abs(found[1]).max(axis=(0, 1)) + 1e-6  # the force on the fixed end moves nothing
     assert (abs(found[0] - found[1]).max(axis=(0, 1)) < 1e-9 * size).all()
     assert (abs(found[0][[0, 7]] - found[0][[8, 9]]).max(axis=(0, 1)) < 1e-6 * size).all()
+
+
+@pytest.mark.parametrize("n", [1, 3, 12])
+def test_the_largest_displacement_is_found_within_members(n):
+    """A propped cantilever sinks by qL⁴x²(3 - 5x + 2x²)/48EI at xL from its fixed end."""
+    model = beam(n, L, effects=(fix(0), fix(1)), release2=("ry",))
+    (found,) = largest_displacements(solved(model, DOWN))
+    x = (15 - np.sqrt(33)) / 16  # the maximum
+    w = Q * L**4 / (48 * EI) * (3 * x**2 - 5 * x**3 + 2 * x**4)
+    assert found.size == pytest.approx(w, rel=1e-6)
+    assert (found.member, found.point) == ("beam", None)
+    assert found.position == pytest.approx(x * L, rel=0.01)
+    (tip,) = largest_displacements(solved(beam(n, L, effects=(fix(0),)), DOWN))
+    assert (tip.member, tip.point) == (None, 1)
+    assert tip.size == pytest.approx(Q * L**4 / (8 * EI), rel=1e-9)
