@@ -18,6 +18,7 @@ from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.section_stress import SectionStresses
+from fem.analysis.stations import LargestDisplacement
 from fem.model import DIRECTIONS
 
 HELP = "compute displacements, reactions and section forces under loads"
@@ -79,6 +80,7 @@ def run(options: Options, progress: Progress) -> None:
     members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
     stresses = {m: s for m in members if (s := solution.stresses(m, options.pieces)) is not None}
     on_lines = solution.beyond_rounding(solution.forces_on_lines(4))
+    largest = [_largest_fields(study, found) for found in solution.largest_displacements()]
     write_json(
         options.json,
         {
@@ -86,7 +88,7 @@ def run(options: Options, progress: Progress) -> None:
             "section_forces": SECTION_FORCES,
             **factor_fields(solution),
             "cases": {
-                name: _case_fields(study, solution, members, stresses, k)
+                name: _case_fields(study, solution, members, stresses, largest[k], k)
                 for k, name in enumerate(solution.cases)
             },
             "envelopes": {
@@ -103,7 +105,7 @@ def run(options: Options, progress: Progress) -> None:
         *(
             line
             for k in range(len(solution.cases))
-            for line in _case_lines(study, solution, on_lines, stresses, k)
+            for line in _case_lines(study, solution, on_lines, stresses, largest[k], k)
         ),
         *(
             line
@@ -115,7 +117,9 @@ def run(options: Options, progress: Progress) -> None:
     )
 
 
-def _case_fields(study: Study, solution: StaticCases, members: Fields, stresses: Stresses, k: int) -> Fields:
+def _case_fields(
+    study: Study, solution: StaticCases, members: Fields, stresses: Stresses, largest: Fields, k: int
+) -> Fields:
     """Return a load case's responses for JSON."""
     reactions: dict[str, dict[str, float]] = {}
     for (name, direction), value in solution.held.items():
@@ -126,7 +130,7 @@ def _case_fields(study: Study, solution: StaticCases, members: Fields, stresses:
             name: dict(zip(DIRECTIONS, u[6 * p : 6 * p + 6], strict=True))
             for name, p in study.model.mesh.point_names.items()
         },
-        "largest_displacement": _largest(study, solution, k),
+        "largest_displacement": largest,
         "reactions": reactions,
         "members": {
             name: {
@@ -151,19 +155,19 @@ def _stress_fields(stresses: Stresses, member: str, k: int) -> Fields:
     return {f"stress_{name}": values[:, k] for name, values in found.by_name.items()} | missing
 
 
-def _largest(study: Study, solution: StaticCases, k: int) -> Fields:
-    """Return the largest displacement of a point and where it is."""
-    n = study.model.mesh.n_points
-    size = np.linalg.norm(solution.displacements[: 6 * n, k].reshape(n, 6)[:, :3], axis=1)
-    point = int(size.argmax())
-    return {"m": size[point], "place": place_of_point(study, point), "at": study.model.mesh.points[point]}
+def _largest_fields(study: Study, found: LargestDisplacement) -> Fields:
+    """Return the largest displacement of a load case and where it is."""
+    mesh = study.model.mesh
+    if found.member is None:
+        return {"m": found.size, "place": place_of_point(study, found.point), "at": mesh.points[found.point]}
+    at = mesh.point_at(mesh.locate(found.member, found.position))
+    return {"m": found.size, "place": f"{found.member} at {found.position:.4g} m", "at": at}
 
 
 def _case_lines(
-    study: Study, solution: StaticCases, on_lines: np.ndarray, stresses: Stresses, k: int
+    study: Study, solution: StaticCases, on_lines: np.ndarray, stresses: Stresses, largest: Fields, k: int
 ) -> list[str]:
     """Return what is printed of a load case."""
-    largest = _largest(study, solution, k)
     rows: dict[str, dict[str, float]] = {}
     for (name, direction), value in solution.held_beyond_rounding().items():
         rows.setdefault(name, {})[direction] = float(value[k])

@@ -11,7 +11,14 @@ from fem.analysis.second_order import SecondOrder
 from fem.analysis.section_stress import SectionStresses, section_stresses
 from fem.analysis.static_rounding import beyond_rounding
 from fem.analysis.statics import StaticSolution
-from fem.analysis.stations import Stations, forces_on_lines, stations, stresses_on_lines
+from fem.analysis.stations import (
+    LargestDisplacement,
+    Stations,
+    forces_on_lines,
+    largest_displacements,
+    stations,
+    stresses_on_lines,
+)
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.model import DIRECTIONS
@@ -103,6 +110,10 @@ class StaticCases:
     def case(self, name: str) -> int:
         """Return the column of a load case."""
         return self.cases.index(name)
+
+    def largest_displacements(self) -> tuple[LargestDisplacement, ...]:
+        """Return the largest displacement of each load case, of points and within members."""
+        return tuple(x for s in self.solutions for x in largest_displacements(s))
 
     def column(self, k: int) -> tuple[StaticSolution, int]:
         """Return the solution that has a column, and its column there."""

@@ -19,6 +19,7 @@ from fem.analysis.line_loads import (
     rigidity_at,
 )
 from fem.elements import tapered
+from fem.elements.connections import moved_by_loads
 from fem.elements.frame import Frame
 from fem.elements.quadrature import gauss_points
 from fem.model import Model
@@ -202,14 +203,15 @@ def motion_between_nodes(
     """Return the motion that the loads on a line add between its nodes, shape (n, 6, n_cases).
 
     With the strains ε, γ and κ of the section forces that hold the loads while the nodes rest, v = ∫ γ ds +
-    ∫ (x - s) κ ds. Ends that are free to turn add a rotation that returns the second end to its place.
+    ∫ (x - s) κ ds. Ends that slip in releases and springs move as
+    :func:`fem.elements.connections.moved_by_loads` has it, and a rotation brings the second end to its place.
     """
-    axes = held.loads.axes
+    axes, (frame,) = held.loads.axes, model.of_kind(Frame)
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
     at_rest = replace(held, ends=held.fixed[:, :6], initial=0 * held.initial)
     breaks = np.unique(np.clip([a, b, *held.loads.xi[held.loads.line == line].ravel()], a, b))
 
-    n_points = tapered.N_STATIONS if model.of_kind(Frame)[0].has_tapers else 4
+    n_points = tapered.N_STATIONS if frame.has_tapers else 4
 
     def strains(at: NDArray[np.float64]) -> NDArray[np.float64]:
         lines = np.full(at.size, line)
@@ -234,13 +236,19 @@ def motion_between_nodes(
         return total
 
     end = integrated(b)
+    ends = np.zeros((2, 6, u.shape[1]))
+    g = frame.lines(model.mesh, [line])
+    if g.soft.size:
+        cuts = np.array([np.nextafter(a, b), b])  # between forces at the ends
+        force = section_forces(model, at_rest, u, np.full(2, line), cuts) * [[[-1.0]], [[1.0]]]
+        stretched = np.concatenate([np.zeros_like(end), end])
+        ends = moved_by_loads(g, stretched, force.reshape(12, -1)).reshape(ends.shape)
+    chord = (ends[1, :3] - ends[0, :3] - end[:3]) / ((b - a) * axes.span[line])
     out = []
     for x in np.clip(xi, a, b):
         here = integrated(float(x))
-        share = (x - a) / (b - a)
-        here[:3] -= share * end[:3]
-        here[5] -= end[1] / ((b - a) * axes.span[line])
-        here[4] += end[2] / ((b - a) * axes.span[line])
+        here[:3] += ends[0, :3] + (x - a) * axes.span[line] * chord
+        here[3:] += [ends[0, 3], -chord[2], chord[1]]
         out.append(here)
     R = axes.R[line]
     local = np.array(out)

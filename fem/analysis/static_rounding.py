@@ -23,6 +23,8 @@ _OPERATIONS = 36
 
 Twelve of its formula, twelve of the local axes, and six of each turn from local to global axes.
 """
+_SIGNS = 8
+"""Sets of signs: the standard deviation of their mean is half of it where one displacement decides."""
 
 
 def force_rounding(
@@ -44,13 +46,9 @@ def force_rounding(
     u : ndarray (n_dof, n_cases)
         [m, rad].
     """
-    model, dofs = system.model, line_dofs(system.model)
-    K, on_lines = sp.csr_array(full_matrices(model)["K"]), line_stiffness(model)
-    operations = _OPERATIONS + int(np.diff(K.indptr).max(initial=0))
-    lines = abs(on_lines) @ abs(u)[dofs] + abs(equilibrium.fixed)
-    lines *= operations * _UNIT_ROUNDOFF
-    nodes = operations * _UNIT_ROUNDOFF * (abs(K) @ abs(u))
-    np.add.at(nodes, dofs, lines)
+    dofs, on_lines = line_dofs(system.model), line_stiffness(system.model)
+    K = sp.csr_array(full_matrices(system.model)["K"])
+    lines, nodes = residual_rounding(K, on_lines, dofs, equilibrium, u)
     ends = lines.reshape(-1, 2, 2, 3, u.shape[1])
     ends[:, :, 1] += equilibrium.loads.axes.span[:, None, None, None] * ends[:, :, 0]  # moments at a cut
     held = np.setdiff1d(np.arange(len(u)), sp.csr_array(system.Q).nonzero()[0])
@@ -61,6 +59,55 @@ def force_rounding(
     if factor is not None:
         direct += _influence(system, factor, K, on_lines, dofs, nodes)
     return np.sqrt(3) * direct  # in any direction
+
+
+def residual_rounding(
+    K: Any,
+    on_lines: NDArray[np.float64],
+    dofs: NDArray[np.int64],
+    equilibrium: LineEquilibrium,
+    u: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return bounds of the rounding in forces on lines and in those out of balance on all DOFs.
+
+    The bound g of :func:`force_rounding`, for the stiffness K of all DOFs and that of lines
+    (n_lines, 12, 12).
+
+    Returns
+    -------
+    lines : ndarray (n_lines, 12, n_cases)
+        [N, N·m].
+    nodes : ndarray (n_dof, n_cases)
+        [N, N·m].
+    """
+    K = sp.csr_array(K)
+    unit = (_OPERATIONS + int(np.diff(K.indptr).max(initial=0))) * _UNIT_ROUNDOFF
+    lines = unit * (abs(on_lines) @ abs(u)[dofs] + abs(equilibrium.fixed))
+    nodes = unit * (abs(K) @ abs(u))
+    np.add.at(nodes, dofs, lines)
+    return lines, nodes
+
+
+def energy_rounding(system: System, factor: Factor, nodes: NDArray[np.float64]) -> float:
+    """Return the size √(eᵀ K e) of displacements e that rounding of nodal forces within ±g makes [√J].
+
+    The root mean square over independent signs, tr(G A⁻¹ K A⁻¹ G)^½ with G = diag(Qᵀ g), from a few of them
+    (Hutchinson, Communications in Statistics 18, 1989, 1059-1076). Signs of the worst case would give a size
+    larger by up to the square root of the number of coordinates, which rounding does not reach.
+
+    Parameters
+    ----------
+    system : System
+        Its stiffness is K, which measures the displacements.
+    factor : Factor
+        Of the stiffness A that resists the forces.
+    nodes : ndarray (n_dof,)
+        g [N, N·m].
+    """
+    g = (abs(system.Q).T @ nodes)[:, None]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(g), _SIGNS))
+    e = factor.solve(g * signs)
+    return float(np.sqrt((e * (system.K @ e)).sum() / _SIGNS))
 
 
 def beyond_rounding(forces: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:

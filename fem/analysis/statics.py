@@ -131,8 +131,8 @@ class StaticSolution:
         """Return displacements and rotations of places along a member's line, global.
 
         The motion of the nodes, and that of the loads between them while these rest: the strains beyond those
-        of the shape functions, integrated twice. At a released end and in rigid
-        zones it is the node's.
+        of the shape functions, integrated twice. Ends that slip in releases and springs move with the member,
+        as places beside them do; rigid zones and their ends move with the node.
 
         Parameters
         ----------
@@ -144,33 +144,19 @@ class StaticSolution:
         -------
         ndarray (n, 6, n_cases)
             [m, rad].
-
-        Raises
-        ------
-        ModelError
-            Where a loaded member is released in a translation at an end: the loads then move that end.
         """
         mesh, held = self.model.mesh, self.equilibrium
         at = [mesh.locate(member, s) for s in np.array(positions, dtype=float, ndmin=1)]
+        lines, xi = np.array([a.line for a in at], dtype=np.int64), np.array([a.xi for a in at])
         (frame,) = self.model.of_kind(Frame)
-        dofs, N = frame.interpolate(mesh, at)
-        u = np.einsum("bij,bjc->bic", N, self.displacements[dofs])
-        zone = held.loads.axes.zone
-        for line in np.unique(np.concatenate([held.loads.line, np.flatnonzero(held.strain.any((1, 2)))])):
-            first, last = zone[line, 0], 1 - zone[line, 1]
-            here = np.flatnonzero([a.line == line and first < a.xi < last for a in at])
-            if here.size:
-                properties = frame.members[member]
-                for free in (getattr(properties, "release1", ()), getattr(properties, "release2", ())):
-                    if set(free) & {"x", "y", "z"}:
-                        msg = (
-                            f"member '{member}' is released in {', '.join(free)}: displacements between its "
-                            "nodes are not computed under loads; add points where they are needed"
-                        )
-                        raise ModelError(msg)
-                u[here] += motion_between_nodes(
-                    self.model, held, self.displacements, int(line), np.array([at[k].xi for k in here])
-                )
+        dofs, N = frame.motions_at(mesh, lines, xi, slipped=True)
+        u = np.einsum("bij,bjc->bic", np.real(N), self.displacements[dofs])
+        zone = held.loads.axes.zone[lines]
+        in_zones = (zone > 0) & (np.column_stack([xi, 1 - xi]) < zone + 1e-9)
+        loaded = np.unique(np.concatenate([held.loads.line, np.flatnonzero(held.strain.any((1, 2)))]))
+        for line in np.intersect1d(loaded, lines):
+            here = np.flatnonzero((lines == line) & ~in_zones.any(axis=1))
+            u[here] += motion_between_nodes(self.model, held, self.displacements, int(line), xi[here])
         return u
 
     def case(self, name: str) -> int:

@@ -45,6 +45,34 @@ def connect_ends(rigid: Lines, layout: Layout) -> Lines:
     return replace(rigid, T=T, soft=soft, slip=slip, ends=np.where(held, 0.0, ends), held=held)
 
 
+def moved_by_loads(g: Lines, stretched: Array, force: Array) -> Array:
+    """Return the motion of the ends of one line behind their connections, under loads while its nodes rest.
+
+    The ends u obey hold u = -give r in each direction, with the forces r = K u - f of the connections on the
+    element. The forces f that do the work of the loads follow from them and from the motion w of an end
+    relative to the other: f = K w - r, as rigid-body motions of the element meet no resistance. Hence
+    (hold + give K) u = give (K w - r).
+
+    Parameters
+    ----------
+    g : Lines
+        One line, with connections.
+    stretched : ndarray (12, n_cases)
+        w, local [m, rad].
+    force : ndarray (12, n_cases)
+        r, local [N, N·m].
+
+    Returns
+    -------
+    ndarray (12, n_cases)
+        Local [m, rad].
+    """
+    K = np.real(local_stiffness(with_rigid_ends(g))[0])
+    hold, give = np.where(g.held[0], 1.0, g.ends[0]), np.where(g.held[0], 0.0, 1.0)
+    out: Array = np.linalg.solve(np.diag(hold) + give[:, None] * K, give[:, None] * (K @ stretched - force))
+    return out
+
+
 def with_rigid_ends(g: Lines) -> Lines:
     """Return the lines with rigid end connections."""
     return some_lines(g, np.arange(len(g.L)))

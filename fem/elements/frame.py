@@ -293,10 +293,15 @@ class Frame(Effect):
         """
         return self.motions_at(mesh, [at.line for at in locations], np.array([at.xi for at in locations]))
 
-    def motions_at(self, mesh: Mesh, lines: ArrayLike, xi: Array) -> tuple[NDArray[np.int64], Array]:
-        """Return the same as :meth:`interpolate` at fractions (n,) of lines (n,)."""
+    def motions_at(
+        self, mesh: Mesh, lines: ArrayLike, xi: Array, slipped: bool = False
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Return the same as :meth:`interpolate` at fractions (n,) of lines (n,).
+
+        If ``slipped``, the ends of members move as the members do, behind their releases and springs.
+        """
         g = self.lines(mesh, lines)
-        return g.dofs, motion_matrix(g, mesh, xi)
+        return g.dofs, motion_matrix(g, mesh, xi, slipped)
 
     def axis_displacements(
         self, mesh: Mesh, lines: NDArray[np.int64], xi: NDArray[np.float64], u: NDArray[np.float64]

@@ -141,10 +141,15 @@ def carried(g: Lines, mesh: Mesh, xi: Array) -> Array:
     return G
 
 
-def motion_matrix(g: Lines, mesh: Mesh, xi: Array) -> Array:
-    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12)."""
+def motion_matrix(g: Lines, mesh: Mesh, xi: Array, slipped: bool = False) -> Array:
+    """Return the motion of places on the mesh's lines, global axes, from the DOFs, shape (b, 6, 12).
+
+    Ends of lines move with the node, or with the member if ``slipped``; ends with a rigid zone with the node.
+    """
     x = flexible_fraction(g, xi)
     at_node = (np.imag(x) == 0) & ((np.real(x) < 1e-9) | (np.real(x) > 1 - 1e-9))
+    if slipped:
+        at_node &= np.where(np.real(x) < 0.5, g.zone[:, 0], g.zone[:, 1]) > 0
     T = np.where(at_node[:, None, None], g.T_nodes, g.T)
     return carried(g, mesh, xi) @ shape_matrix(g, x) @ T
 

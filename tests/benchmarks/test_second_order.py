@@ -65,6 +65,19 @@ def test_a_pinned_beam_column(kind, part):
     assert found.solution.displacements[6 * middle + 2, 0] / first > 1 / (1 - part) * 0.98
 
 
+@pytest.mark.parametrize("n", [400, 2000])
+@pytest.mark.parametrize("part", [0.2, 0.8])
+def test_rounding_on_a_fine_mesh_does_not_keep_the_iteration_going(part, n):
+    """A pinned beam-column under equal end moments: M/P (1/cos u - 1), to the rounding of n⁴ ε in a chain."""
+    P = part * np.pi**2 * EI / LENGTH**2
+    model = column(n, PINNED)
+    middle = int(np.argmin(abs(model.mesh.points[:, 0] - LENGTH / 2)))
+    found = solve_second_order(model, pushed(P, {(0, "ry"): 1e-3, (1, "ry"): -1e-3}))
+    exact = 1e-3 / P * (1 / np.cos(np.sqrt(P / EI) * LENGTH / 2) - 1)
+    assert -found.solution.displacements[6 * middle + 2, 0] == pytest.approx(exact, rel=n**4 * 1e-16)
+    assert found.n_rounds < 15
+
+
 def test_a_tie_is_stiffer():
     """In tension cos and tan become cosh and tanh; nothing buckles."""
     P = 4 * np.pi**2 * EI / LENGTH**2

@@ -162,3 +162,50 @@ def test_a_skew_support_holds_along_its_own_axes(tmp_path):
     path.write_text(SKEW.replace("[0, 1, 0]]", "[1.7320508075688772, 0, 1]]"), encoding="utf-8")
     with pytest.raises(StudyError, match=r"supports\[2\]\.axes: the vectors"):
         load_study(path)
+
+
+BEAM = """
+[mesh]
+element_size = 6
+
+[points]
+a = [0, 0, 0]
+b = [6, 0, 0]
+
+[members.m]
+from = "a"
+to = "b"
+theory = "euler-bernoulli"
+section = { A = 0.02, Iy = 3e-4, Iz = 1e-4, J = 1e-4 }
+release1 = "ry"
+release2 = "ry"
+
+[materials.s]
+E = 2e11
+rho = 7850
+
+[[supports]]
+point = "a"
+
+[[supports]]
+point = "b"
+
+[[loads]]
+case = "q"
+member = "m"
+force_per_length = [0, 0, -10000]
+"""
+
+
+@pytest.mark.parametrize("pieces", ["1", "20"])
+def test_the_largest_displacement_is_that_within_the_member(tmp_path, capsys, pieces):
+    """5qL⁴/384EI = 2.8125 mm, however few places of the member are written."""
+    path = tmp_path / "beam.toml"
+    path.write_text(BEAM)
+    main(["static", str(path), "--json", "-", "--pieces", pieces])
+    case = json.loads(capsys.readouterr().out)["cases"]["q"]
+    assert case["largest_displacement"]["m"] == pytest.approx(2.8125e-3, rel=1e-9)
+    assert case["largest_displacement"]["place"] == "m at 3 m"
+    np.testing.assert_allclose(case["largest_displacement"]["at"], [3, 0, 0])
+    turns = case["members"]["m"]["u_ry"]
+    assert [turns[0], turns[-1]] == pytest.approx([1.5e-3, -1.5e-3])
