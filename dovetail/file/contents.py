@@ -16,6 +16,7 @@ from dovetail.file.measured_modes import (
 )
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
+from fem.elements.splitting import split
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, Sensor
@@ -156,4 +157,4 @@ class Study:
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
-        return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))
+        return replace(self, model=split(self.model, factor))

@@ -12,6 +12,7 @@ from fem.connection_damping import ConnectionDamping
 from fem.effects.held_frame import HoldsFrame
 from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
+from fem.elements.splitting import split
 from fem.linalg.solvers import factorise
 from fem.model import Model
 from fem.reduction.parametric_frf import ParametricFRF
@@ -326,7 +327,7 @@ def build_fine(
     left = before = discretisation_error(problem)
     n = splits(left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR))
     if n > 1:
-        model = model.with_mesh(model.mesh.split(n))
+        model = split(model, n)
         problem = build(model)
         left = discretisation_error(problem)
     return problem, model, n, left, before[0]
@@ -337,7 +338,7 @@ def finer_receptances(
 ) -> NDArray[np.complex128]:
     """Return the sensors' FRFs of a fitted model with every element halved, (n_lines, n_out, n_in)."""
     model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
-    model = model.with_mesh(model.mesh.split(2))
+    model = split(model, 2)
     f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
