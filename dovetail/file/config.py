@@ -57,6 +57,7 @@ from dovetail.file.parts import (
     read_sections,
     read_supports,
 )
+from dovetail.file.paths import refuse_device
 from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
@@ -143,6 +144,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
         If the file cannot be opened.
     """
     path = Path(path)
+    refuse_device(path)
     raw = path.read_bytes()
     try:
         text = raw.decode("utf-8")

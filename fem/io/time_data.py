@@ -372,6 +372,9 @@ def _arrays(path: Path, arrays: dict[str, Named], sample_rate: float | None) -> 
         channels += own if count > 1 else [key]
         curves += list(columns.T.astype(float))
         units += [arrays[key].unit] * count
+    if not curves:
+        sizes = ", ".join(f"{key} {'x'.join(str(m) for m in v.shape)}" for key, v in data.items())
+        _refuse(path, f"its times are {n}, and no array has as many samples; it has {sizes}")
     return _together(path, _rate(path, sample_rate, found), channels, curves, units)
 
 
