@@ -276,6 +276,7 @@ class _Reader:
     top: Table
     needs: Collection[str]
     warnings: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
     measured_notes: list[str] = field(default_factory=list)
 
     @contextmanager
@@ -287,9 +288,8 @@ class _Reader:
             if part in self.needs:
                 raise
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
-            self.warnings.append(
-                f"left out, because this command does not need it: {' '.join(place.split())}"
-            )
+            self.left_out.append(" ".join(place.split()))
+            self.warnings.append(f"left out, because this command does not need it: {self.left_out[-1]}")
 
     @contextmanager
     def _if_all_was_read(self) -> Iterator[None]:
@@ -385,6 +385,7 @@ class _Reader:
             plan=plan,
             warnings=tuple(dict.fromkeys([*odd, *self.warnings])),
             implausible=odd,
+            left_out=tuple(dict.fromkeys(self.left_out)),
             shape_limits=read_shape_limits(top),
             chosen_sizes=chosen,
             labels={

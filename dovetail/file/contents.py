@@ -87,6 +87,8 @@ class Study:
         Plan of :command:`dovetail update`.
     warnings : tuple of str
         Probable faults of the study and its files, and parts left unread, in sentences.
+    left_out : tuple of str
+        Errors of parts that were left unread.
     implausible : tuple of str
         Those of them that are about values of the model, with file, line and key.
     shape_limits : ShapeLimits
@@ -130,6 +132,7 @@ class Study:
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
     shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
@@ -148,6 +151,11 @@ class Study:
     def has_baseline(self) -> bool:
         """Whether what has changed since an earlier state is asked for."""
         return self.baseline is not None or self.baseline_frfs is not None
+
+    @property
+    def has_data(self) -> bool:
+        """Whether it has measurements, or modes."""
+        return bool(self.measurements or self.amplitudes or self.states or self.has_baseline or self.modes)
 
     @property
     def lack_of_frfs(self) -> str:

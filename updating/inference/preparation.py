@@ -124,14 +124,7 @@ def build_problem(
     model = with_instruments(model, measurement.sensors, measurement.excitations)
     other = next(iter(model.of_kind(ConnectionDamping)), None) if connections else None
     model = model.without_effect(other.name) if other else model  # the curve has it
-    frf = measurement.frf.select(band=band) if band else measurement.frf
-    n_usable = int((frf.frequency > 0).sum())
-    if n_usable < LEAST_LINES:
-        msg = (
-            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
-            "needed to compare a model with it"
-        )
-        raise MeasurementError(msg)
+    frf = usable_lines(measurement, band)
     highest = float(frf.frequency[-1])
     reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections, other)
     k = len(modes)
@@ -297,6 +290,25 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
     ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
     return rms_db(ratio), problem.level(ratio, lines)
+
+
+def usable_lines(measurement: Measurement, band: tuple[float, float] | None) -> FRF:
+    """Return the FRFs of a measurement in a band [Hz].
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer than ``LEAST_LINES`` lines above 0 Hz.
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
+    return frf
 
 
 def build_fine(
