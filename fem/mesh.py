@@ -360,8 +360,16 @@ class Mesh:
                 pieces[rows] = np.maximum(1, np.ceil(share - 1e-6))
         return self.split(pieces)
 
-    def split(self, pieces: ArrayLike) -> "Mesh":
-        """Return a mesh in which line i is divided into ``pieces[i]`` equal lines."""
+    def split(self, pieces: ArrayLike, ends: ArrayLike = 0.0) -> "Mesh":
+        """Return a mesh in which line i is divided into ``pieces[i]`` lines.
+
+        Parameters
+        ----------
+        pieces : int or ndarray of int (n_lines,)
+        ends : ndarray (n_lines, 2), optional
+            Fractions of each line at its two ends that the first and the last piece have in addition [-];
+            the rest of the line is divided into equal lengths.
+        """
         asked = np.broadcast_to(np.asarray(pieces, dtype=float), (self.n_lines,))
         if not asked.sum() <= max(MOST_LINES, self.n_lines):
             row = int(np.argmax(asked))
@@ -378,7 +386,9 @@ class Mesh:
             return self
         a, b = self.points[self.lines[:, 0]], self.points[self.lines[:, 1]]
         of, step = _counted(pieces - 1)
-        inner = a[of] + ((step + 1) / pieces[of])[:, None] * (b - a)[of]
+        first, last = np.moveaxis(np.broadcast_to(np.asarray(ends, dtype=float), (self.n_lines, 2)), 1, 0)
+        along = first[of] + (1 - first - last)[of] * ((step + 1) / pieces[of])
+        inner = a[of] + along[:, None] * (b - a)[of]
         # the points inside a line are numbered one after the other, line by line
         before = self.n_points + np.cumsum(pieces - 1) - (pieces - 1)
         of, step = _counted(pieces)

@@ -219,4 +219,5 @@ def _contributions(like: tuple[Contribution, ...], key: str, values: Floats) -> 
     shapes = [getattr(c, key).shape for c in like]
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
     blocks = (block.reshape(shape) for block, shape in zip(np.split(values, ends), shapes, strict=True))
-    return tuple(Contribution(c.dofs, **{key: X}) for c, X in zip(like, blocks, strict=True))
+    bare = (Contribution(c.dofs) for c in like)
+    return tuple(replace(c, **{key: X}) for c, X in zip(bare, blocks, strict=True))  # type: ignore[arg-type]

@@ -68,16 +68,18 @@ def read_journal(path: Path, study_text: str, candidates: Mapping[str, Effect]) 
             raise JournalError(msg)
         states = tuple(_state(s, candidates) for s in data["states"])
         return History(states, range(len(states))[data["at"]])
-    except (ValueError, KeyError, TypeError, IndexError) as reason:
-        if isinstance(reason, JournalError):
-            raise
+    except (JournalError, OSError):
+        raise
+    except Exception as reason:  # a damaged journal raises whatever JSON and its values come upon
         msg = f"{path}: this is no journal of a desk ({type(reason).__name__}: {reason})"
         raise JournalError(msg) from reason
 
 
 def set_aside(path: Path) -> Path:
-    """Give a journal that does not fit another name, and return that."""
-    old = path.with_suffix(".old.json")
+    """Give a journal that does not fit a name that is free, and return that."""
+    old, k = path.with_suffix(".old.json"), 1
+    while old.exists():
+        old, k = path.with_suffix(f".old{k + 1}.json"), k + 1
     os.replace(path, old)
     return old
 
@@ -123,6 +125,10 @@ def _state(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> State:
 
 
 def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypothesis:
+    numbers = [v for e in d["effects"] for v in e["values"].values()] + [v for _, _, v in d["values"]]
+    if not np.isfinite(np.array([*numbers, *d["zeta"]], dtype=float)).all():
+        msg = "a value of the model is not finite"
+        raise ValueError(msg)
     return Hypothesis(
         tuple(candidates[e["name"]].with_values(**e["values"]) for e in d["effects"]),
         {(str(a), str(b)): float(v) for a, b, v in d["values"]},

@@ -96,12 +96,20 @@ class Desk:
         if self._journal is None or not self._journal.exists():
             return
         try:
-            self.history = read_journal(self._journal, self.study.text, self.candidates)
-            self.shown = self.live.evaluate(self.now.hypothesis)
+            history = read_journal(self._journal, self.study.text, self.candidates)
+            self.history, self.shown = history, self._evaluated(history)
             if len(self.history.states) > 1:
                 self.notes.append("The desk is where it was left; undo goes further back.")
         except JournalError as reason:
             self.notes.append(f"{reason}; it is kept as {set_aside(self._journal).name}")
+
+    def _evaluated(self, history: History) -> Evaluation:
+        """Return what a history of the journal shows."""
+        try:
+            return self.live.evaluate(history.now.hypothesis)
+        except (ValueError, ArithmeticError) as reason:  # values that no model can have
+            msg = f"{self._journal}: the state '{history.now.label}' cannot be computed ({reason})"
+            raise JournalError(msg) from reason
 
     @property
     def now(self) -> State:

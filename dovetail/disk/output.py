@@ -16,7 +16,7 @@ import numpy as np
 
 from dovetail.disk.exchange import exchanged
 from dovetail.disk.locks import Lock
-from dovetail.file.paths import InputFile
+from dovetail.file.paths import InputFile, refuse_device
 from fem.io.atomic import LONGEST_NAME, WriteError, flushed, replacing, umask
 
 MARK = ".dovetail"
@@ -228,6 +228,8 @@ def check_outputs(inputs: Iterable[InputFile], *outputs: Output) -> None:
         for other in given[:k]:
             _refuse_same(output, other)
     known = tuple(inputs)
+    for file in known:
+        refuse_device(file.path)
     for output in given:
         for file in known:
             if output.names:

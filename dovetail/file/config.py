@@ -57,6 +57,7 @@ from dovetail.file.parts import (
     read_sections,
     read_supports,
 )
+from dovetail.file.paths import refuse_device
 from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
@@ -143,6 +144,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
         If the file cannot be opened.
     """
     path = Path(path)
+    refuse_device(path)
     raw = path.read_bytes()
     try:
         text = raw.decode("utf-8")
@@ -274,6 +276,7 @@ class _Reader:
     top: Table
     needs: Collection[str]
     warnings: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
     measured_notes: list[str] = field(default_factory=list)
 
     @contextmanager
@@ -285,9 +288,8 @@ class _Reader:
             if part in self.needs:
                 raise
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
-            self.warnings.append(
-                f"left out, because this command does not need it: {' '.join(place.split())}"
-            )
+            self.left_out.append(" ".join(place.split()))
+            self.warnings.append(f"left out, because this command does not need it: {self.left_out[-1]}")
 
     @contextmanager
     def _if_all_was_read(self) -> Iterator[None]:
@@ -383,6 +385,7 @@ class _Reader:
             plan=plan,
             warnings=tuple(dict.fromkeys([*odd, *self.warnings])),
             implausible=odd,
+            left_out=tuple(dict.fromkeys(self.left_out)),
             shape_limits=read_shape_limits(top),
             chosen_sizes=chosen,
             labels={

@@ -16,6 +16,7 @@ from dovetail.file.measured_modes import (
 )
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
+from fem.elements.splitting import split
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, Sensor
@@ -86,6 +87,8 @@ class Study:
         Plan of :command:`dovetail update`.
     warnings : tuple of str
         Probable faults of the study and its files, and parts left unread, in sentences.
+    left_out : tuple of str
+        Errors of parts that were left unread.
     implausible : tuple of str
         Those of them that are about values of the model, with file, line and key.
     shape_limits : ShapeLimits
@@ -129,6 +132,7 @@ class Study:
     modes: MeasuredModes | None = None
     plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
     shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
@@ -149,6 +153,11 @@ class Study:
         return self.baseline is not None or self.baseline_frfs is not None
 
     @property
+    def has_data(self) -> bool:
+        """Whether it has measurements, or modes."""
+        return bool(self.measurements or self.amplitudes or self.states or self.has_baseline or self.modes)
+
+    @property
     def lack_of_frfs(self) -> str:
         """Why it has no FRFs, in words after "it has"."""
         names = ", ".join(m.name for m in self.amplitudes)
@@ -156,4 +165,4 @@ class Study:
 
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
-        return replace(self, model=self.model.with_mesh(self.model.mesh.split(factor)))
+        return replace(self, model=split(self.model, factor))

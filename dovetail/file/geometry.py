@@ -375,7 +375,7 @@ def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float
         return float(np.sqrt(strain * m.E / m.rho) / frequency / PER_OTHER_WAVE)
     sizes = [np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency / PER_OTHER_WAVE]
     for I, k in ((s.Iy, s.kz), (s.Iz, s.ky)):
-        wave = (m.rho * s.A * omega**2 / (m.E * I)) ** 0.25
+        wave = (m.rho * s.A / (m.E * I)) ** 0.25 * np.sqrt(omega)  # the square of a slip may overflow
         sizes.append(2 * np.pi / wave / PER_BENDING_WAVE)
         phi = m.E * I * wave**2 / (k * m.G * s.A) if k > 0 and p.theory == "timoshenko" else 0.0
         if phi > 0:

@@ -12,6 +12,8 @@ from fem.io.arrays import MODE_STD
 from fem.io.frf_labels import frequency_factor
 
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv")
+LONGEST_CELL = 40
+"""Characters of a cell that a message repeats."""
 _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _KEYS = {
     "frequency": "frequency", "natural frequency": "frequency", "f": "frequency",
@@ -99,6 +101,7 @@ def _number(name: str, row: int, column: str, cell: str, gaps: bool) -> complex:
         value = complex(np.nan)
     if not np.isfinite(value):
         more = ", or nothing where it was not measured," if gaps else ""
-        msg = f"{name}, row {row}, {column}: '{cell}' is not allowed; a number{more} is needed"
+        shown = cell if len(cell) <= LONGEST_CELL else f"{cell[:LONGEST_CELL]}…"
+        msg = f"{name}, row {row}, {column}: '{shown}' is not allowed; a number{more} is needed"
         raise StudyError(msg)
     return value

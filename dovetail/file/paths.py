@@ -2,6 +2,7 @@
 
 import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dovetail.file.table import StudyError
 from dovetail.file.toml import with_values
 
 FILES: dict[tuple[str, ...], str] = {
@@ -55,6 +57,21 @@ class InputFile:
 
     path: Path
     what: str
+
+
+def refuse_device(path: Path) -> None:
+    """Refuse a device, such as ``/dev/zero``: it may have no end. Pipes and files pass.
+
+    Raises
+    ------
+    StudyError
+        If it is one.
+    """
+    with suppress(OSError):  # the reader says what cannot be opened
+        mode = path.stat().st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            msg = f"{path}: it is a device, which may have no end; a file is needed"
+            raise StudyError(msg)
 
 
 def named_files(values: Any) -> Iterator[tuple[tuple[str | int, ...], tuple[str, ...], str]]:
@@ -108,6 +125,7 @@ def input_files(study: Path) -> tuple[InputFile, ...]:
     """
     out = [InputFile(study, "the study itself")]
     values: Any = {}
+    refuse_device(study)
     with suppress(OSError, ValueError, RecursionError):
         values = tomllib.loads(study.read_text(encoding="utf-8"))
     for place, keys, name in named_files(values):

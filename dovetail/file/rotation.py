@@ -26,7 +26,8 @@ def read_rotation(top: Table, model: Model, notes: list[str]) -> Model:
     for where, why in refusals(model):
         top.refuse("members", f"{where} cannot spin: {why}")
     if rpm:
-        return at_speed(model, rpm)
+        with t.at("rpm"):
+            return at_speed(model, rpm)
     if shafts and rpm is None:
         notes.append(
             f"no [rotation] rpm is given: members with a spin ({', '.join(shafts)}) stand still, but for the "

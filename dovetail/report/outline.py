@@ -108,7 +108,11 @@ def read_outline(folder: Path) -> Outline:
         msg = f"{folder} has no {REPORT}; give a folder that 'dovetail run STUDY --out DIR' has written"
         raise ReportError(msg)
     reader = _Reader(folder / PICTURES)
-    reader.feed(file.read_text(encoding="utf-8"))
+    try:
+        reader.feed(file.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as reason:
+        msg = f"{file}: byte {reason.start} is not UTF-8; is it a report of 'dovetail run'?"
+        raise ReportError(msg) from reason
     reader.close()
     if not reader.name:
         msg = f"{file} has no heading; is it a report of 'dovetail run'?"

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
 from fem.analysis.whirl import whirl
-from fem.effects.spin import Spin, spinning
+from fem.effects.spin import Spin, refuse_speeds, spinning
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
@@ -242,6 +242,7 @@ def _check(model: Model, speeds: NDArray[np.float64], n: int, orders: Sequence[f
     if not (np.isfinite(speeds).all() and speeds.size and speeds[0] >= 0 and (np.diff(speeds) > 0).all()):
         msg = "the speeds must be finite, at least 0, and rise"
         raise ModelError(msg)
+    refuse_speeds(speeds)
     if n < 1:
         msg = f"{n} modes are asked for; at least 1 is needed"
         raise ModelError(msg)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.selection import Selection, dof_vectors
-from fem.effects.spin import Spin, spinning
+from fem.effects.spin import Spin, refuse_speeds, spinning
 from fem.elements.frame import Frame
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
@@ -104,6 +104,7 @@ def solve_unbalance(
         If there is no unbalance, one is on no member that spins, or several speeds would act at once.
     """
     speed = np.array(speed, dtype=float, ndmin=1)
+    refuse_speeds(speed)
     rest = model.without_effect(*(e.name for e in model.of_kind(Spin)))
     ratio, cosine, sine = _forces(rest, unbalances)
     still = assemble(rest)

@@ -1,7 +1,7 @@
 """Planar models: motions out of one plane are taken away from every point."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -173,8 +173,10 @@ def in_plane(model: Model, effects: Iterable[Effect]) -> tuple[Effect, ...]:
 def _acts_on(effect: Effect, model: Model, dofs: NDArray[np.bool_]) -> bool:
     """Whether an effect has matrices or constraints on some of the DOFs, or none at all."""
     present = _present(effect)
-    larger = model.with_effect(present)
-    known = np.append(dofs, np.ones(larger.n_dof - len(dofs), dtype=bool))
+    others = tuple(e for e in model.effects if e.name != effect.name)  # the model may have it already
+    larger = replace(model, effects=(*others, present))
+    n = 6 * model.mesh.n_points
+    known = np.append(dofs[:n], np.ones(larger.n_dof - n, dtype=bool))
     parts = present.contribute(larger)
     own = present.constraints(larger)
     if not parts and not own:

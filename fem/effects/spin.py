@@ -16,8 +16,32 @@ from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
 from fem.model import Contribution, Effect, Model, ModelError, Parameter, ParameterRef, dofs_of, skew
 
+FASTEST = 1e9
+"""Speed above which an input is a slip [rad/s]: the fastest machines reach 1e5."""
 _ROUNDING = 1e-6
 """Relative difference below which second moments are equal and directions parallel [-]."""
+
+
+def refuse_speeds(speed: Any) -> None:
+    """Refuse speeds that no shaft has.
+
+    Parameters
+    ----------
+    speed : float or ndarray
+        [rad/s].
+
+    Raises
+    ------
+    ModelError
+        For a speed that is not finite, or beyond ``FASTEST``.
+    """
+    wrong = np.ravel(speed)[~(np.abs(np.ravel(speed)) <= FASTEST)]
+    if wrong.size:
+        msg = (
+            f"a speed is {wrong[0]:.4g} rad/s ({wrong[0] * (30 / np.pi):.4g} turns a minute); shafts turn at "
+            f"up to {FASTEST:g} rad/s in either sense"
+        )
+        raise ModelError(msg)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,6 +65,9 @@ class Spin(Effect):
     role: ClassVar[Role] = Role.GYROSCOPIC
     reciprocal: ClassVar[bool] = False
     speed: Any
+
+    def __post_init__(self) -> None:
+        refuse_speeds(self.speed)
 
     @property
     def where(self) -> str:

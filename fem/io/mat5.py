@@ -154,7 +154,9 @@ def _arrays(data: _Bytes, prefix: str, depth: int) -> Iterator[tuple[str, NDArra
 
 def _texts(data: _Bytes, name: str, shape: tuple[int, ...]) -> list[str]:
     """Return the rows of a text array; one row is one text."""
-    codes = data.numbers() if prod(shape) else np.zeros(0, dtype="u2")
+    if not prod(shape):
+        return [""] * max(1, shape[0])  # MATLAB's '' has no rows, and is one text all the same
+    codes = data.numbers()
     if codes.dtype.itemsize == 1 and codes.size != prod(shape):  # UTF-8
         return [bytes(codes).decode("utf-8", "replace").strip()]
     if codes.size != prod(shape):

@@ -12,7 +12,7 @@ from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
-from fem.io.uff_types import Function
+from fem.io.uff_types import MOTIONS, Function
 from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
 
 FRF_TYPES = 4, 5
@@ -176,6 +176,11 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
         return f"its abscissa has data type {function.x_type}, not {FREQUENCY} (frequency)"
     if fault := abscissa_factor(function.x_type, function.x_unit)[2]:
         return fault
+    if function.of_motion and function.ordinate_type not in MOTIONS:
+        return (
+            f"its data types are {function.ordinate_type} over {function.denominator_type}, a motion; over a "
+            "motion stands another, of type 8, 11 or 12"
+        )
     if kind is None:
         return (
             f"its data types {function.ordinate_type} and {function.denominator_type} do not say "

@@ -1,8 +1,10 @@
 """The commands, as a user calls them."""
 
 import json
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -348,3 +350,51 @@ def test_identification_refuses_terms_and_targets_that_make_no_sense(with_spring
     assert "D has no stiffness" in capsys.readouterr().err
     assert main([*asked, "--propose", str(with_springs)]) == 2
     assert "is the study itself" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("test.uff", "none.uff", "none.uff'"),
+        ('file = "test.uff"', 'file = "test.uff"\ncoherence = "none.uff"', "none.uff'"),
+        (
+            "[[measurements]]",
+            '[[sensors]]\nname = "s"\npoint = [0.5, 0.15, 1.0]\ndirection = "x"\n[[measurements]]',
+            "sensors[1]",
+        ),
+        ("[[measurements]]", '[[excitations]]\nsensor = "hammer"\n[[measurements]]', "'hammer'"),
+        ("[uncertain]", '[modes]\nfile = "none.uff"\n[uncertain]', "none.uff'"),
+        ("[uncertain]", "[fit]\nband = [9000, 9001]\n[uncertain]", "band"),
+    ],
+)
+def test_check_lists_what_a_run_refuses(tmp_path, capsys, old, new, words):
+    study = first_frame(tmp_path, old, new)
+    assert main(["run", str(study), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    refused = capsys.readouterr().err
+    assert main(["check", str(study), "--json", str(tmp_path / "c.json")]) == 2
+    said = capsys.readouterr()
+    assert words in refused
+    assert words in said.err
+    assert said.out.splitlines()[-1] == "1 fault(s) found"
+    (fault,) = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))["faults"]
+    assert fault["kind"] == "refused"
+    assert words in fault["message"]
+
+
+def test_check_counts_warnings(tmp_path, capsys):
+    study = first_frame(tmp_path, 'file = "test.uff"', 'file = "test.uff"\nscale = 1000.0')
+    assert main(["check", str(study)]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("dovetail: warning: ") == 1
+    assert said.out.splitlines()[-1] == "no faults found, 1 warning"
+
+
+def first_frame(folder, old, new):
+    """Return the study of the tutorial in a folder, with a change."""
+    source = Path(__file__).parents[2] / "examples/first-frame"
+    for name in ("frame.msh", "test.uff"):
+        shutil.copy(source / name, folder)
+    text = (source / "study.toml").read_text(encoding="utf-8")
+    assert old in text
+    (folder / "study.toml").write_text(text.replace(old, new), encoding="utf-8")
+    return folder / "study.toml"

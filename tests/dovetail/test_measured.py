@@ -382,7 +382,7 @@ BROKEN = {
 @pytest.mark.parametrize("case", BROKEN)
 @pytest.mark.parametrize("command", ["modes", "check"])
 def test_commands_of_the_model_need_no_measurement(tmp_path, computed, capsys, command, case):
-    """A bad file is named; natural frequencies are those without it."""
+    """A bad file is named; natural frequencies are those without it. The check counts it as a fault."""
     write_npz(tmp_path / "m.npz", computed)
     write_npz(tmp_path / "conj.npz", replace(computed, H=computed.H.conj()))
     bare, path = tmp_path / "bare.toml", tmp_path / "study.toml"
@@ -390,8 +390,13 @@ def test_commands_of_the_model_need_no_measurement(tmp_path, computed, capsys, c
     path.write_text(STUDY + "".join(BROKEN[case]), encoding="utf-8")
     assert main([command, str(bare)]) == 0
     before = capsys.readouterr().out.split("assumed")[0].splitlines()[1:]
-    assert main([command, str(path)]) == 0
+    assert main([command, str(path)]) == (2 if command == "check" else 0)
     after = capsys.readouterr()
+    if command == "check":
+        assert before == ["no faults found"]
+        assert after.out.splitlines()[-1].endswith(" fault(s) found")
+        assert "'dovetail run' would refuse it: " in after.err
+        return
     assert after.out.split("assumed")[0].splitlines()[1 : 1 + len(before)] == before
     assert ("warning: left out, because this command does not need it: " in after.err) == (
         case != "conjugated"
@@ -483,7 +488,6 @@ def test_only_commands_that_use_measurements_compute_frfs_to_check_them(load, co
         load_study(path)
     for needs in ((), ("sensors",)):
         assert load_study(path, needs).measurements
-    assert main(["check", str(path), "--quiet"]) == 0
     assert main(["modes", str(path), "--quiet"]) == 0
     assert main(["frf", str(path), "--out", str(path.with_name("out.npz")), "--quiet"]) == 0
 

@@ -11,12 +11,15 @@ from fem.effects.preload import Preload
 from fem.elements.connections import end_slips
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
+from fem.elements.splitting import split
 from fem.materials import PropertyError
 from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Model, ModelError, dofs_of, lever_matrix
 from fem.sections.section import Section
 from fem.system import assemble, rigid_motions
 from tests.frames import FLAT, STEEL, beam, braced, fix, planar, welded
+from updating.inference.mode_preparation import fine_enough
+from updating.inference.mode_targets import ModeTargets
 
 PINNED = ("x", "y", "z")
 EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A
@@ -586,3 +589,15 @@ point = "A"
     assert (mast.spring1, mast.spring2) == ({}, {"ry": 2e4, "z": 1e6})
     assert (guy.theory, guy.pretension, strut.pretension) == ("bar", 3e3, 0.0)
     assert [len(model.mesh.members[name]) for name in ("guy", "strut")] == [4, 1]
+
+
+@pytest.mark.parametrize("along", [(1, 0, 0), (-1, 2, 0.5)])
+@pytest.mark.parametrize("n", [1, 3])
+def test_elements_are_divided_beside_rigid_zones(n, along):
+    zones = {"rigid1": 0.2, "rigid2": 0.13, "offset1": np.array([0, 0.01, 0.02])}
+    model = beam(n, 1.0, effects=(fix(0),), along=along, theory="timoshenko", **zones)
+    coarse, fine = (frequencies(split(model, k), 3) for k in (16, 64))
+    np.testing.assert_allclose(coarse, fine, rtol=2e-5)
+    finer, _ = fine_enough(model, ModeTargets.of(fine, 1e-4))  # elements far shorter than the zones
+    assert finer.mesh.n_lines > 8 * n
+    np.testing.assert_allclose(frequencies(finer, 3), fine, rtol=1e-3)

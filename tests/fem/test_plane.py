@@ -10,6 +10,7 @@ from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.modes import solve_modes
 from fem.analysis.statics import solve_static
 from fem.effects.added_mass import AddedMass
+from fem.effects.clamp_form import ClampForm
 from fem.effects.plane import Plane, refusals
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
@@ -130,3 +131,10 @@ def test_candidates_act_in_the_plane():
     assert not any(name.endswith((".y", ".rx", ".rz")) for name in names[True])
     assert "member_stiffness:beam" in names[True]
     assert any(name.startswith("support_flexibility") and name.endswith(".ry") for name in names[True])
+
+
+def test_candidates_of_a_model_that_already_has_them():
+    (clamp, *_) = ClampForm.propose(bent())
+    mass = propose(bent(), ("point_mass",))[0].with_values(mass=0.2)
+    names = {e.name for e in propose(bent())}
+    assert {e.name for e in propose(bent().with_effect(clamp, mass))} >= names - {mass.name}

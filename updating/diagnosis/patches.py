@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fem.effects.joint_patch import JointPatch, turning_parameters
+from fem.elements.splitting import split
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 
@@ -38,7 +39,7 @@ def refined_at(model: Model, patch: JointPatch) -> Model:
         on = np.abs((s[1:] + s[:-1]) / 2 - side.position) < PATCH_REACH * side.half
         needed = np.ceil(np.diff(s)[on] * PATCH_ELEMENTS / side.half - 1e-6).astype(np.int64)
         pieces[lines[on]] = np.maximum(pieces[lines[on]], needed)
-    return model.with_mesh(mesh.split(pieces)) if mesh is not model.mesh or (pieces > 1).any() else model
+    return split(model.with_mesh(mesh), pieces) if mesh is not model.mesh or (pieces > 1).any() else model
 
 
 def with_turning(nuisances: Sequence[Nuisance], model: Model) -> tuple[Nuisance, ...]:

@@ -6,6 +6,7 @@ inversion that is called cycle skipping, and is cured by decaying waves, from st
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ class Continuation:
         return rest / np.maximum(inside, LEAST_INSIDE / 2) + np.tensordot(terms, self.factors, axes=1), inside
 
 
-def _terms(s: Complexes, top: float, poles: Complexes) -> Complexes:
+def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
     """Return 1/(s - λ) ± 1/(s - λ*) of each pole, and what modes beyond the band add, (n_freq, 2 n + 3)."""
     one, two = top / (s[:, None] - poles), top / (s[:, None] - poles.conj())
     beyond = (s[:, None] / top) ** np.array([-2, 0, 2])

@@ -8,6 +8,7 @@ import numpy as np
 from fem.analysis.modes import first_modes
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import PointPair
+from fem.elements.splitting import split
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
@@ -72,7 +73,7 @@ def fine_enough(model: Model, targets: ModeTargets) -> tuple[Model, float]:
     n = targets.n + 2
     f, error = _frequencies(model, n), 0.0
     for _ in range(MOST_SPLITS // 2):
-        finer = model.with_mesh(model.mesh.split(2))
+        finer = split(model, 2)
         g = _frequencies(finer, n)
         both = min(len(f), len(g))
         error = 4 / 3 * float(np.abs(np.log(f[:both] / g[:both])).max(initial=0.0))

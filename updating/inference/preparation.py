@@ -12,6 +12,7 @@ from fem.connection_damping import ConnectionDamping
 from fem.effects.held_frame import HoldsFrame
 from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
+from fem.elements.splitting import split
 from fem.linalg.solvers import factorise
 from fem.model import Model
 from fem.reduction.parametric_frf import ParametricFRF
@@ -123,14 +124,7 @@ def build_problem(
     model = with_instruments(model, measurement.sensors, measurement.excitations)
     other = next(iter(model.of_kind(ConnectionDamping)), None) if connections else None
     model = model.without_effect(other.name) if other else model  # the curve has it
-    frf = measurement.frf.select(band=band) if band else measurement.frf
-    n_usable = int((frf.frequency > 0).sum())
-    if n_usable < LEAST_LINES:
-        msg = (
-            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
-            "needed to compare a model with it"
-        )
-        raise MeasurementError(msg)
+    frf = usable_lines(measurement, band)
     highest = float(frf.frequency[-1])
     reduced, curve, modes = _reduced(model, measurement, frf, damping_std, connections, other)
     k = len(modes)
@@ -298,6 +292,25 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     return rms_db(ratio), problem.level(ratio, lines)
 
 
+def usable_lines(measurement: Measurement, band: tuple[float, float] | None) -> FRF:
+    """Return the FRFs of a measurement in a band [Hz].
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer than ``LEAST_LINES`` lines above 0 Hz.
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
+    return frf
+
+
 def build_fine(
     build: Callable[[Model], FitProblem], model: Model, model_error: float
 ) -> tuple[FitProblem, Model, int, tuple[float, float], float]:
@@ -326,7 +339,7 @@ def build_fine(
     left = before = discretisation_error(problem)
     n = splits(left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR))
     if n > 1:
-        model = model.with_mesh(model.mesh.split(n))
+        model = split(model, n)
         problem = build(model)
         left = discretisation_error(problem)
     return problem, model, n, left, before[0]
@@ -337,7 +350,7 @@ def finer_receptances(
 ) -> NDArray[np.complex128]:
     """Return the sensors' FRFs of a fitted model with every element halved, (n_lines, n_out, n_in)."""
     model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
-    model = model.with_mesh(model.mesh.split(2))
+    model = split(model, 2)
     f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)

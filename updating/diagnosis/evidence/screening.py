@@ -202,7 +202,7 @@ def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid
 
 
 def screen_near(
-    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], linear: Sequence[float]
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], linear: Floats
 ) -> tuple[Screened, ...]:
     """Return the candidates that can be the best beside fits near the data, by their gains over the first.
 

@@ -1,0 +1,183 @@
+"""Files that are damaged or absurd end in one line of our own error, and nothing of the user's is lost."""
+
+import re
+
+import numpy as np
+import pytest
+
+from dovetail.cli import main
+from dovetail.desk.journal import journal_of
+from dovetail.desk.session import Desk
+from dovetail.file.mode_table import read_mode_table
+from dovetail.file.table import StudyError
+from fem.analysis.frf import FRF
+from fem.io import TableError, read_uff, write_npz
+from fem.io.mat5 import read_mat5
+from fem.io.time_data import read_time_data
+
+STUDY = """\
+[points]
+A = [0, 0, 0]
+B = [1, 0, 0]
+[members.bar]
+from = "A"
+to = "B"
+section = { shape = "circle", d = 0.02 }
+spin = 1.0
+[materials.steel]
+E = 210e9
+rho = 7850
+[[supports]]
+point = "A"
+[[sensors]]
+name = "tip"
+point = "B"
+direction = "z"
+label = "1Z+"
+[[excitations]]
+sensor = "tip"
+[[unbalances]]
+point = "B"
+moment = 1e-5
+"""
+
+
+def refused(capsys, *command):
+    """Run a command that must end in one line and exit code 2; return the line."""
+    assert main([str(word) for word in command]) == 2
+    printed = capsys.readouterr()
+    lines = [line for line in printed.err.splitlines() if not line.startswith(("dovetail: warning", "usage"))]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def written(folder, more=""):
+    (folder / "study.toml").write_text(STUDY + more, encoding="utf-8")
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize("empty", ["", np.zeros((0, 0), dtype="U1"), np.array([""]), np.array(["", "ab"])])
+def test_empty_texts_of_matlab(tmp_path, empty):
+    from scipy.io import savemat
+
+    cells = np.empty(2, dtype=object)
+    cells[:] = ["", "acc"]
+    savemat(tmp_path / "m.mat", {"a": empty, "s": {"b": empty, "c": 1.0}, "names": cells, "x": np.eye(2)})
+    found = read_mat5(tmp_path / "m.mat")
+    assert not "".join(found["a"].ravel().tolist()).replace("ab", "")
+    assert found["names"].tolist() == ["", "acc"]
+    assert found["x"].tolist() == np.eye(2).tolist()
+
+
+@pytest.mark.parametrize("lengths", [(50, 100, 100), (101, 100, 100), (3, 100, 90)])
+def test_times_of_another_length_are_refused(tmp_path, lengths):
+    t, force, response = (np.arange(n) / 100.0 for n in lengths)
+    np.savez(tmp_path / "r.npz", time=t, force=force, response=response)
+    with pytest.raises(TableError, match=rf"r\.npz: its times are {lengths[0]}, and no array has as many"):
+        read_time_data(tmp_path / "r.npz")
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/full"])
+def test_devices_are_refused(tmp_path, capsys, device):
+    study = written(tmp_path)
+    words = f"{device}: it is a device, which may have no end; a file is needed"
+    assert words in refused(capsys, "transient", study, "--excitation", device)
+    assert words in refused(capsys, "modes", device)
+    assert words in refused(capsys, "frf-estimate", device, "--out", tmp_path / "o.npz")
+    (tmp_path / "link.csv").symlink_to(device)
+    assert "it is a device" in refused(capsys, "spectrum", study, "--spectrum", tmp_path / "link.csv")
+
+
+@pytest.mark.parametrize("rpm", ["1e308", "1e200", "-1e40", "1e11"])
+def test_speeds_of_no_shaft_are_refused(tmp_path, capsys, rpm):
+    study = written(tmp_path)
+    words = r"a speed is \S+ rad/s \(\S+ turns a minute\); shafts turn at up to 1e\+09 rad/s"
+    assert re.search(words, refused(capsys, "complex", study, f"--rpm={rpm}"))
+    if float(rpm) > 0:
+        for command in ("campbell", "unbalance"):
+            assert re.search(words, refused(capsys, command, study, "--speeds", f"0:{rpm}:3"))
+    study = written(tmp_path, f"[rotation]\nrpm = {rpm}\n")
+    assert "rotation" in refused(capsys, "modes", study)
+
+
+@pytest.mark.parametrize("types", [(18, 12), (0, 12), (13, 8), (9, 11)])
+def test_what_is_no_motion_over_a_motion_is_refused(tmp_path, capsys, types):
+    response, reference = types
+    block = [
+        "    -1", "    58", "frf", "NONE", "NONE", "NONE", "NONE",
+        "    4         0    0         0 NONE               1   3 NONE               1   3",
+        "         6         3         1 1.000000e+00 1.000000e+00  0.00000e+00",
+        "        18    0    0    0 Frequency            Hz",
+        f"{response:10d}    0    0    0 Acceleration         m/s^2",
+        f"{reference:10d}    0    0    0 Force                N",
+        "         0    0    0    0 NONE                 NONE",
+        "  1.0e+00  0.0e+00  1.0e+00  0.0e+00  1.0e+00  0.0e+00", "    -1",
+    ]  # fmt: skip
+    (tmp_path / "f.uff").write_text("\n".join(block) + "\n", encoding="ascii")
+    words = f"its data types are {response} over {reference}, a motion"
+    assert words in "".join(read_uff(tmp_path / "f.uff", kind="accelerance").skipped)
+    study = written(tmp_path, '[[measurements]]\nfile = "f.uff"\nkind = "accelerance"\n')
+    assert words in refused(capsys, "compare", study)
+
+
+@pytest.mark.parametrize("text", [b"\xff\xfe<html>", b"<h1>caf\xe9</h1>", b"\x80" * 20])
+def test_reports_that_are_no_text_are_refused(tmp_path, capsys, text):
+    (tmp_path / "report.html").write_bytes(text)
+    said = refused(capsys, "report", tmp_path, "--docx", tmp_path / "r.docx")
+    assert "report.html: byte " in said
+    assert "is not UTF-8" in said
+    assert not (tmp_path / "r.docx").exists()
+
+
+@pytest.mark.parametrize("number", ["3" + 299 * "9" + ".1", "3" + 299 * "9", 200 * "9", "1e300"])
+def test_frequencies_of_no_structure_are_refused(tmp_path, capsys, number):
+    (tmp_path / "m.csv").write_text(f"frequency [Hz],tip\n{number},0.3\n9.4,0.2\n", encoding="utf-8")
+    study = written(tmp_path, '[modes]\nfile = "m.csv"\n')
+    assert "the mesh would have" in refused(capsys, "compare", study)
+    study = written(tmp_path, f"[modes]\nfrequency = [9.4, {number}]\n")
+    refused(capsys, "compare", study)
+    study = written(tmp_path, f"[frequency]\nstop = {number}\n")
+    refused(capsys, "modes", study)
+
+
+def test_a_long_number_of_a_mode_table_is_cut_in_the_message(tmp_path):
+    (tmp_path / "m.csv").write_text(f"frequency,tip\n{400 * '9'},0.3\n", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"row 2, frequency: '9{40}…' is not allowed; a number is needed"):
+        read_mode_table(tmp_path / "m.csv")
+
+
+@pytest.fixture
+def desk_study(tmp_path):
+    study = written(tmp_path, '[[measurements]]\nfile = "m.npz"\n[frequency]\nstop = 60.0\n')
+    study.write_text(study.read_text(encoding="utf-8").replace("spin = 1.0\n", "").partition("[[unb")[0] +
+                     '[[measurements]]\nfile = "m.npz"\n', encoding="utf-8")  # fmt: skip
+    f = np.linspace(5, 60, 40)
+    H = (1 / (1 - (f / 16.5) ** 2 + 0.02j * f / 16.5))[:, None, None].astype(complex)
+    write_npz(tmp_path / "m.npz", FRF.from_arrays(f, H, "receptance", ("1Z+",), ("1Z+",)))
+    return study
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("210000000000.0", 400 * "9"),
+        ("210000000000.0", "1e400"),
+        ("210000000000.0", "NaN"),
+        ("210000000000.0", "[[1]]"),
+        ('"states": [', '"states": ' + 3000 * "["),
+        ('"hypothesis": {', '"hypothesis": null, "x": {'),
+    ],
+)
+def test_a_damaged_journal_is_set_aside(desk_study, old, new):
+    desk = Desk.open(desk_study)
+    desk.add(next(iter(desk.candidates)))
+    path = journal_of(desk_study)
+    damaged = path.read_text(encoding="utf-8").replace(old, new)
+    assert new in damaged
+    for kept in (".study.desk.old.json", ".study.desk.old2.json"):
+        path.write_text(damaged, encoding="utf-8")
+        fresh = Desk.open(desk_study)
+        assert fresh.history.undoes == ""
+        assert kept in fresh.notes[0]
+        assert (desk_study.parent / kept).read_text(encoding="utf-8") == damaged
+        assert np.isfinite(fresh.shown.result.fit_db)
