@@ -17,10 +17,11 @@ from fem.analysis.basis import Basis, reduced_basis, without_modes
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
+from fem.reduction.sums import Sums
 from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
-from fem.tabulated import Sums, Tabulated
+from fem.tabulated import Tabulated
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
 """Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept

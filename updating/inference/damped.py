@@ -85,7 +85,8 @@ class Continuation:
         inside = np.tensordot(kernel, there.astype(float), axes=1)
         rest = np.tensordot(kernel, np.where(there, self.rest, 0.0), axes=1)
         terms = _terms(2 * np.pi * (1j * f + sigma), 2 * np.pi * f[-1], self.poles)
-        return rest / np.maximum(inside, LEAST_INSIDE / 2) + np.tensordot(terms, self.factors, axes=1), inside
+        H: Complexes = rest / np.maximum(inside, LEAST_INSIDE / 2) + np.tensordot(terms, self.factors, axes=1)
+        return H, inside
 
 
 def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
