@@ -141,6 +141,7 @@ def run(options: Options, progress: Progress) -> None:
 def _channels(options: Options, data: "TimeData") -> _Chosen:
     """Return the forces and responses of a record in SI units."""
     from fem.io.time_data import force_unit, motion_unit
+    from fem.io.units import size_of
 
     for name in (*options.scale, *options.rename):
         data.channel(name)
@@ -172,6 +173,13 @@ def _channels(options: Options, data: "TimeData") -> _Chosen:
             )
             raise OutputError(msg)
         known = force if motion is None else motion[1]
+        other = size_of(unit)
+        if known is None and other is not None and any(other[1]) and name not in options.scale:
+            msg = (
+                f"{data.name}: channel {name} is in '{unit}', which is neither a force nor a motion; leave "
+                f"it out by --force and --response, or give --scale {name}=FACTOR"
+            )
+            raise OutputError(msg)
         if name not in options.scale and known is None:
             of = "SI units" if not is_force or options.kind == TRANSMISSIBILITY else "N"
             notes.append(

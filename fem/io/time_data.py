@@ -20,7 +20,6 @@ from fem.io.frf_labels import frequency_factor
 from fem.io.frf_reading import optional
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
 from fem.io.uff import read_quietly
-from fem.io.uff_units import force_factor, motion_factor
 from fem.io.units import TIME_NAMES, Heading, conversion, heading_of, size_of, split_heading
 
 _FACTORS = ("scalefactor", "scale", "scaling", "gain", "slope", "multiplier", "calibrationfactor")
@@ -54,6 +53,9 @@ _QUANTITY_WORDS = {
 """Words of a channel's name by the dimension of the quantity; with one, a unit may follow an underscore."""
 OFF_GRID = 0.02
 """Largest distance of a start from the samples of other channels that counts as rounding [samples]."""
+
+MOTION_UNITS = {FRFKind.RECEPTANCE: "m", FRFKind.MOBILITY: "m/s", FRFKind.ACCELERANCE: "m/s^2"}
+"""SI units of translations, by the kind of the FRF whose response they are."""
 
 Floats = NDArray[np.float64]
 
@@ -116,14 +118,14 @@ class TimeData:
 
 def force_unit(label: str) -> float | None:
     """Return the size of a unit of force [N]; None for another label."""
-    return force_factor(label, moment=False)
+    return conversion(label, "N")
 
 
 def motion_unit(label: str) -> tuple[FRFKind, float] | None:
     """Return of which kind of FRF a motion is the response, and the size of its unit in SI; None for none."""
-    for kind in FRFKind:
-        factor = motion_factor(label, kind, turned=False) if label else None
-        if factor is not None and "/n" not in label.lower():
+    for kind, unit in MOTION_UNITS.items():
+        factor = conversion(label, unit)
+        if factor is not None:
             return kind, factor
     return None
 

@@ -1,7 +1,7 @@
 """Units of quantities: labels such as ``(cm/s^2)^2/Hz`` or ``milliseconds``, and headings that have one."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,22 +37,26 @@ _CASES: dict[str, tuple[float, Dimension]] = {
 _PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "kilo": "k"}
 _WORDS = {
     "second": "s", "sec": "s", "metre": "m", "meter": "m", "newton": "N", "hertz": "Hz", "radian": "rad",
-    "gram": "g",
 }  # fmt: skip
-_WORD = re.compile(rf"(?<![a-z])({'|'.join(_PREFIXES)[1:]})?({'|'.join(_WORDS)})s?(?![a-z])", re.IGNORECASE)
+_WORD = re.compile(
+    rf"(?<![a-z])({'|'.join(_PREFIXES)[1:]})?\s*({'|'.join(_WORDS)})s?(?![a-z])", re.IGNORECASE
+)
 _SHORT_SECONDS = re.compile(r"(?<![a-z])([muµμn]?)secs?(?![a-z])", re.IGNORECASE)
 _OTHER_WORDS = (
+    (r"\bmillis\b", "ms"), (r"\bmicros\b", "us"),
     (r"\bdegrees?\b", "deg"), (r"\bminutes?\b", "min"), (r"\bhours?\b", "h"), (r"\bmps2\b", "m/s^2"),
     (r"\bmps\b", "m/s"), (r"\s+per\s+", "/"), (r"\s+squared\b", "^2"), (r"\bsince\b.*$", ""),
 )  # fmt: skip
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμ°%]+))")
 _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
+_MOMENT = re.compile(r"([kMm]?N)(m|cm|mm)")
 _LONGEST = 60
 """Characters of a label."""
 
 _BRACKETS = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 _BETWEEN = re.compile(r"[\s_,/]+")
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def size_of(label: str) -> tuple[float, Dimension] | None:
@@ -128,7 +132,15 @@ def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Hea
         Whether a number at the end of the name does not count, as in ``time2``.
     """
     plain = split_heading(text)
-    words = [word for word in _BETWEEN.split(plain.name) if word]
+    for words in (_BETWEEN.split(plain.name), _CAMEL.split(plain.name)):
+        found = _named(Heading("", plain.unit), [word for word in words if word], names, digits)
+        if found is not None:
+            return found
+    return None
+
+
+def _named(plain: Heading, words: Sequence[str], names: Collection[str], digits: bool) -> Heading | None:
+    """Return the heading whose first words are one of some names, with the unit of the words behind."""
     for k in range(len(words), 0, -1):
         name = "".join(words[:k]).lower().strip(".:-")
         if digits and len(name.rstrip("0123456789")) > 1:
@@ -136,11 +148,10 @@ def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Hea
         if name not in names:
             continue
         behind = [word for word in words[k:] if word.lower() != "in"]
+        if plain.unit or not behind or behind[-1].isdigit() or size_of(behind[-1]) is None:
+            return Heading(name, plain.unit)
         unit = "/".join(behind)
-        if not plain.unit and behind and size_of(behind[-1]) is not None and not behind[-1].isdigit():
-            unit = behind[-1] if size_of(unit) is None else unit
-            return Heading(name, unit)
-        return Heading(name, plain.unit)
+        return Heading(name, behind[-1] if size_of(unit) is None else unit)
     return None
 
 
@@ -214,4 +225,8 @@ def _powers(powers: NDArray[np.int64]) -> Dimension:
 def _symbol(symbol: str) -> tuple[float, Dimension] | None:
     if symbol in _CASES:
         return _CASES[symbol]
+    moment = _MOMENT.fullmatch(symbol)  # in small letters Nm would be nanometres
+    if moment is not None:
+        force, arm = _symbol(moment[1]), _symbol(moment[2])
+        return (force[0] * arm[0], (1, 1, 0, 0)) if force and arm else None
     return next(((t[symbol.lower()], d) for t, d in _DIMENSIONS if symbol.lower() in t), None)

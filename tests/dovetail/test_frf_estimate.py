@@ -217,6 +217,8 @@ def test_a_displacement_for_an_acceleration_keeps_its_unit(tmp_path):
         (("N", "g"), ["--kind", "transmissibility"], "the reference a1 is in 'N', a unit of force"),
         (("m/s", "g"), ["--kind", "transmissibility"], "needs two motions of one kind"),
         (("m", "g"), [], "needs two motions of one kind"),
+        (("N", "Nm"), [], "channel a2 is in 'Nm', which is neither a force nor a motion"),
+        (("ms", "g"), [], "channel a1 is in 'ms', which is neither a force nor a motion"),
         (("N", "kN"), [], "the response a2 is in 'kN', a unit of force"),
     ],
 )

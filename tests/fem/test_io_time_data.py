@@ -341,6 +341,13 @@ def test_records_of_a_universal_file_that_start_later(tmp_path):
     np.testing.assert_allclose(data.values, np.column_stack([X[5:, 0], X[:-5, 1]]))
 
 
+def test_a_universal_file_with_an_unknown_unit_of_time_is_refused(tmp_path):
+    record = Function(1, "1Z+", "0S", "", "", T, X[:, 0], 17, 12, 0, "fortnight", "N", "", (), 0, 0, "")
+    write_uff(tmp_path / "r.uff", functions=[record])
+    with pytest.raises(TableError, match=r"the abscissa of 1Z\+ is in 'fortnight', which is no unit of time"):
+        read_time_data(tmp_path / "r.uff")
+
+
 def tdms(path, *channels):
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(path) as writer:

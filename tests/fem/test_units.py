@@ -16,7 +16,9 @@ TIMES = ("time", "t", "timestamp", "elapsedtime")
         ("m s^-2", "m/s^2", 1.0), ("m·s⁻²", "m/s^2", 1.0), ("m/s/s", "m/s^2", 1.0), ("m/(s^2)", "m/s^2", 1.0),
         ("meters per second squared", "m/s^2", 1.0), ("ft/sec^2", "m/s^2", 0.3048),
         ("milliseconds", "s", 1e-3), ("usec", "s", 1e-6), ("min", "s", 60.0), ("kN", "N", 1e3),
-        ("MN", "N", 1e6), ("mN", "N", 1e-3), ("kN·m", "N m", 1e3), ("deg/s^2", "rad/s^2", np.pi / 180),
+        ("MN", "N", 1e6), ("mN", "N", 1e-3), ("kN·m", "N m", 1e3),
+        ("Nm", "N m", 1.0), ("nm", "m", 1e-9), ("kNmm", "N m", 1.0),
+        ("milli seconds", "s", 1e-3), ("millis", "s", 1e-3), ("deg/s^2", "rad/s^2", np.pi / 180),
         ("%", "1", 0.01), ("-", "1", 1.0),
     ],
 )  # fmt: skip
@@ -24,7 +26,9 @@ def test_units_are_converted_by_their_definition(label, unit, factor):
     assert conversion(label, unit) == pytest.approx(factor, rel=1e-12)
 
 
-@pytest.mark.parametrize("label", ["", "V", "fortnight", "g/sqrt(Hz)", "(", "m)", "()", "gRMS", "a" * 100])
+@pytest.mark.parametrize(
+    "label", ["", "V", "fortnight", "g/sqrt(Hz)", "(", "m)", "()", "gRMS", "grams", "a" * 100]
+)
 def test_labels_that_are_no_units(label):
     assert size_of(label) is None
 
@@ -49,7 +53,8 @@ def test_densities_over_hertz_and_over_rad_per_second():
     [
         ("time", ""), ("time_ms", "ms"), ("Time ms", "ms"), ("Time(milliseconds)", "milliseconds"),
         ("timestamp_us", "us"), ("t/ms", "ms"), ("Time, ms", "ms"), ("time in ms", "ms"), ("time2", ""),
-        ("elapsed_time_ms", "ms"), ("Time elapsed", ""), ("Time [V]", "V"),
+        ("elapsed_time_ms", "ms"), ("timeMs", "Ms"), ("time_millis", "millis"),
+        ("Time elapsed", ""), ("Time [V]", "V"),
     ],
 )  # fmt: skip
 def test_headings_of_times(text, unit):
