@@ -31,6 +31,9 @@ STRESSES = {
 }
 """Stresses of sections by their names in results."""
 
+NO_BUCKLING = "the structure does not buckle under this load, however large"
+"""Why a load case has no buckling factor."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StaticCases:
@@ -162,10 +165,17 @@ def _is_moment(key: tuple[str, str]) -> bool:
 
 
 def factor_fields(found: StaticCases) -> dict[str, Any]:
-    """Return the buckling factors and the slack bars for JSON, where there may be some."""
+    """Return the buckling factors and the slack bars for JSON, where there may be some.
+
+    A case without a factor has the reason.
+    """
     if found.slack:
         return {"slack_members": {name: list(members) for name, members in found.slack.items()}}
-    return {"second_order": True, "buckling_factors": dict(found.factors)} if found.factors else {}
+    if not found.factors:
+        return {}
+    endless = [name for name, factor in found.factors.items() if not np.isfinite(factor)]
+    missing = {"buckling_factors_missing": dict.fromkeys(endless, NO_BUCKLING)} if endless else {}
+    return {"second_order": True, "buckling_factors": dict(found.factors)} | missing
 
 
 def factor_words(found: StaticCases, name: str) -> str:

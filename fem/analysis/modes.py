@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.analysis.refined_modes import refined, stiffness_times
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
-from fem.linalg.solvers import SLEPC, Factor, factorise, one_thread
+from fem.linalg.solvers import SLEPC, Factor, SingularMatrixError, factorise, one_thread
 from fem.model import DIRECTIONS, ModelError
 from fem.summary import counted, summary
 from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
@@ -407,10 +407,14 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     held = q.shape[1] == 0
     shift = _small_shift(system, held)
     shifted = K - shift * M
-    factor, reference = factorise(shifted), None
-    n_below = n_negative(shifted, factor)
+    reference = None
+    try:
+        factor = factorise(shifted)
+        n_below = n_negative(shifted, factor)
+    except SingularMatrixError:  # by rounding: M is positive
+        n_below = 1
     if n_below:
-        shift, factor = _below_all(system, shift, factor)
+        shift, factor = _below_all(system, 10 * shift)
     if not held:
         X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3 + n_below))])
         for _ in range(3):
@@ -432,24 +436,28 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
         shifted = K - shift * M
         factor = factorise(shifted, factor)
         if n_negative(shifted, factor):
-            shift, factor = _below_all(system, shift, factor)
+            shift, factor = _below_all(system, 10 * shift, factor)
     return shift, factor, reference, n_below
 
 
-def _below_all(system: System, shift: float, factor: Factor) -> tuple[float, Factor]:
-    """Return a shift below all eigenvalues of the assembled matrices, and the factor of K - σM there."""
-    shifted = system.K - shift * system.M
-    while n_negative(shifted, factor):
-        shift *= 10
-        if -shift > _LOWEST * _highest(system):
+def _below_all(system: System, shift: float, like: Factor | None = None) -> tuple[float, Factor]:
+    """Return a shift, deepened until it lies below all eigenvalues, and the factor of K - σM there."""
+    while True:
+        shifted, deepest = system.K - shift * system.M, -shift > _LOWEST * _highest(system)
+        try:
+            like = factorise(shifted, like)
+            if not n_negative(shifted, like):
+                return shift, like
+        except SingularMatrixError:
+            if deepest:
+                raise
+        if deepest:
             msg = (
                 "a motion without mass has a negative stiffness: an element is under more compression than "
                 "it bears by itself; cut it into shorter ones, or give it another mass than a lumped one"
             )
             raise ModelError(msg)
-        shifted = system.K - shift * system.M
-        factor = factorise(shifted, factor)
-    return shift, factor
+        shift *= 10
 
 
 def n_negative(A: Any, factor: Factor) -> int:

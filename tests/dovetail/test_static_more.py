@@ -209,3 +209,16 @@ def test_the_largest_displacement_is_that_within_the_member(tmp_path, capsys, pi
     np.testing.assert_allclose(case["largest_displacement"]["at"], [3, 0, 0])
     turns = case["members"]["m"]["u_ry"]
     assert [turns[0], turns[-1]] == pytest.approx([1.5e-3, -1.5e-3])
+
+
+@pytest.mark.parametrize(("force", "missing"), [(-1000, False), (1000, True)])
+def test_a_case_without_a_buckling_factor_has_the_reason(tmp_path, capsys, force, missing):
+    path = tmp_path / "beam.toml"
+    held = BEAM.replace("element_size = 6", "element_size = 1")
+    held = held.replace('point = "b"\n', 'point = "b"\nfixed = "y z rx ry rz"\n')
+    load = f'[[loads]]\ncase = "q"\npoint = "b"\nforce = [{force}, 0, 0]\n'
+    path.write_text(held[: held.index("[[loads]]")] + load)
+    main(["static", str(path), "--second-order", "--json", "-"])
+    found = json.loads(capsys.readouterr().out)
+    assert (found["buckling_factors"]["q"] is None) == missing
+    assert ("does not buckle" in found.get("buckling_factors_missing", {}).get("q", "")) == missing

@@ -11,6 +11,7 @@ from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
+from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, fix
 
@@ -20,10 +21,11 @@ STIFF = Material("stiff", 2.1e13, 1e-6)
 @pytest.mark.parametrize("pieces", [1, 4, 20, 60])
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize(("mass", "k"), [(1.0, 1e2), (100.0, 1e2), (100.0, 1e4)])
-def test_masses_on_springs_beneath_a_stiff_bar(pieces, held, mass, k):
+@pytest.mark.parametrize("section", [FLAT, Section.rectangle(0.3, 0.3)])
+def test_masses_on_springs_beneath_a_stiff_bar(pieces, held, mass, k, section):
     """Both masses move at √(k/m): the bar translates and tilts, and hardly bends."""
     mesh = Mesh.from_lines([[0, 0, 0], [3.0, 0, 0]], [[0, 1]], {"bar": [0]}).split(pieces)
-    effects = [Frame(members={"bar": MemberProperties(STIFF, FLAT)})]
+    effects = [Frame(members={"bar": MemberProperties(STIFF, section)})]
     for p in (0, 1):
         effects.append(AddedMass(name=f"mass{p}", point=p, mass=mass))
         effects.append(

@@ -93,7 +93,7 @@ def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
     """Return 1/(s - λ) ± 1/(s - λ*) of each pole, and what modes beyond the band add, (n_freq, 2 n + 3)."""
     one, two = top / (s[:, None] - poles), top / (s[:, None] - poles.conj())
     beyond = (s[:, None] / top) ** np.array([-2, 0, 2])
-    return np.hstack([one + two, 1j * (one - two), beyond])
+    return np.hstack([one + two, 1j * (one - two), beyond]).astype(complex)
 
 
 def continuation_of(problem: FitProblem) -> Continuation | None:
