@@ -73,7 +73,8 @@ def run(options: Options, progress: Progress) -> None:
         *(f"  {f.kind}: {f.message}" for f in faults),
         *notes_of_mesh(study),
         *([""] if notes_of_mesh(study) else []),
-        (f"{len(faults)} fault(s) found" if faults else "no faults found") + (f", {more}" if warnings else ""),
+        (f"{len(faults)} fault(s) found" if faults else "no faults found")
+        + (f", {more}" if warnings else ""),
     )
     if refusals:
         msg = f"{options.study}: 'dovetail run' would refuse it: {refusals[0]}"
