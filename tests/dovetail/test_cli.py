@@ -426,3 +426,11 @@ def test_a_page_takes_nothing_from_the_network():
     assert policy.startswith("default-src 'none'; script-src 'unsafe-inline'; ")
     assert "http" not in policy
     assert "*" not in policy
+
+
+def test_a_mesh_in_mm_is_named_before_the_number_of_its_elements(tmp_path, capsys):
+    study = first_frame(tmp_path, 'file = "frame.msh"', 'file = "frame.msh"\nscale = 1000.0')
+    study.write_text(study.read_text(encoding="utf-8").replace("[1.0, 0.0", "[1000.0, 0.0"), encoding="utf-8")
+    assert main(["modes", str(study)]) == 2
+    said = capsys.readouterr().err
+    assert said.index("are the coordinates in mm") < said.index("elements")
