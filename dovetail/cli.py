@@ -137,7 +137,7 @@ def _without_stdout(reason: BaseException) -> int:
 def _one_line(reason: BaseException) -> str:
     if isinstance(reason, OSError) and reason.filename is not None:
         return f"{reason.filename}: {reason.strerror}"
-    text = "; ".join(line.strip() for line in str(reason).split("\n") if line.strip())
+    text = "; ".join(line.strip() for line in str(reason).split("\n") if line.strip()).replace(":; ", ": ")
     # a name from a file may hold control characters, which a terminal would obey and not show
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 

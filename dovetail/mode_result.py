@@ -102,6 +102,7 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
             step: {"fit": m.errors(f, False), "held_out": m.errors(f, True)}
             for step, f in (("nominal", m.nominal), ("fitted", m.fitted), ("found", m.found))
         },
+        "uncertain": [asdict(u) for u in mode_uncertain(d)],
     }
 
 
@@ -140,7 +141,6 @@ def mode_result_dict(done: ModeRunResult) -> dict[str, Any]:
         "finished": done.finished.isoformat(timespec="seconds"),
         "seconds": d.seconds,
         **mode_diagnosis_dict(d),
-        "uncertain": [asdict(u) for u in done.uncertain],
         "model": {"values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()}},
         "assumptions": list(study.assumptions),
         "notes": list(d.notes),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.modes_beside import ModesBeside, beside_dict
 from fem.model import Effect, Model
-from updating.correlation import Comparison
+from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
@@ -24,7 +24,7 @@ from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import DampingCurve
 from updating.quality.faults import Fault
 
-SCHEMA = "dovetail-result/1"
+SCHEMA = "dovetail-result/2"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
 NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
@@ -262,6 +262,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "uncertain": [asdict(u) for u in uncertain_parameters(d)],
     }
 
 
@@ -278,9 +279,6 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         **diagnosis_dict(d),
         "held_out_channels": [
             {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
-        ],
-        "uncertain": [
-            asdict(u) for u in result.uncertain
         ],
         "model": {
             "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
@@ -378,7 +376,7 @@ def _ranked(r: Ranked) -> dict[str, Any]:
         "where": r.where,
         "name": r.name,
         "parameters": [_parameter(p) for p in r.parameters],
-        "level": r.level,
+        "level_db": r.level * DB_PER_NEPER,
         "fit_db": r.fit_db,
         "held_out_db": r.held_out_db,
         "similarity": r.similarity,
@@ -392,4 +390,4 @@ def _parameter(p: EffectParameter) -> dict[str, Any]:
 
 
 def _step(s: Step) -> dict[str, Any]:
-    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level}
+    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}

@@ -1,6 +1,7 @@
 """Read a study file, and the files that it names, as a :class:`dovetail.file.contents.Study`."""
 
 import os
+import re
 import tomllib
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -202,6 +203,16 @@ def read_study_of(text: str, path: Path, unit: Path) -> Study:
     return _Reader(path, text, Table(source, (), values), NEEDS).read()
 
 
+def _decimal_comma(text: str, reason: str) -> str:
+    """Return the suspicion that the line of a TOML error has a decimal comma; nothing without one."""
+    found = re.search(r"at line (\d+)", reason)
+    line = text.splitlines()[int(found[1]) - 1].partition("#")[0] if found else ""
+    number = re.search(r"=\s*([+-]?\d+,\d+)", line)
+    if number is None:
+        return ""
+    return f"; is '{number[1]}' a number with a decimal comma? TOML has points, {number[1].replace(',', '.')}"
+
+
 def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     """Return the values of a TOML text and where its keys stand."""
     try:
@@ -213,7 +224,7 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
             values["sections"] = {"file": values["sections"]}
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
-        msg = f"{name}: {reason}"
+        msg = f"{name}: {reason}{_decimal_comma(text, str(reason))}"
     except RecursionError:
         msg = (
             f"{name}: its lists or tables are nested hundreds of levels deep; a study has five levels at most"

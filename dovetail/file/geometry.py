@@ -352,8 +352,9 @@ def _too_many(
         f"for waves at {max_frequency:g} Hz with E = {si_number(m.E)} Pa, rho = {si_number(m.rho)} kg/m³, "
         f"A = {s.A:.3g} m², Iy = {s.Iy:.3g}, Iz = {s.Iz:.3g} and J = {s.J:.3g} m⁴"
     )
-    found = "; ".join(each.message for each in odd) or "check these values"
-    text = f"{text}, {what}; {found}; or lower the frequency range, give element_size, or allow more"
+    cause = "".join(f"{each.message}; " for each in odd)  # the count is what follows from it
+    advice = "" if odd else "check these values; or "
+    text = f"{cause}{text}, {what}; {advice}lower the frequency range, give element_size, or allow more"
     return TooManyElementsError(text, name, key, odd)
 
 

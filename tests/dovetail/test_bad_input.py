@@ -110,7 +110,7 @@ def test_the_good_one_is_good(tmp_path, capsys):
         (
             "b = 0.03",
             "b = 1e-9",
-            ["line 12, members.bar.section: the mesh", "at most 30000", "member 'bar' asks", "J = "],
+            ["line 12, members.bar.section: ", "the mesh", "at most 30000", "member 'bar' asks", "J = "],
         ),
         ('point = "A"', 'point = "A"\nfixed = 3', ["line 16, supports[1].fixed: 3 is not allowed"]),
         ('direction = "z"', "direction = {a = 1}", ["sensors[1].direction: {'a': 1} is not allowed"]),

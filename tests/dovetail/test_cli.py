@@ -1,6 +1,7 @@
 """The commands, as a user calls them."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.report.page import page
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
@@ -398,3 +400,37 @@ def first_frame(folder, old, new):
     assert old in text
     (folder / "study.toml").write_text(text.replace(old, new), encoding="utf-8")
     return folder / "study.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("rho = 7850.0", "rho = 7850,0"), ("d = 0.042", "d = 0,042"), ("modal = 0.01", "modal = 0,01")],
+)
+def test_decimal_commas_are_suspected(tmp_path, capsys, old, new):
+    study = first_frame(tmp_path, old, new)
+    assert main(["modes", str(study)]) == 2
+    number = new.partition("= ")[2]
+    assert f"is '{number}' a number with a decimal comma? TOML has points" in capsys.readouterr().err
+
+
+def test_lists_of_an_error_follow_their_colon(tmp_path, capsys):
+    study = first_frame(tmp_path, "E = 0.02", "E = 0.02")
+    assert main(["match", str(study), str(tmp_path / "test.uff")]) == 2
+    said = capsys.readouterr().err
+    assert ":;" not in said
+    assert ": 0: not turned" in said
+
+
+def test_a_page_takes_nothing_from_the_network():
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page("t", "x"))[1]
+    assert policy.startswith("default-src 'none'; script-src 'unsafe-inline'; ")
+    assert "http" not in policy
+    assert "*" not in policy
+
+
+def test_a_mesh_in_mm_is_named_before_the_number_of_its_elements(tmp_path, capsys):
+    study = first_frame(tmp_path, 'file = "frame.msh"', 'file = "frame.msh"\nscale = 1000.0')
+    study.write_text(study.read_text(encoding="utf-8").replace("[1.0, 0.0", "[1000.0, 0.0"), encoding="utf-8")
+    assert main(["modes", str(study)]) == 2
+    said = capsys.readouterr().err
+    assert said.index("are the coordinates in mm") < said.index("elements")

@@ -210,7 +210,12 @@ def test_diagnose_prints_the_ranking(study_file, capsys):
     assert "round 1, 2 of " in out
     assert "point mass: member arm" in out
     assert main(["diagnose", str(study_file), "--json", "-"]) == 0
-    assert json.loads(capsys.readouterr().out)["verdict"] == "effect"
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdict"] == "effect"
+    assert {"name", "nominal", "fitted", "std"} <= set(found["uncertain"][0])
+    assert found["error_db"][-1]["level"] == pytest.approx(
+        found["error_db"][-1]["fit"], rel=0.9
+    )  # both in dB
 
 
 @pytest.mark.parametrize("fitted", [False, True])
