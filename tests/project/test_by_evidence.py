@@ -49,7 +49,7 @@ def begun(*hidden):
         return SimpleNamespace(score=0.0)
 
     problem = SimpleNamespace(surroundings=None)
-    fits = SimpleNamespace(problem=problem, at=at)
+    fits = SimpleNamespace(problem=problem, fully=at)
     search = SimpleNamespace(candidates=CANDIDATES, fits=fits, known={frozenset(): None})
     assert (at_truth(search, by_evidence.stated(hidden)) is None) == (not out)
     return out
