@@ -9,10 +9,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.analysis.refined_modes import refined, stiffness_times
+from fem.analysis.refined_modes import refined
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
-from fem.linalg.solvers import SLEPC, Factor, SingularMatrixError, factorise, one_thread
+from fem.linalg.solvers import SLEPC, Factor, factorise, one_thread
 from fem.model import DIRECTIONS, ModelError
 from fem.summary import counted, summary
 from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
@@ -298,9 +298,7 @@ def _lowest(
         nu, phi = nu[order], scale[:, None] * vectors[:, order]
         phi /= np.sqrt(np.einsum("ij,ij->j", phi, system.M @ phi))
         # High modes keep theirs in Rayleigh's quotient.
-        lam = np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi))
-        pairs = refined(system, RitzPairs(lam, phi, 0 * lam, np.inf), rigid[:, :0], factor)
-        return pairs.eigenvalues, pairs.vectors
+        return np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi)), phi
     rigid = rigid[:, :n]
     zeros = np.zeros(rigid.shape[1])
     if n == len(zeros):
@@ -407,57 +405,32 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     held = q.shape[1] == 0
     shift = _small_shift(system, held)
     shifted = K - shift * M
-    reference = None
-    try:
-        factor = factorise(shifted)
-        n_below = n_negative(shifted, factor)
-    except SingularMatrixError:  # by rounding: M is positive
-        n_below = 1
-    if n_below:
-        shift, factor = _below_all(system, 10 * shift)
+    factor, reference = factorise(shifted), None
+    n_below = n_negative(shifted, factor)
     if not held:
         X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3 + n_below))])
         for _ in range(3):
             X = factor.solve(np.asarray(M @ X))
             X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
             X = np.linalg.qr(X)[0]
-        # motions of hardly any mass count as others do: a thin bar that turns about its axis
-        X = X / np.sqrt(np.maximum(np.einsum("ij,ij->j", X, M @ X), 1e-300))
         mass, vectors = np.linalg.eigh(X.T @ (M @ X))
         X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
-        ritz, vectors = np.linalg.eigh(X.T @ stiffness_times(system, X))
-        n_below = min(n_below, int((ritz < -_ROUNDING * upper).sum()))
-        first = min(q.shape[1] + n_below, len(ritz) - 1)
-        reference = float(max(ritz[first], 1e-12 * upper))
-        X = X @ vectors[:, : first + 1]
-        # Rounding of K moves eigenvalues of these motions, and must not make K - σM singular.
-        rounding = np.finfo(float).eps * np.einsum("ij,ij,i->j", X, X, K.diagonal())
-        shift = -max(0.1 * reference, float(rounding.max()))
+        ritz = np.linalg.eigvalsh(X.T @ (K @ X))
+        reference = float(max(ritz[min(q.shape[1] + n_below, len(ritz) - 1)], 1e-12 * upper))
+        shift = -0.1 * reference
         shifted = K - shift * M
         factor = factorise(shifted, factor)
-        if n_negative(shifted, factor):
-            shift, factor = _below_all(system, 10 * shift, factor)
-    return shift, factor, reference, n_below
-
-
-def _below_all(system: System, shift: float, like: Factor | None = None) -> tuple[float, Factor]:
-    """Return a shift, deepened until it lies below all eigenvalues, and the factor of K - σM there."""
-    while True:
-        shifted, deepest = system.K - shift * system.M, -shift > _LOWEST * _highest(system)
-        try:
-            like = factorise(shifted, like)
-            if not n_negative(shifted, like):
-                return shift, like
-        except SingularMatrixError:
-            if deepest:
-                raise
-        if deepest:
+    while n_below and n_negative(shifted, factor):
+        shift *= 10
+        if -shift > _LOWEST * upper:
             msg = (
                 "a motion without mass has a negative stiffness: an element is under more compression than "
                 "it bears by itself; cut it into shorter ones, or give it another mass than a lumped one"
             )
             raise ModelError(msg)
-        shift *= 10
+        shifted = K - shift * M
+        factor = factorise(shifted, factor)
+    return shift, factor, reference, n_below
 
 
 def n_negative(A: Any, factor: Factor) -> int:

@@ -41,21 +41,15 @@ def refined(system: System, pairs: RitzPairs, rigid: Floats, factor: Factor | No
     """
     X, lam = pairs.vectors, pairs.eigenvalues
     rounding = np.finfo(float).eps * np.einsum("ij,ij,i->j", X, X, system.K.diagonal())
-    lost = rounding > TOLERANCE * np.abs(lam)
-    if not lost.any():
+    if (rounding <= TOLERANCE * np.abs(lam)).all():
         return pairs
-    # High modes beside low ones would round these off in the Ritz matrix.
-    exact, X = X[:, ~lost], X[:, lost]
     KX = stiffness_times(system, X)
     if factor is not None:
         X = X - factor.solve(KX - (system.M @ X) * np.einsum("ij,ij->j", X, KX))
         X = X - rigid @ (rigid.T @ (system.M @ X))
         KX = stiffness_times(system, X)
-    low, S = sla.eigh(X.T @ KX, X.T @ (system.M @ X))
-    lam = np.concatenate([low, lam[~lost]])
-    order = np.argsort(lam, kind="stable")
-    residual = np.concatenate([pairs.residual[lost], pairs.residual[~lost]])[order]
-    return RitzPairs(lam[order], np.hstack([X @ S, exact])[:, order], residual, pairs.following)
+    lam, S = sla.eigh(X.T @ KX, X.T @ (system.M @ X))
+    return RitzPairs(lam, X @ S, pairs.residual, pairs.following)
 
 
 def stiffness_times(system: System, X: Floats) -> Floats:

@@ -356,7 +356,7 @@ class Search:
         for first in range(0, len(wanted), self.budget.together):
             # What a look promises less of than a fit has found is not fitted.
             best = max((fits[0].score for fits, _ in short), default=-np.inf)
-            if not self.fits.is_far(base) and now + proposals[first].worth < best - 2 * TWIN_NATS:
+            if self.settled(base) and now + proposals[first].worth < best - 2 * TWIN_NATS:
                 break
             these = slice(first, first + self.budget.together)
             fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted[these])
@@ -462,7 +462,7 @@ class Search:
             now,
             beside,
             lambda e: e.name in there,
-            None if far else lambda effect, gain: self.may_win(base, (effect,), gain),
+            (lambda effect, gain: self.may_win(base, (effect,), gain)) if self.settled(base) else None,
             settled=self.settled(base),
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
@@ -503,9 +503,9 @@ class Search:
     def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
         """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
 
-        Far from the data nothing is linear, and all may be.
+        Where something is missing parameters may be bent, nothing is linear, and all may be.
         """
-        return self.fits.is_far(base) or gain > self.fits.odds.against(base.effects, new)
+        return not self.settled(base) or gain > self.fits.odds.against(base.effects, new)
 
     def blocks(
         self,
