@@ -163,7 +163,7 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
     monkeypatch.setattr(Search, "explains", lambda self, best: explains)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
     search = object.__new__(Search)
-    search.budget, search._n_fits = NORMAL, Counter()
+    search.budget, search._n_fits, search.tell = NORMAL, Counter(), print
     search.candidates, search.known, search.say = (*masses, other), {h.key: h}, lambda text: None
     search.fits = SimpleNamespace(free=lambda h: None, ranking=SimpleNamespace(rivals=rivals))
     search.workers = ALONE
@@ -206,7 +206,7 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
     )
     asked, tried = [], []
     given = Search.__new__(Search)
-    given.budget, given._n_fits = NORMAL, Counter()
+    given.budget, given._n_fits, given.tell = NORMAL, Counter(), print
     given.candidates, given.known = (both, one, two, turned), {}
     given.say, given.workers = (lambda text: None), ALONE
     ranking = SimpleNamespace(

@@ -570,7 +570,7 @@ class Search:
             if worth(best) <= worth(each):
                 break
             each = best
-        return each, self.may_win(base, each[0].effects, max(b.gain for b in each))
+        return each, worth(each) > 0
 
     def block_starts(self, block: Sequence[Effect], near: FitResult) -> list[Start]:
         """Return starts in which directions give way a little or much, by the effects' own grids.
