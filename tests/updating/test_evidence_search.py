@@ -158,7 +158,11 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
     other = RigidEndZone(name="other", ends=(("post", 1),), length=0.0, longest=0.1)
     result = FitResult(None, {}, {}, np.zeros(1), (masses[0],), 0.0, 0.0, 0.0)
     h = SimpleNamespace(
-        effects=(masses[0],), key=frozenset({"found"}), score=1.0, fitted=SimpleNamespace(result=result)
+        name="found",
+        effects=(masses[0],),
+        key=frozenset({"found"}),
+        score=1.0,
+        fitted=SimpleNamespace(result=result),
     )
     monkeypatch.setattr(Search, "explains", lambda self, best: explains)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
@@ -220,6 +224,7 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
 
     result = FitResult(*[None] * 8)
     h = SimpleNamespace(
+        name="found",
         effects=(both, turned),
         key=frozenset({both.name, turned.name}),
         score=1.0,
