@@ -142,7 +142,8 @@ class DeviatingFRF(ParametricFRF):
     ) -> tuple[list[int], list[Any], NDArray[np.float32]]:
         """Return the rows of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n).
 
-        The last rows are those of ζ, and of the ζ of ``connections`` if they have one of their own.
+        Behind the rows of parameters and deviations is that of ζ, and that of the ζ of ``connections`` if
+        they have one of their own.
         """
         by, n_linear = self.factors(state), len(self._linear)
         slopes = self.slopes(values, alone)

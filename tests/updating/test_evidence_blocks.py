@@ -72,7 +72,7 @@ def test_the_gain_of_a_weak_effect_is_that_of_its_fit(problem):
     (heavier, *_) = propose(problem.reduced.model, ["member_density"])
     known = hiding(problem, [heavier.with_values(change=0.004)])
     without = fit(known, n_lines=FULL_LINES)
-    (gain,) = linear_gains(known, (without.result,), [Grid.of(known, heavier)])
+    (gain,) = linear_gains(known, without.result, [Grid.of(known, heavier)])
     there = fit(known, [heavier], [{"change": 0.004}], n_lines=FULL_LINES, x_from=without.result)
     risen = log_posterior(known, there) - log_posterior(known, without)
     assert risen > 1

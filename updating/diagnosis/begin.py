@@ -11,8 +11,6 @@ from updating.inference.preparation import N_FIT_LINES, build_fine, build_proble
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
 
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the fraction done, 0 to 1."""
 Build = Callable[..., FitProblem]
 """Makes the problem of a model, with its uncertain parameters unless ``nuisances`` are given."""
 

@@ -14,7 +14,6 @@ from fem.model import Effect, Model
 from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
-from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
@@ -40,7 +39,7 @@ from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.heartbeat import beating
+from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model

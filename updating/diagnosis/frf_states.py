@@ -16,7 +16,6 @@ from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.begin import Progress
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import (
@@ -29,6 +28,7 @@ from updating.diagnosis.evidence.diagnosis import (
 from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model
 from updating.inference.workers import ALONE, Workers

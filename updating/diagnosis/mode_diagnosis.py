@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.model import Effect, Model
 from fem.summary import percent
-from updating.diagnosis.begin import Progress
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
@@ -24,6 +23,7 @@ from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
 from updating.inference.mode_targets import ModeTargets
@@ -224,16 +224,15 @@ def search_modes(
     progress: Progress | None = None,
 ) -> Searched:
     """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
-    say = progress or (lambda text, done: None)
+    begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     problem, model, formed, own = formed_problem(
         model, targets, nuisances, damping_std=damping_std, model_error=model_error
     )
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(model, targets, kinds, exclude)
-    return searched_modes(
-        Search(problem, own, candidates, told(say, time.monotonic()), ranking=ModeRanking()), formed, say
-    )
+    search = Search(problem, own, candidates, told(say, begun), ranking=ModeRanking())
+    return searched_modes(search, formed, say)
 
 
 def formed_problem(

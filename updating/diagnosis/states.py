@@ -20,7 +20,6 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from fem.summary import percent
-from updating.diagnosis.begin import Progress
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.fitting import Fitted, fit
@@ -37,6 +36,7 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
@@ -244,7 +244,7 @@ def diagnose_change(
         model, before, after, nuisances, changes=changes, damping_std=damping_std, model_error=model_error
     )
     candidates = candidates_for(changed, problem.targets, kinds, exclude)
-    search = Search(problem, (), candidates, told(say, time.monotonic()), ranking=ModeRanking())
+    search = Search(problem, (), candidates, told(say, begun), ranking=ModeRanking())
     out = concluded(searched_modes(search, changed, say), begun)
     level = 100 * first.fitted.level
     note = (

@@ -7,7 +7,7 @@ from contextvars import ContextVar
 from functools import partial
 
 Progress = Callable[[str, float], None]
-"""Called with a text and the fraction done."""
+"""Called with what is being done and the fraction done, 0 to 1."""
 
 INTERVAL = 0.25
 """Reports are at least so far apart [s]."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
-from updating.diagnosis.begin import Progress, builder, refined
+from updating.diagnosis.begin import builder, refined
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import QUICK_LINES
@@ -22,6 +22,7 @@ from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
@@ -264,7 +265,7 @@ def begun_with(
 
     Where some of the faults are doubtful, it has another one beside it that reads the data with them.
     """
-    begun_at = time.monotonic()
+    begun_at = time.perf_counter()
     lines: dict[str, Any] = {"n_lines": budget.n_lines, "counted_as": FULL_LINES}
     banded = fit(whole, n_lines=QUICK_LINES)
     null = fit(whole, stages=whole.stages[-1:], x_from=banded.result, **lines)
@@ -334,14 +335,15 @@ def told(say: Progress, begun: float) -> Callable[[str], None]:
     ----------
     say : callable
     begun : float
-        ``time.monotonic()`` when that began [s].
+        ``time.perf_counter()`` when that began [s].
     """
-    searching: list[float] = []
+    first = 0.0
 
     def tell(text: str) -> None:
-        now = time.monotonic()
-        searching.append(now)
-        expected = AS_LONG * max(searching[0] - begun, 0.1)
-        say(text, 0.9 - 0.8 * math.exp((searching[0] - now) / expected))
+        nonlocal first
+        now = time.perf_counter()
+        first = first or now
+        expected = AS_LONG * max(first - begun, 0.1)
+        say(text, 0.9 - 0.8 * math.exp((first - now) / expected))
 
     return tell

@@ -5,7 +5,7 @@ one (successive halving: Jamieson & Talwalkar, *AISTATS* 2016).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from math import ceil
@@ -75,6 +75,8 @@ class Damped:
 
     problem: FitProblem
     result: FitResult
+    # By decay rate: the second stage is looked at, too.
+    _known: dict[float, FitProblem | None] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def measured(self) -> Continuation | None:
@@ -102,6 +104,11 @@ class Damped:
         Lines may be too far apart for its resonances, or the band too short: the continuation of the model's
         own FRFs tells, beside its exact FRFs at the complex frequencies.
         """
+        if share not in self._known:
+            self._known[share] = self._at(share)
+        return self._known[share]
+
+    def _at(self, share: float) -> FitProblem | None:
         own = damped(self.problem, share, self.measured) if self.measured else None
         summed = damped(self.computed, share, self.of_computed) if own else None
         if own is None or summed is None:

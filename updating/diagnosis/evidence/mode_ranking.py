@@ -371,8 +371,6 @@ class ModeRanking:
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
-        *,
-        settled: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the misfit that they leave on their grids, of the best by their slopes.
 

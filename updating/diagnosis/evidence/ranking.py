@@ -52,14 +52,11 @@ class Ranking(Protocol):
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
-        *,
-        settled: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates with starts, the most promising first.
 
-        Far from the data some are ``listed`` in any case. Near them, where all is linear, ``may_win`` tells
-        which deserve a look by the most that they can gain. Unless the fit is ``settled``, as it explains
-        the data, its uncertain parameters may be bent.
+        Some are ``listed`` in any case. Beside what explains the data all is linear, and ``may_win`` tells
+        which deserve a look by the most that they can gain.
         """
         ...
 
@@ -130,20 +127,17 @@ class FrfRanking:
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
-        *,
-        settled: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the likelihood that they reach on grids of their parameters."""
         grids = [Grid.of(problem, e) for e in effects]
-        # Damped FRFs bend nothing.
-        bent = not (problem.decay or settled)
-        bases = (current, problem.at_nominal(current)) if bent else (current,)
         if may_win is not None:
-            gains = linear_gains(problem, bases, grids)
+            gains = linear_gains(problem, current, grids)
             order = [int(i) for i in np.argsort(-gains, kind="stable") if gains[i] > -np.inf]
             best = order[:LEAST_GRIDS]
             kept = [i for i in order if i in best or may_win(grids[i].effect, float(gains[i]))]
-            return screen_near(problem, bases, [grids[i] for i in kept], gains[kept])
+            return screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+        # Damped FRFs bend nothing.
+        bases = (current,) if problem.decay else (current, problem.at_nominal(current))
         if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]

@@ -202,27 +202,27 @@ def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid
 
 
 def screen_near(
-    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], linear: Floats
+    problem: FitProblem, current: FitResult, grids: Sequence[Grid], linear: Floats
 ) -> tuple[Screened, ...]:
-    """Return the candidates that can be the best beside fits near the data, by their gains over the first.
+    """Return the candidates that can be the best beside a fit near the data, by their gains there.
 
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
     """
-    looks = [Look.of(problem, base, N_WHOLE, 0, MOST_VALUES) for base in bases]
-    now, best, out = looks[0].cost_now, -np.inf, []
+    look = Look.of(problem, current, N_WHOLE, 0, MOST_VALUES)
+    best, out = -np.inf, []
     for at_once in (True, False):
         for grid, gain in zip(grids, linear, strict=True):
             if np.isfinite(gain) != at_once:
                 continue
             if not at_once:
                 few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
-                gain = now - min(float(look.levels(few)[0].min()) for look in looks)
+                gain = look.cost_now - float(look.levels(few)[0].min())
             if gain < best - OUTDONE and len(out) >= LEAST_GRIDS:
                 continue
-            cost, start = min((s for look in looks for s in look.best_starts(grid)), key=lambda each: each[0])
+            cost, start = min(look.best_starts(grid), key=lambda each: each[0])
             if np.isfinite(cost):
-                out.append(Screened(grid.effect, (start,), now - cost))
+                out.append(Screened(grid.effect, (start,), look.cost_now - cost))
                 best = max(best, out[-1].gain)
     return tuple(sorted(out, key=lambda each: -each.gain))
 

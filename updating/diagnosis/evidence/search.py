@@ -279,14 +279,14 @@ class Search:
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
         damped = Damped(free, base.fitted.result) if far and isinstance(free, FitProblem) else None
         looked = damped.for_look() if damped else None
+        now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:
             trials = self.from_afar(base, damped, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
         else:
-            tried = self.from_near(base, free)
+            tried = self.from_near(base, free, now)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
-        now = self.fits.quickly(free, base, base.effects, kept).score
         least, final = 1 if base.effects else self.budget.n_final, self.budget.n_final
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS]
         tried = tried[: self.budget.n_full]
@@ -340,8 +340,11 @@ class Search:
                 out[p.whole] = out.get(p.whole, ()) + own
         return out
 
-    def from_near(self, base: Hypothesis, free: AnyProblem) -> list[Hypothesis]:
-        """Return candidates that a look at small changes asks for, fitted on few lines."""
+    def from_near(self, base: Hypothesis, free: AnyProblem, now: float) -> list[Hypothesis]:
+        """Return candidates that a look at small changes asks for, fitted on few lines.
+
+        ``now`` is the score of the base on these lines.
+        """
         what = f"effects beside {base.name}" if base.effects else "effects"
         self.tell(f"looking at {len(self.candidates)} {what}")
         quick, _ = self.fits.problems(base)
@@ -352,7 +355,6 @@ class Search:
             for p in proposals
         ]
         short: list[tuple[list[Hypothesis], bool]] = []
-        now = self.fits.quickly(free, base, base.effects, kept).score
         for first in range(0, len(wanted), self.budget.together):
             # What a look promises less of than a fit has found is not fitted.
             best = max((fits[0].score for fits, _ in short), default=-np.inf)
@@ -463,7 +465,6 @@ class Search:
             beside,
             lambda e: e.name in there,
             (lambda effect, gain: self.may_win(base, (effect,), gain)) if self.settled(base) else None,
-            settled=self.settled(base),
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]

@@ -74,15 +74,14 @@ def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[G
     return sorted(listed)
 
 
-def linear_gains(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> Floats:
+def linear_gains(problem: FitProblem, current: FitResult, grids: Sequence[Grid]) -> Floats:
     """Return by how much candidates would raise the log likelihood of a fit if FRFs changed in proportion.
 
-    Shape (n_grids,), on all lines of a full fit, over the first of some fits; near the noise all is linear.
-    Infinite for those that release a constraint, which have no small change, and minus infinity for those
-    that the data do not see.
+    Shape (n_grids,), on all lines of a full fit; near the noise all is linear. Infinite for those that
+    release a constraint, which have no small change, and minus infinity for those that the data do not see.
     """
-    looks = [Look.of(problem, base, FULL_LINES, 0, MOST_VALUES_LISTED) for base in bases]
-    gains = looks[0].cost_now - _proportional_levels(looks, grids)[::2].min(axis=0)
+    look = Look.of(problem, current, FULL_LINES, 0, MOST_VALUES_LISTED)
+    gains = look.cost_now - _proportional_levels([look], grids)[0]
     return np.where([bool(grid.effect.released()) for grid in grids], np.inf, gains)
 
 
