@@ -25,7 +25,7 @@ from dovetail.report.drawn import (
     rivals,
     telling_pairs,
 )
-from dovetail.report.probable import hypotheses
+from dovetail.report.probable import hypotheses, reported
 from dovetail.result import RunResult
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
@@ -139,7 +139,7 @@ def _staircase(result: RunResult) -> Figure:
 
 def _probability(result: RunResult) -> Figure | None:
     known = hypotheses(result.diagnosis)
-    return probability_figure(known) if known else None
+    return probability_figure(known, accepted=reported(result.diagnosis)) if known else None
 
 
 def _error_map(result: RunResult, step: int) -> Figure:

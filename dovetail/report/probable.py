@@ -47,7 +47,8 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         outside = percent(included(posterior, [UNKNOWN]))
         return f"Probability of a cause that the library does not have: {outside}"
     if not found:
-        return f"Probability among all hypotheses: {percent(exact)}"
+        besides = _besides_text(d) if isinstance(d, Diagnosis) else ""
+        return f"Probability among all hypotheses: {percent(exact)}{besides}"
     shares = [percent(included(posterior, [e.name])) for e in found]
     if len(found) == 1:
         text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
@@ -60,7 +61,23 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
             text += f"; at this position: {percent(here)}"
         text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
         return text
+    text += _besides_text(d)
     return f"{text}. {vague}" if (vague := vague_text(d)) else text
+
+
+def _besides_text(d: Diagnosis) -> str:
+    """Return what is more probable with further effects than the simpler answer that is reported."""
+    found, (names, p) = {f.effect.name for f in d.findings}, d.posterior[0]
+    if not found < set(names):
+        return ""
+    more = label_of(d, [n for n in names if n not in found])
+    return f"; with {more} besides: {percent(p)}, too close to tell, so the simpler answer is reported"
+
+
+def reported(d: Diagnosis) -> int:
+    """Return the number of the hypothesis that is reported, in the order of their probabilities."""
+    found = {f.effect.name for f in d.findings}
+    return next((k for k, (names, _) in enumerate(d.posterior) if set(names) == found), 0)
 
 
 def vague_text(d: Diagnosis) -> str:

@@ -168,6 +168,18 @@ def with_posterior(result, *hypotheses):
     return replace(result, diagnosis=replace(result.diagnosis, posterior=hypotheses))
 
 
+def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
+    name = found.diagnosis.findings[0].effect.name
+    other = next(e for e in found.diagnosis.candidates if e.name != name)
+    d = with_posterior(found, ((other.name, name), 0.64), ((name,), 0.36)).diagnosis
+    text = probability_text(d)
+    assert "alone: 36\u00a0%" in text
+    label = probable.effect_label(other.kind, other.where)
+    assert f"with {label} besides: 64\u00a0%, too close to tell" in text
+    assert probable.reported(d) == 1
+    assert "too close to tell" not in probability_text(found.diagnosis)
+
+
 def test_an_effect_counts_in_every_answer_that_has_it(found, album):
     name = found.diagnosis.findings[0].effect.name
     other = next(e.name for e in found.diagnosis.candidates if e.name != name)

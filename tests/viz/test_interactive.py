@@ -182,6 +182,9 @@ def test_probabilities_are_bars_in_whole_percent():
     assert list(bars.text) == ["88\u00a0%", "12\u00a0%", "below 1\u00a0%"]
     assert bars.customdata[0] == "mass & <x>"
     assert figure.layout.yaxis.ticktext[0] == "mass &amp; &lt;x&gt;"
+    (bars,) = error.probability_figure([("more", 0.6), ("simple", 0.4)], accepted=1).data
+    assert len(set(bars.marker.color)) == 2
+    assert bars.marker.color[1] == figure.data[0].marker.color[0]
 
 
 def test_errors_by_sensor_are_groups_of_bars():

@@ -303,7 +303,7 @@ def _names_axis(labels: Sequence[str]) -> dict[str, Any]:
 
 
 def probability_figure(
-    hypotheses: Sequence[tuple[str, float]], *, title: str = "", at_most: int = 12
+    hypotheses: Sequence[tuple[str, float]], *, title: str = "", at_most: int = 12, accepted: int = 0
 ) -> Figure:
     """Return the probabilities of hypotheses as bars, in the order in which they are given.
 
@@ -314,12 +314,14 @@ def probability_figure(
     title : str
     at_most : int
         Number of hypotheses shown.
+    accepted : int
+        The one that is reported, in another colour.
     """
     shown = list(hypotheses)[:at_most]
     values, names = [float(p) for _, p in shown], [s for s, _ in shown]
     trace = {
         "type": "bar", "orientation": "h", "y": list(range(len(shown))), "x": values,
-        "marker": {"color": [style.VERMILION if k == 0 else "#b9c3cd" for k in range(len(shown))]},
+        "marker": {"color": [style.VERMILION if k == accepted else "#b9c3cd" for k in range(len(shown))]},
         "text": [percent(p) for p in values], "textposition": "outside", "cliponaxis": False,
         "hoverinfo": "text", "hovertext": [f"{plain(s)}: {percent(p)}" for s, p in shown],
         "customdata": [s for s, _ in shown],
