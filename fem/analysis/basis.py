@@ -60,8 +60,8 @@ class Basis:
         amount = np.array([c.coefficients @ shapes[c.dofs] for c in violated]).reshape(-1, shapes.shape[1])
         vectors = np.asarray(system.Q.T @ (shapes - self.T[:, self.n_main :] @ amount))
         if share:
-            size = np.sqrt(np.einsum("ij,ij->j", vectors, system.M @ vectors))
-            left = (vectors - self.V @ (self.V.T @ (system.M @ vectors))) / np.maximum(size, 1e-300)
+            left = vectors - self.V @ (self.V.T @ (system.M @ vectors))
+            left /= np.maximum(_sizes(system, vectors), 1e-300)
             squares, directions = np.linalg.eigh(left.T @ (system.M @ left))
             vectors = left @ directions[:, squares > share**2]
         return self._with(system, vectors)
@@ -161,16 +161,17 @@ def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64])
 
     Those that V contains but for rounding are dropped.
     """
-
-    def size(X: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, system.M @ X), 0.0))
-
-    before = size(block)
+    before = _sizes(system, block)
     for _ in range(2):
         block = block - V @ (V.T @ (system.M @ block))
-    after = size(block)
+    after = _sizes(system, block)
     keep = after > 1e-9 * before
     return block[:, keep] / after[keep]
+
+
+def _sizes(system: System, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the M-norms of columns."""
+    return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, system.M @ X), 0.0))
 
 
 def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
