@@ -251,7 +251,7 @@ def motion_between_nodes(
         here[3:] += [ends[0, 3], -chord[2], chord[1]]
         out.append(here)
     R = axes.R[line]
-    local = np.array(out)
+    local = np.array(out).reshape(-1, 6, u.shape[1])
     motion = np.concatenate([R.T @ local[:, :3], R.T @ local[:, 3:]], axis=1)
     arm = -axes.offset_at(np.full(xi.size, line), xi)  # from the axis to the line
     motion[:, :3] += np.cross(motion[:, 3:], arm[:, :, None], axis=1)

@@ -66,12 +66,12 @@ def fake_search(candidates):
     """Return a search whose fits score by how many effects they have and tell where they began."""
     begun = []
 
-    def at(effects, starts):
-        begun.append({e.name: s for e, s in zip(effects, starts, strict=True)})
+    def fully(effects, values):
+        begun.append({e.name: v for e, v in zip(effects, values, strict=True)})
         return SimpleNamespace(score=float(len(effects)))
 
     problem = SimpleNamespace(surroundings=lambda key: 1.0)
-    fits = SimpleNamespace(problem=problem, at=at)
+    fits = SimpleNamespace(problem=problem, fully=fully)
     return SimpleNamespace(candidates=candidates, fits=fits, known={}), begun
 
 

@@ -94,8 +94,8 @@ class LevelProblem(FitProblem):
         release: Sequence[tuple[str, str]] = (),
         deviations: Deviations | None = None,
     ) -> ParametricFRF:
-        """Return the receptances at all levels as a function of parameters; deviations are of one level."""
-        assert deviations is None
+        """Return the receptances at all levels as a function of parameters; there are no deviations."""
+        assert deviations is None or deviations.stiff.shape[1] + deviations.lossy.shape[1] == 0
         return LevelEngine(self, frequency, refs, effects, release)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> Complexes:

@@ -85,9 +85,12 @@ class Damped:
 
     @cached_property
     def computed(self) -> FitProblem:
-        """The problem with the model's own FRFs for data."""
+        """The problem with the model's own FRFs for data, as noisy as what was measured."""
         bare = replace(self.problem, scatter=None)
-        return replace(bare, data=replace(bare.data, H=bare.receptance(self.result)))
+        data, rng = bare.data, np.random.default_rng(0)
+        parts = rng.standard_normal((2, *data.noise.shape))
+        noise = np.where(data.mask, data.noise, 0.0) * (parts[0] + 1j * parts[1])
+        return replace(bare, data=replace(data, H=bare.receptance(self.result) * (1 + noise)))
 
     @cached_property
     def of_computed(self) -> Continuation | None:
