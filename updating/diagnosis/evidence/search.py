@@ -356,9 +356,9 @@ class Search:
         ]
         short: list[tuple[list[Hypothesis], bool]] = []
         for first in range(0, len(wanted), self.budget.together):
-            # What a look promises less of than a fit has found is not fitted.
-            best = max((fits[0].score for fits, _ in short), default=-np.inf)
-            if self.settled(base) and now + proposals[first].worth < best - 2 * TWIN_NATS:
+            # What a look promises less of than there is already is not fitted.
+            best = max((fits[0].score for fits, _ in short), default=now if self.explains(base) else -np.inf)
+            if now + proposals[first].worth < best - 2 * TWIN_NATS:
                 break
             these = slice(first, first + self.budget.together)
             fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted[these])
