@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.places import sheared_frame
+from fem.effects.places import reaches, sheared_frame
 from fem.elements.frame import Frame
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from fem.recent import Recent
@@ -61,6 +61,13 @@ class OnStretches(HoldsFrame):
     def where(self) -> str:
         """The place."""
         return self.place
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether a stretch is on the line."""
+        return any(
+            m == member and reaches(model, member, line, s, towards * length)
+            for m, s, length, towards in self.zones
+        )
 
     def rebased(self, model: Model) -> Self:
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""

@@ -31,6 +31,10 @@ class _MemberChange(Effect):
         (frame,) = model.of_kind(Frame)
         return member_contribution(nominal(frame), model, self.member)
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))

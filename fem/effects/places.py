@@ -265,6 +265,15 @@ def section_extent(
     return float(np.abs(side) @ half)
 
 
+def reaches(model: Model, member: str, line: int | None, start: float, reach: float) -> bool:
+    """Whether a stretch of a member that reaches up or down from a place [m] is on a line; any if None."""
+    if line is None:
+        return True
+    row = int(np.flatnonzero(model.mesh.members[member] == line)[0])
+    first, last = model.mesh.member_positions(member)[row : row + 2]
+    return bool(min(start, start + reach) < last and max(start, start + reach) > first)
+
+
 PARALLEL = np.cos(np.radians(5))
 """Cosine of the angle up to which two axes count as one [-]."""
 

@@ -80,6 +80,10 @@ class StiffnessLoss(Effect):
             Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),
         )
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))

@@ -1,5 +1,6 @@
 """A cut: a place of a member that gives way in one direction, as a crack or a joint within it does."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,13 @@ from fem.model import DIRECTIONS, Array, Contribution, Model
 
 
 def cut(
-    frame: Frame, model: Model, member: str, position: Any, direction: str, compliance: Any
+    frame: Frame,
+    model: Model,
+    member: str,
+    position: Any,
+    direction: str,
+    compliance: Any,
+    beside: Sequence[Contribution] = (),
 ) -> Contribution:
     """Return the change of K, M and D where a member gives way at a place, in one direction.
 
@@ -30,7 +37,8 @@ def cut(
         ΔM = a (b qᵀ + q bᵀ) + a² β q qᵀ,   b = ∫ Nᵀ μ ψ dx,   β = ∫ ψᵀ μ ψ dx.
 
     Without that the mass follows the nodes, and frequencies err with the cube of the element's part of
-    the member. Lumps stay with the nodes.
+    the member. Lumps stay with the nodes. Of what else changes the element, stiffness is in K; its mass and
+    damping follow the turn at a member's end, D by (I - a m qᵀ)ᵀ D (I - a m qᵀ).
 
     Parameters
     ----------
@@ -43,6 +51,8 @@ def cut(
         x y z rx ry rz, local.
     compliance : float
         c [m/N or rad/(N·m)].
+    beside : sequence of Contribution
+        Changes of the element by other effects.
     """
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))
@@ -58,10 +68,11 @@ def cut(
         m[8] = -arm
     if direction == "rz":
         m[7] = arm
+    K0, added, excess = _with_changes(g, K0, beside)
     q = K0 @ m
     slip = compliance / (1 + compliance * (m @ q))
     K = to_global((-slip * np.outer(q, q))[None], g.T_nodes)
-    M = None
+    M, at_end = None, x in (0.0, 1.0)
     if not g.lumped[0]:
         rigid = m.copy()
         rigid[i] = 1.0
@@ -69,12 +80,39 @@ def cut(
             rigid[2] = x * g.L[0]
         if direction == "rz":
             rigid[1] = -x * g.L[0]
-        beyond = whole * (1.0 - x) if x in (0.0, 1.0) else mass_from_nodes(g, local_mass(g, x))[0]
+        if at_end and added is not None:
+            whole = whole + added
+        beyond = whole * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
         b = beyond @ rigid - whole @ m
         beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
         bent = slip * np.outer(b, q)
         M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
-    return Contribution(g.dofs, K, M, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+    D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
+    if excess is not None:
+        moved = np.eye(12) - slip * np.outer(m, q)
+        more = to_global((moved.T @ excess @ moved - excess)[None], g.T_nodes)
+        D = more if D is None else D + more
+    return Contribution(g.dofs, K, M, D=D)
+
+
+def _with_changes(
+    g: Lines, K: Array, beside: Sequence[Contribution]
+) -> tuple[Array, Array | None, Array | None]:
+    """Return an element's local stiffness with changes, their mass, and their damping but that of K by η."""
+    if not beside:
+        return K, None, None
+    back = np.linalg.inv(g.T_nodes)
+
+    def total(key: str) -> Array | None:
+        parts = [X for c in beside if (X := getattr(c, key)) is not None]
+        return to_global(sum(parts), back)[0] if parts else None
+
+    stiff, M, D = total("K"), total("M"), total("D")
+    if stiff is not None:
+        K = K + stiff
+    if stiff is not None and np.any(g.eta != 0):
+        D = (0.0 if D is None else D) - g.eta[0] * stiff
+    return K, M, D
 
 
 def _uncut_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:
