@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
-from fem.elements.frame import Frame, member_contribution
+from fem.elements.frame import Frame, changes_between, member_contribution
 from fem.elements.lines import SectionChange
-from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
 
 def changed_member(
@@ -32,17 +32,7 @@ def changed_member(
         if instead_of is None and not alike
         else frame.contribution_of(model, some, instead_of or SectionChange())
     )
-
-    def minus(a: Array | None, b: Array | None) -> Array | None:
-        if a is None or b is None:
-            return None
-        change = a - b  # symmetric but for the rounding of the parts that cancel
-        return (change + np.swapaxes(change, 1, 2)) / 2
-
-    changes = tuple(
-        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
-        for c, o in zip(new, old, strict=True)
-    )
+    changes = changes_between(old, new)
     if not alike:
         return changes
     dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)

@@ -198,8 +198,13 @@ def elements_of(model: Model, member: str, *quantities: str) -> tuple[ParameterR
 
 def stiffness_of_sprung(model: Model, member: str) -> tuple[ParameterRef, ...]:
     """Return Young's modulus of a member with ends on springs: it says how much of a motion these take."""
+    return material_of(model, member, "E") if is_sprung(model, member) else ()
+
+
+def is_sprung(model: Model, member: str) -> bool:
+    """Whether an end of a member is on springs: its stiffness is then not in proportion to moduli."""
     k = frame_of(model).members[member].end_stiffness
-    return material_of(model, member, "E") if ((k > 0) & np.isfinite(k)).any() else ()
+    return bool(((k > 0) & np.isfinite(k)).any())
 
 
 def frame_of(model: Model) -> Frame:
