@@ -111,6 +111,12 @@ class Contribution:
 
     __repr__ = fields_summary
 
+    def elements_at(self, dofs: NDArray[np.int64]) -> "Iterator[Contribution]":
+        """Yield those of the elements that have these DOFs (m,), each alone."""
+        if self.dofs.shape[1] == dofs.size:
+            for k in np.flatnonzero((self.dofs == dofs).all(axis=1)):
+                yield self.element(int(k))
+
     def element(self, k: int) -> "Contribution":
         """Return one of the elements alone."""
         parts: dict[str, Any] = {X: None if (all_ := getattr(self, X)) is None else all_[[k]] for X in "KMCD"}
@@ -364,12 +370,7 @@ class Effect(ABC):
     def on_line(self, model: "Model", member: str, line: int) -> tuple[Contribution, ...]:
         """Return what it changes of the element on one line of a member that it alters."""
         dofs = dofs_of(model.mesh.lines[line]).ravel()
-        return tuple(
-            c.element(int(k))
-            for c in self.contribute(model)
-            if c.dofs.shape[1] == dofs.size
-            for k in np.flatnonzero((c.dofs == dofs).all(axis=1))
-        )
+        return tuple(one for c in self.contribute(model) for one in c.elements_at(dofs))
 
     def on_lines(self, model: "Model") -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return those of its elements that belong to lines of the mesh, with these lines (b,)."""

@@ -1,15 +1,21 @@
 """Effects by which members give way at a place, in series with all that alters the element there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
+from fem.effects.held_frame import HoldsFrame
 from fem.effects.places import OnMember, elements_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
 from fem.elements.cut import cut
 from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.recent import Recent
+
+_CHANGES = 32
+"""Number of changes of elements that an effect keeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -26,11 +32,14 @@ class GivesWay(OnMember):
         rx, ry or rz, local.
     compliance : float
         [rad/(N·m)].
+    elements : Recent
+        Changes of the element by other effects; effects with other values share them.
     """
 
     gives_way: ClassVar[bool] = True
     direction: str
     compliance: Any
+    elements: Recent = field(default_factory=lambda: Recent(_CHANGES), repr=False)
 
     def place(self, model: Model) -> Any:
         """Return the arc length of the place [m]."""
@@ -43,13 +52,23 @@ class GivesWay(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that one element loses, and its mass that follows the kink."""
         line, frame = self.line(model), sheared_frame(model)
-        beside = [c for e in self._beside(model, line) for c in e.on_line(model, self.member, line)]
+        beside = [c for e in self._beside(model, line) for c in self._on_line(e, model, line)]
         if pull := frame.members[self.member].pretension:
             row = int(np.flatnonzero(model.mesh.members[self.member] == line)[0])
             beside.append(frame.geometric_stiffness(model, self.member, pull).element(row))
         return (
             cut(frame, model, self.member, self.place(model), self.direction, self.compliance, beside),
         )
+
+    def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
+        """Return what another effect changes of the element."""
+        on = None if isinstance(effect, HoldsFrame) else sheared_frame(model)
+        if effect.gives_way:  # depends on further effects
+            return effect.on_line(model, self.member, line)
+        out: tuple[Contribution, ...] = self.elements.get(
+            (effect, on, model.mesh, line), partial(effect.on_line, model, self.member, line)
+        )
+        return out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend, those of other effects included."""
