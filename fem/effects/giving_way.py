@@ -56,9 +56,7 @@ class GivesWay(OnMember):
         if pull := frame.members[self.member].pretension:
             row = int(np.flatnonzero(model.mesh.members[self.member] == line)[0])
             beside.append(frame.geometric_stiffness(model, self.member, pull).element(row))
-        return (
-            cut(frame, model, self.member, self.place(model), self.direction, self.compliance, beside),
-        )
+        return (cut(frame, model, self.member, self.place(model), self.direction, self.compliance, beside),)
 
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""

@@ -96,7 +96,7 @@ class MemberStiffness(_MemberChange):
         return tuple(replace(p, linear=self.affine) for p in super(MemberStiffness, self).parameters())
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return change · K and change · D of the member; where its ends are on springs, the K of another E."""
+        """Return change · K and change · D of the member; of one on springs the change by another E."""
         if is_sprung(model, self.member):
             return self._on_springs(model)
         return tuple(

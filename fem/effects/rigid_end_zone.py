@@ -79,7 +79,9 @@ class RigidEndZone(Effect):
 
     def alters(self, model: Model, member: str, line: int | None = None) -> bool:
         """Whether a zone may be on the line."""
-        return any(m == member and reaches(model, m, line, *self._room(model, m, end)) for m, end in self.ends)
+        return any(
+            m == member and reaches(model, m, line, *self._room(model, m, end)) for m, end in self.ends
+        )
 
     def _room(self, model: Model, member: str, end: int) -> tuple[float, float]:
         """Return where a zone begins, and how far it may go up the member [m]."""

@@ -98,9 +98,7 @@ class ZoneForm(OnStretches):
         masses = (replace(c, M=self.mass * c.M) for c in heavy.elements_at(dofs))
         return (*stiff.elements_at(dofs), *masses)
 
-    def _stiff(
-        self, model: Model, along: Any, plane: Any, some: Sequence[int] | None = None
-    ) -> Contribution:
+    def _stiff(self, model: Model, along: Any, plane: Any, some: Sequence[int] | None = None) -> Contribution:
         """Return the stiffness that the stretches gain, or some of them."""
         some = range(len(self.zones)) if some is None else some
         u = np.full((len(self.zones), 6), along + 0 * plane)

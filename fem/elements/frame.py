@@ -419,9 +419,7 @@ def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contri
     return make() if frame.values else frame.kept.get(("contribution", mesh, member), make)
 
 
-def changes_between(
-    old: tuple[Contribution, ...], new: tuple[Contribution, ...]
-) -> tuple[Contribution, ...]:
+def changes_between(old: tuple[Contribution, ...], new: tuple[Contribution, ...]) -> tuple[Contribution, ...]:
     """Return the changes of K, M and D from contributions to others of the same elements."""
 
     def minus(a: Array | None, b: Array | None) -> Array | None:

@@ -14,6 +14,7 @@ from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
+from fem.reduction.series import with_series
 from fem.reduction.terms import Term, combined
 
 _Forces = dict[int, NDArray[np.complex128]]
@@ -29,19 +30,6 @@ def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
         forces[i] += force
     else:
         forces[i] = force
-
-
-def with_series(model: Model, candidates: Sequence[Effect]) -> Model:
-    """Return a model with those of the candidates that are in series with what gives way in members.
-
-    The model itself where nothing gives way, or nothing alters what does.
-    """
-    soft = [e for e in (*model.effects, *candidates) if e.gives_way]
-    if not soft:
-        return model
-    at = [(e, e.member) for e in soft]  # type: ignore[attr-defined]
-    added = [c for c in candidates if any(c is not e and c.alters(model, member) for e, member in at)]
-    return model.with_effect(*added) if added else model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +112,7 @@ class ParametricFRF:
 
         effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
         # What gives way is in series with all that alters its element, and so depends on other candidates.
+        self.candidates = tuple(candidates)
         self._series = with_series(reduced.model, candidates)
         wanted: dict[str, list[int]] = {}
         for i, (name, _) in enumerate(self.refs):
@@ -253,9 +242,7 @@ class ParametricFRF:
             (factor * f(np.real(self.omega)), term.spread(X)) for f, X in term.laws
         ]
 
-    def _following(
-        self, values: NDArray[np.float64]
-    ) -> list[tuple[Effect, Model, list[int], list[int]]]:
+    def _following(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
         """Return the effects of ``_nonlinear``, and the models that they refer to, at some values."""
         foreign = {i for _, _, others in self._nonlinear for i in others}
         at = {self.refs[i]: float(values[i]) for i in foreign}

@@ -6,14 +6,15 @@ springs at ends are joints between points at one place.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.effects.clamp_form import ClampForm
 from fem.effects.crack import Crack, EndRelease
-from fem.effects.ground_spring import GroundSpring
 from fem.effects.joint import Joint
 from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
@@ -29,9 +30,13 @@ from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model, lever_matrix
+from fem.model import DIRECTIONS, Contribution, Model, lever_matrix
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
 from fem.sections.section import Section
-from fem.system import assemble, sum_contributions
+from fem.sensitivity.matrices import differentiate_matrices
+from fem.system import assemble, reassemble, sum_contributions
 from tests.frames import fix
 
 E, RHO = 210e9, 7850.0
@@ -72,10 +77,8 @@ def properties(end, theory="timoshenko", **more):
         options["offset2"] = options["offset1"]
     springs = {AXIS: end["spring"]} if end.get("stated") else {}
     springs |= end.get("beside", {})
-    return MemberProperties(
-        Material("steel", E, RHO, loss_factor=0.01), BOX, theory=theory,
-        **{**options, "spring1": springs, **more},
-    )  # fmt: skip
+    options = {"section": BOX, **options, "spring1": springs, **more}
+    return MemberProperties(Material("steel", E, RHO, loss_factor=0.01), theory=theory, **options)
 
 
 def member(end, theory="timoshenko", **more):
@@ -115,7 +118,7 @@ def built(end, stretches=(), crack=None, theory="timoshenko", start=None, **more
     lines, members = [], {}
     at, joints = 0, []
     extra = []
-    for k, (a, b) in enumerate(zip(s, s[1:], strict=False)):
+    for k, (a, b) in enumerate(pairwise(s)):
         factor = 1.0
         change = dict(more)
         for first, last, times, options in stretches:
@@ -156,7 +159,7 @@ def joint(name, one, two, place, R, stiff):
 
 
 def flexibility(model, first, second):
-    """Return the flexibility (6, 6) of a motion of the origin, with a first point, while a second one is held."""
+    """Return the flexibility (6, 6) of the origin, moved with a first point while a second one is held."""
     system = assemble(model.with_effect(Support(name="wall", point=second, fixed=DIRECTIONS)))
     rows = system.Q.tocsr()[6 * first : 6 * first + 6].toarray()
     F = rows @ np.linalg.solve(system.K.toarray(), rows.T)
@@ -164,22 +167,9 @@ def flexibility(model, first, second):
     return back @ F @ back.T
 
 
-def stretch(a, b, **factors):
-    return (a, b, 1.0, {"section": scaled(BOX, **factors)})
-
-
-def scaled(s, **factors):
-    """Return a section with constants times factors."""
-    changed = {key: f * getattr(s, key) for key, f in factors.items()}
-    return replace(s, **changed)
-
-
-FRAMES = {}
-
-
-def frame_of(end):
-    (frame,) = member(end).of_kind(Frame)
-    return frame
+def section_with(**factors):
+    """Return the section with constants times factors."""
+    return replace(BOX, **{key: f * getattr(BOX, key) for key, f in factors.items()})
 
 
 def zone_of(end, u=-0.2, plane=0.0):
@@ -192,9 +182,7 @@ def zone_of(end, u=-0.2, plane=0.0):
 
 
 def loss_of(end):
-    effect = StiffnessLoss(
-        name="loss", member="beam", position=h / 2, loss=0.4, width=h, length=LENGTH
-    )
+    effect = StiffnessLoss(name="loss", member="beam", position=h / 2, loss=0.4, width=h, length=LENGTH)
     return effect, [(0, h, 0.6, {})]
 
 
@@ -241,7 +229,7 @@ def with_frame(effect, model):
 
 
 def compared(model, by_hand, rel=1e-6):
-    """Check the flexibility of the member's first end against that of a model, its point there and the last."""
+    """Check the flexibility of the first end against that of a model, a point there and the last one."""
     found, expected = flexibility(model, 0, 1), flexibility(*by_hand)
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert (abs(found - expected) <= rel * size).all()
@@ -264,3 +252,273 @@ def test_a_stretch_with_another_stiffness_is_the_member_built_by_hand(kind, end)
     model = member(end)
     model = model.with_effect(with_frame(effect, model), *releases(end))
     compared(model, built(end, stretches))
+
+
+def changes(frame):
+    """Return effects on the whole member, each with the properties that it stands for."""
+    cube, polar = 1.2**3, (1.2**3 * BOX.Iy + 1.2 * BOX.Iz) / (BOX.Iy + BOX.Iz)
+    wider = section_with(A=1.2, Iy=cube, Iz=1.2, J=1.2**4 / polar)
+    form = SectionForm(name="form", members=("beam",), frame=frame, Iy=-0.3, Iz=0.2, J=-0.1, sheared=False)
+    shear = SectionShear(groups={"beam": ("beam",)}, directions={"beam": ("ky", "kz")})
+    return {
+        "member_section": (
+            MemberSection(name="s", member="beam", direction="z", change=0.2),
+            {"section": wider},
+        ),
+        "member_torsion": (
+            MemberTorsion(name="J", member="beam", change=-0.4),
+            {"section": section_with(J=0.6)},
+        ),
+        "member_shear": (
+            MemberShear(name="k", member="beam", euler=False, share=4.0),
+            {"section": section_with(ky=0.25, kz=0.25)},
+        ),
+        "section_shear": (
+            shear.with_values(**{"ky:beam": 0.4, "kz:beam": 1.5}),
+            {"section": section_with(ky=0.4, kz=1.5)},
+        ),
+        "section_form": (form, {"section": section_with(Iy=0.7, Iz=1.2, J=0.9)}),
+    }
+
+
+UNIFORM = [name for name in ENDS if "section2" not in ENDS[name]]
+
+
+@pytest.mark.parametrize("end", UNIFORM)
+@pytest.mark.parametrize("kind", list(changes(None)))
+def test_a_member_with_another_section_is_the_one_built_by_hand(kind, end):
+    end = ENDS[end]
+    theory = "euler-bernoulli" if kind == "section_form" else "timoshenko"
+    model = member(end, theory)
+    effect, options = changes(model.of_kind(Frame)[0])[kind]
+    rel = 1e-6
+    if kind == "section_form" and ("beside" in end or "stated" in end):
+        rel = 0.02  # it is linear, and a spring in series with the section is not: c (1 - c) 0.3² at most
+        effect = effect.with_values(Iy=-0.03, Iz=0.02, J=-0.01)
+        options = {"section": section_with(Iy=0.97, Iz=1.02, J=0.99)}
+        rel = 2.5e-4
+    compared(model.with_effect(effect, *releases(end)), built(end, theory=theory, **options), rel)
+
+
+@pytest.mark.parametrize("end", ["released", "sprung", "offset", "tapered"])
+def test_a_tension_is_that_of_a_member_that_states_it(end):
+    end = ENDS[end]
+    effect = Preload(name="pull", member="beam", tension=4e4, buckling=1e6)
+    found = sums(member(end).with_effect(effect, *releases(end)))
+    springs = {} if end.get("stated") else {AXIS: end["spring"]}
+    stated = member(end, pretension=4e4)
+    for a, b in zip(found, sums(stated.with_effect(*releases(end))), strict=True):
+        assert abs(a - b).max() <= 1e-12 * abs(b).max()
+    if springs:
+        # the unreleased member's, behind the spring
+        limit = sums(member(end).with_effect(effect, *(e.with_values(compliance=0.0) for e in releases(end))))
+        assert np.linalg.eigvalsh(limit[0] - found[0]).min() > -1e-9 * abs(limit[0]).max()
+
+
+def sums(model):
+    """Return K, M and D of a model."""
+    K, M, _, D = (X.toarray() for X in sum_contributions(model.contributions(), model.n_dof))
+    return K, M, D
+
+
+@pytest.mark.parametrize("end", ["released", "two ways", "offset", "beside sprung"])
+@pytest.mark.parametrize("kind", ["member_section", "member_torsion", "member_density", "member_stiffness"])
+def test_mass_and_damping_follow_the_slip_of_the_altered_member(kind, end):
+    """Against a member that states its springs: the same element, so that all matrices are the same."""
+    end = ENDS[end]
+    model, rest = member(end), {}
+    if kind in ("member_section", "member_torsion"):
+        effect, options = changes(None)[kind]
+        if kind == "member_section":
+            options = {"section": replace(options["section"], Ip=BOX.Iy * 1.2**3 + BOX.Iz * 1.2)}
+    elif kind == "member_density":
+        effect, options = MemberDensity(name="rho", member="beam", change=0.4), {}
+        rest = {"rho": 1.4 * RHO}
+    else:
+        effect, options = MemberStiffness(name="E", member="beam", change=-0.3), {}
+        rest = {"E": 0.7 * E}
+    springs = {d: end["spring"] for d in (AXIS, end.get("other", AXIS))} | end.get("beside", {})
+    stated = member(end, spring1=springs, **options)
+    (frame,) = stated.of_kind(Frame)
+    stated = replace(
+        stated, effects=(frame.with_values(**{f"{q}:steel": value for q, value in rest.items()}),)
+    )
+    found, expected = sums(model.with_effect(effect, *releases(end))), sums(stated)
+    for X, Y in zip(found[:2], expected[:2], strict=True):
+        assert abs(X - Y).max() <= 1e-9 * abs(Y).max()
+    if "beside" not in end:  # stated springs have no loss, and a release has the material's
+        assert abs(found[2] - 0.01 * found[0]).max() <= 1e-9 * abs(found[2]).max()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("end", ["released", "sprung", "offset", "all of it"])
+def test_a_crack_beside_a_release_in_a_softer_zone_is_the_member_built_by_hand(end, order):
+    end = ENDS[end]
+    effect, stretches = zone_of(end)
+    model = member(end)
+    crack = Crack(
+        name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
+        reference=1.0,
+    )  # fmt: skip
+    effects = (with_frame(effect, model), *releases(end), crack)[::order]
+    compared(model.with_effect(*effects), built(end, stretches, (0.18, "ry", 1e-4)))
+
+
+# ------------------------------------------------------------------------------------------- in a structure
+
+
+def corner(end, *effects, n=N):
+    """Return a post and a rail that is welded to it, altered, and whose end may give way."""
+    top = np.array([0, 0, 0.6])
+    mesh = Mesh.from_lines([[0, 0, 0], LENGTH * ALONG, -top], [[2, 0], [0, 1]], {"post": [0], "beam": [1]})
+    frame = Frame(members={"post": MemberProperties(Material("post", E, RHO), BOX), "beam": properties(end)})
+    model = Model(mesh.refined(counts={"post": 2, "beam": n}), (frame, fix(2), fix(1, ("x", "y", "z"))))
+    return model.with_effect(*(with_frame(e, model) for e in effects))
+
+
+def frequencies(end, *effects):
+    return solve_modes(assemble(corner(end, *effects, n=2 * N)), 5).frequency
+
+
+MESH = 3e-4
+SOFTER = ("zone_form", "clamp_form", "stiffness_loss", "member_stiffness", "member_torsion", "preload")
+STIFFER = ("zone_form stiffer", "rigid_end_zone", "solid_corner")
+
+
+ALTERED = {
+    **{kind: (lambda end, make=make: make(end)[0]) for kind, make in STRETCHED.items()},
+    **{
+        kind: (lambda end, kind=kind: changes(None)[kind][0])
+        for kind in ("member_section", "member_torsion", "member_shear", "section_form")
+    },
+    "member_density": lambda end: MemberDensity(name="rho", member="beam", change=0.4),
+    "preload": lambda end: Preload(name="pull", member="beam", tension=-2e4, buckling=1e6),
+}
+
+
+@pytest.mark.parametrize("end", list(ENDS))
+@pytest.mark.parametrize("kind", list(ALTERED))
+def test_frequencies_lie_between_those_of_the_limits(kind, end):
+    """A flexibility lowers all frequencies, to those of a hinge at most; what is softer does, too."""
+    end = ENDS[end]
+    effect, soft = ALTERED[kind](end), releases(end)
+    above, below = (
+        frequencies(end, effect, *(e.with_values(compliance=c) for e in soft)) for c in (0.0, 10.0)
+    )
+    found, none = frequencies(end, effect, *soft), frequencies(end, *soft)
+    # a slip takes mass along as statics has it: that errs as consistent mass does, with (βh)⁴
+    assert (found <= above * (1 + MESH)).all()
+    assert (found >= below * (1 - MESH)).all()
+    if kind in SOFTER:
+        assert (found <= none * (1 + MESH)).all()
+    if kind in STIFFER:
+        assert (found >= none * (1 - MESH)).all()
+
+
+# ------------------------------------------------------------------------------------------ reduced models
+
+
+def both_ways():
+    """Return a model with a form and candidates that are in series, in whichever of the two they are."""
+    end = {"spring": SPRING}
+    model = corner(end)
+    zone = with_frame(zone_of(end)[0], model)
+    (form,) = (e for e in (changes(model.of_kind(Frame)[0])["section_form"][0],))
+    (soft,) = releases(end)
+    stiff = MemberStiffness(name="stiff", member="beam", change=0.2)
+    crack = Crack(
+        name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
+        reference=1.0,
+    )  # fmt: skip
+    every = {e.name: e for e in (zone, form, soft, stiff, crack)}
+    return model, every
+
+
+VALUES = {
+    ("zone", "u"): 0.7, ("zone", "mass"): 0.3, ("zone", "plane"): -0.4, ("form", "Iy"): 0.1,
+    ("form", "A"): -0.05, ("soft ry", "compliance"): 3e-4, ("stiff", "change"): -0.25,
+    ("crack", "compliance"): 2e-4, ("crack", "position"): 0.21, ("frame", "E:steel"): 1.1 * E,
+    ("frame", "rho:steel"): 0.9 * RHO,
+}  # fmt: skip
+
+
+def reduced(model):
+    """Return a reduced model that is all of it, and unit forces."""
+    forces = np.eye(model.n_dof)[
+        :, assemble(model).Q.tocsr().indptr[1:] > assemble(model).Q.tocsr().indptr[:-1]
+    ]
+    return reduce_model(model, forces, 400.0), forces
+
+
+@pytest.mark.parametrize("inside", [("zone", "form"), ("soft ry",), ("zone", "soft ry", "crack"), ()])
+def test_a_reduced_model_is_the_model_with_its_candidates(inside):
+    plain, every = both_ways()
+    model = plain.with_effect(*(every[n] for n in inside))
+    candidates = [e for n, e in every.items() if n not in inside]
+    small, _ = reduced(model)
+    outputs = np.eye(model.n_dof)[:, [6 * 3 + 1, 6 * 3 + 2, 6 * 4 + 2]]
+    f, refs = np.linspace(20.0, 300.0, 7), list(VALUES)
+    engine = ParametricFRF(small, outputs, outputs, f, refs, candidates)
+    at = np.array([VALUES[r] for r in refs])
+    zeta = np.zeros(len(f))
+    H, slopes, _ = engine.evaluate(at, zeta)
+    whole = model.with_effect(*candidates).with_values(VALUES)
+    places = [(3, "y"), (3, "z"), (4, "z")]
+    exact = compute_frf(assemble(whole), f, places, places, kind="receptance")
+    assert abs(H - exact.H).max() <= 1e-4 * abs(exact.H).max()
+    for k, ref in enumerate(refs):
+        step = 1e-5 * max(abs(VALUES[ref]), 1e-3 if ref[0] != "frame" else 0)
+        up, down = (
+            engine.evaluate(at + s * step * np.eye(len(at))[k], zeta, gradient=False)[0] for s in (1, -1)
+        )
+        rough = (up - down) / (2 * step)
+        assert abs(slopes[k] - rough).max() <= 1e-4 * abs(rough).max(), ref
+
+
+@pytest.mark.parametrize("tried", ["zone", "form", "soft ry", "stiff", "crack"])
+def test_a_candidate_that_is_tried_beside_others_is_in_series_with_them(tried):
+    plain, every = both_ways()
+    others = [e for n, e in every.items() if n != tried]
+    model = plain.with_effect(*others[:2])
+    small, _ = reduced(model)
+    outputs = np.eye(model.n_dof)[:, [6 * 3 + 1, 6 * 3 + 2]]
+    f, zeta = np.linspace(20.0, 300.0, 7), np.full(7, 0.01)
+    engines = [
+        ParametricFRF(small, outputs, outputs, f, [r for r in VALUES if r[0] != tried], others[2:]),
+        ParametricFRF(small, outputs, outputs, f, list(VALUES), [*others[2:], every[tried]]),
+    ]
+    at = [np.array([VALUES[r] for r in engine.refs]) for engine in engines]
+    now = every[tried].with_values(**{p: v for (n, p), v in VALUES.items() if n == tried})
+    (found,) = LocalChanges.of(engines[0], at[0], zeta).receptances([now])
+    expected = engines[1].evaluate(at[1], zeta, gradient=False)[0]
+    # of a form that acts on a whole member the strongest twelve motions are kept
+    assert abs(found - expected).max() <= (1e-2 if tried == "form" else 1e-3) * abs(expected).max()
+
+
+def test_a_model_that_is_assembled_anew_is_in_series_with_what_is_new():
+    plain, every = both_ways()
+    before = plain.with_effect(every["soft ry"], every["stiff"])
+    for after in (
+        before.with_effect(every["zone"]),
+        before.without_effect("stiff"),
+        before.with_values({("stiff", "change"): 0.5}),
+    ):
+        again, fresh = reassemble(assemble(before), after), assemble(after)
+        for key in "KM":
+            X, Y = (getattr(s, key).toarray() for s in (again, fresh))
+            assert abs(X - Y).max() <= 1e-12 * abs(Y).max()
+
+
+def test_the_derivatives_of_a_model_are_those_of_all_that_is_in_series():
+    plain, every = both_ways()
+    model = plain.with_effect(*every.values())
+    for ref in VALUES:
+        parts = differentiate_matrices(model, ref)
+        found = sum_contributions(tuple(Contribution(p.dofs, p.K, p.M) for p in parts), model.n_dof)[:2]
+        value = model.values()[ref]
+        step = 1e-4 * max(abs(value), 1e-3 if ref[1] == "compliance" else 0.1)
+        up, down = (sums(model.with_values({ref: value + s * step}))[:2] for s in (1, -1))
+        for X, a, b in zip(found, up, down, strict=True):
+            rough = (a - b) / (2 * step)
+            rounding = 1e-15 * abs(a).max() / step
+            assert abs(X.toarray() - rough).max() <= 1e-5 * abs(rough).max() + rounding, ref
