@@ -37,6 +37,9 @@ ELEMENT = 12
 class SectionForm(HoldsFrame):
     """Members of one section that are heavier, and bend and twist otherwise, than it says, alike.
 
+    The changes are linear, also of members whose ends are on springs: there a change c of a section errs by
+    c²/4 of the stiffness at most.
+
     Attributes
     ----------
     members : tuple of str
