@@ -12,7 +12,7 @@ from fem.effects.places import OnMember, elements_of, parameters_of, sheared_fra
 from fem.effects.section_shear import SectionShear
 from fem.elements.cut import cut
 from fem.model import Contribution, Effect, Model, ParameterRef
-from fem.recent import Recent
+from fem.recent import Unsent
 
 _CHANGES = 32
 """Number of changes of elements that an effect keeps."""
@@ -32,14 +32,14 @@ class GivesWay(OnMember):
         rx, ry or rz, local.
     compliance : float
         [rad/(N·m)].
-    elements : Recent
+    elements : Unsent
         Changes of the element by other effects; effects with other values share them.
     """
 
     gives_way: ClassVar[bool] = True
     direction: str
     compliance: Any
-    elements: Recent = field(default_factory=lambda: Recent(_CHANGES), repr=False)
+    elements: Unsent = field(default_factory=lambda: Unsent(_CHANGES), repr=False)
 
     def place(self, model: Model) -> Any:
         """Return the arc length of the place [m]."""
