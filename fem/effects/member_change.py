@@ -122,7 +122,7 @@ class MemberStiffness(_MemberChange):
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member, where there are at least two; with one member the material's own parameter says it."""
-        every = super(MemberStiffness, cls).propose(model)
+        every = (e for e in super(MemberStiffness, cls).propose(model) if isinstance(e, MemberStiffness))
         return tuple(replace(e, affine=not is_sprung(model, e.member)) for e in every)
 
 
