@@ -111,6 +111,17 @@ class Contribution:
 
     __repr__ = fields_summary
 
+    def elements_at(self, dofs: NDArray[np.int64]) -> "Iterator[Contribution]":
+        """Yield those of the elements that have these DOFs (m,), each alone."""
+        if self.dofs.shape[1] == dofs.size:
+            for k in np.flatnonzero((self.dofs == dofs).all(axis=1)):
+                yield self.element(int(k))
+
+    def element(self, k: int) -> "Contribution":
+        """Return one of the elements alone."""
+        parts: dict[str, Any] = {X: None if (all_ := getattr(self, X)) is None else all_[[k]] for X in "KMCD"}
+        return Contribution(self.dofs[[k]], **parts, law=self.law)
+
     @property
     def static(self) -> Array | None:
         """Stiffness at ω = 0, (b, m, m) or None."""
@@ -189,6 +200,8 @@ class Effect(ABC):
         Which part of a model it belongs to.
     within_members : bool
         Whether it acts within members (:meth:`on_lines`), so that it does not hold the structure.
+    gives_way : bool
+        Whether it is a flexibility in series with the element that other effects alter (:meth:`alters`).
     reduced_part : bool
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None
@@ -214,6 +227,7 @@ class Effect(ABC):
     within_members: ClassVar[bool] = False
     reduced_part: ClassVar[bool] = False
     marker: ClassVar[Marker | None] = None
+    gives_way: ClassVar[bool] = False
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
     separable: ClassVar[bool] = False
@@ -344,6 +358,19 @@ class Effect(ABC):
         """Whether it acts in a direction of the model's, x … rz; also one that names no direction does."""
         own = getattr(self, "direction", None)
         return not isinstance(own, str) or own.lstrip("+-") == direction
+
+    def alters(self, model: "Model", member: str, line: int | None = None) -> bool:
+        """Whether it changes elements of a member, or that on one of its lines.
+
+        What gives way at a member's end or within it is in series with such changes
+        (`fem.effects.giving_way`).
+        """
+        return False
+
+    def on_line(self, model: "Model", member: str, line: int) -> tuple[Contribution, ...]:
+        """Return what it changes of the element on one line of a member that it alters."""
+        dofs = dofs_of(model.mesh.lines[line]).ravel()
+        return tuple(one for c in self.contribute(model) for one in c.elements_at(dofs))
 
     def on_lines(self, model: "Model") -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return those of its elements that belong to lines of the mesh, with these lines (b,)."""

@@ -36,3 +36,11 @@ class Recent:
             self._known.pop(next(iter(self._known)))
         self._known[key] = value
         return value
+
+
+class Unsent(Recent):
+    """The same, empty where its owner is sent to another process: its keys are objects of this one."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes an empty one."""
+        return type(self), (self.limit,)

@@ -182,10 +182,14 @@ def reassemble(system: System, model: Model) -> System:
         lines = change.batches
     else:
         changed = {e.name for e in (*gone, *new)}
-        gone, new = (
-            [e for e in m.effects if id(e) not in kept or any(name in changed for name, _ in e.refers_to(m))]
+        # what gives way refers to all that alters its element, and may refer to more or less than before
+        follow = {
+            e.name
             for m in (was, model)
-        )
+            for e in m.effects
+            if any(name in changed for name, _ in e.refers_to(m))
+        }
+        gone, new = ([e for e in m.effects if id(e) not in kept or e.name in follow] for m in (was, model))
     before = [c for e in gone for c in was.parts_of(e)]
     after = [c for e in new for c in model.parts_of(e)]
     constraints = model.constraints()

@@ -510,9 +510,9 @@ class _Reader:
     def _held_out(self, fit: Table, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
         """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""
         held_out = HeldOut()
-        fit.get("held_out", ())
-        with self._if_all_was_read():
-            held_out = read_held_out(fit, sensors, excitations)
+        if fit.get("held_out", ()) != []:  # as the desk saves a hypothesis that holds out nothing
+            with self._if_all_was_read():
+                held_out = read_held_out(fit, sensors, excitations)
         fit.finish()
         return held_out
 

@@ -157,6 +157,10 @@ class PointMass(Effect):
         N = N[:3]
         return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))

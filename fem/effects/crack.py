@@ -8,25 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.effects.places import (
-    OnMember,
-    bending_stiffness,
-    elements_of,
-    frame_of,
-    is_bar,
-    section_extent,
-    sheared_frame,
-    welded_ends,
-)
-from fem.elements.cut import cut
+from fem.effects.giving_way import GivesWay
+from fem.effects.places import bending_stiffness, frame_of, is_bar, section_extent, welded_ends
 from fem.elements.frame import Frame
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
+from fem.model import DIRECTIONS, Effect, Model, Parameter
 
 _WORDS = {"rx": "torsion", "ry": "bending about local y", "rz": "bending about local z"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Crack(OnMember):
+class Crack(GivesWay):
     """A rotational flexibility at one place of a member, for bending in one plane (:meth:`Frame.cut`).
 
     An open crack; for one that opens and closes the response depends on amplitude. Its twin is a
@@ -62,8 +53,6 @@ class Crack(OnMember):
         places="along each member, in both planes",
     )
     position: Any
-    compliance: Any
-    direction: str
     length: float
     reference: float
     nearest: float = 0.0
@@ -88,14 +77,13 @@ class Crack(OnMember):
             ),
         )
 
-    def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the stiffness that one element loses, and its mass that follows the kink."""
-        frame = sheared_frame(model)
-        return (cut(frame, model, self.member, self.position, self.direction, self.compliance),)
+    def place(self, model: Model) -> Any:
+        """Return the position."""
+        return self.position
 
-    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return the parameters on which the member's elements depend."""
-        return elements_of(model, self.member, "E", "rho")
+    def series_line(self, model: Model) -> int | None:
+        """Return None: it may move along the member."""
+        return None
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
@@ -132,7 +120,7 @@ class Crack(OnMember):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class EndRelease(OnMember):
+class EndRelease(GivesWay):
     """A rotational flexibility where a member's end is welded to others in the model: a soft weld, a hinge.
 
     The same as a spring of 1/compliance at the member's end (``spring1``, ``spring2`` in
@@ -160,8 +148,6 @@ class EndRelease(OnMember):
         places="each welded end of a member",
     )
     end: int
-    direction: str
-    compliance: Any
     reference: float
 
     @property
@@ -173,15 +159,9 @@ class EndRelease(OnMember):
         """Return the compliance."""
         return (Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 1e3 * self.reference),)
 
-    def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the stiffness that the end's element loses, and its mass that follows the turn."""
-        frame = sheared_frame(model)
-        position = 0.0 if self.end == 1 else model.mesh.member_length(self.member)
-        return (cut(frame, model, self.member, position, self.direction, self.compliance),)
-
-    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return the parameters on which the member's elements depend."""
-        return elements_of(model, self.member, "E", "rho")
+    def place(self, model: Model) -> Any:
+        """Return the end's arc length."""
+        return 0.0 if self.end == 1 else model.mesh.member_length(self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.places import sheared_frame
+from fem.effects.places import reaches, sheared_frame
 from fem.elements.frame import Frame
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from fem.recent import Recent
@@ -61,6 +61,18 @@ class OnStretches(HoldsFrame):
     def where(self) -> str:
         """The place."""
         return self.place
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether a stretch is on the line."""
+        return bool(self._zones_on(model, member, line))
+
+    def _zones_on(self, model: Model, member: str, line: int | None) -> list[int]:
+        """Return the numbers of the stretches on a line of a member."""
+        return [
+            k
+            for k, (m, s, length, towards) in enumerate(self.zones)
+            if m == member and reaches(model, member, line, s, towards * length)
+        ]
 
     def rebased(self, model: Model) -> Self:
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""

@@ -1,15 +1,16 @@
 """Young's modulus or density of one member other than the model has it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.elements.frame import Frame, member_contribution, nominal
-from fem.model import Contribution, Effect, Model, Parameter, parameter_values
+from fem.effects.places import is_sprung, stiffness_of_sprung
+from fem.elements.frame import Frame, changes_between, member_contribution, nominal
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -30,6 +31,10 @@ class _MemberChange(Effect):
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
         (frame,) = model.of_kind(Frame)
         return member_contribution(nominal(frame), model, self.member)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
 
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
@@ -69,6 +74,8 @@ class MemberStiffness(_MemberChange):
     member : str
     change : float
         Relative to the nominal value [-].
+    affine : bool
+        Whether K is affine in E: not where the member's ends are on springs.
     """
 
     kind: ClassVar[str] = "member_stiffness"
@@ -82,14 +89,41 @@ class MemberStiffness(_MemberChange):
         places="each member of several",
     )
     of: ClassVar[str] = "E"
+    affine: bool = True
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the relative change."""
+        return tuple(replace(p, linear=self.affine) for p in super(MemberStiffness, self).parameters())
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return change · K and change · D of the member."""
+        """Return change · K and change · D of the member; of one on springs the change by another E."""
+        if is_sprung(model, self.member):
+            return self._on_springs(model)
         return tuple(
             Contribution(c.dofs, self.change * c.K, D=None if c.D is None else self.change * c.D)
             for c in self._parts(model)
             if c.K is not None
         )
+
+    def _on_springs(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the changes of K, M and D of a member with its ends on springs, which stay as they are."""
+        (frame,) = model.of_kind(Frame)
+        material = frame.members[self.member].material
+        key, rows = f"E:{material.name}", model.mesh.members[self.member]
+        stiffer = frame.with_values(**{key: frame.values.get(key, material.E) + self.change * material.E})
+        return changes_between(
+            member_contribution(frame, model, self.member), stiffer.contribution_of(model, rows)
+        )
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return Young's modulus of a member on springs."""
+        return stiffness_of_sprung(model, self.member)
+
+    @classmethod
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
+        """Each member, where there are at least two; with one member the material's own parameter says it."""
+        every = (e for e in super(MemberStiffness, cls).propose(model) if isinstance(e, MemberStiffness))
+        return tuple(replace(e, affine=not is_sprung(model, e.member)) for e in every)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
-from fem.elements.frame import Frame, member_contribution
+from fem.elements.frame import Frame, changes_between, member_contribution
 from fem.elements.lines import SectionChange
-from fem.model import Array, Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
 
 def changed_member(
@@ -32,17 +32,7 @@ def changed_member(
         if instead_of is None and not alike
         else frame.contribution_of(model, some, instead_of or SectionChange())
     )
-
-    def minus(a: Array | None, b: Array | None) -> Array | None:
-        if a is None or b is None:
-            return None
-        change = a - b  # symmetric but for the rounding of the parts that cancel
-        return (change + np.swapaxes(change, 1, 2)) / 2
-
-    changes = tuple(
-        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
-        for c, o in zip(new, old, strict=True)
-    )
+    changes = changes_between(old, new)
     if not alike:
         return changes
     dofs = dofs_of(mesh.lines[rows]).reshape(len(rows), 12)
@@ -107,6 +97,10 @@ class MemberSection(OnMember):
             model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
         )
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
@@ -161,6 +155,10 @@ class MemberTorsion(OnMember):
         """Return the change of the member's K and D."""
         parts = changed_member(model, self.member, SectionChange(J=1 + self.change))
         return tuple(Contribution(c.dofs, c.K, D=c.D) for c in parts if c.K is not None)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of the member."""
@@ -221,6 +219,10 @@ class MemberShear(OnMember):
             for s in (self.share, 0.0 if self.euler else 1.0)
         )
         return changed_member(model, self.member, here, there)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""

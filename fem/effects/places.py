@@ -198,8 +198,13 @@ def elements_of(model: Model, member: str, *quantities: str) -> tuple[ParameterR
 
 def stiffness_of_sprung(model: Model, member: str) -> tuple[ParameterRef, ...]:
     """Return Young's modulus of a member with ends on springs: it says how much of a motion these take."""
+    return material_of(model, member, "E") if is_sprung(model, member) else ()
+
+
+def is_sprung(model: Model, member: str) -> bool:
+    """Whether an end of a member is on springs: its stiffness is then not in proportion to moduli."""
     k = frame_of(model).members[member].end_stiffness
-    return material_of(model, member, "E") if ((k > 0) & np.isfinite(k)).any() else ()
+    return bool(((k > 0) & np.isfinite(k)).any())
 
 
 def frame_of(model: Model) -> Frame:
@@ -263,6 +268,15 @@ def section_extent(
         return float(np.abs(section.outlines[0] @ side).max())
     half = np.sqrt(3 * np.array([section.Iz, section.Iy]) / section.A)
     return float(np.abs(side) @ half)
+
+
+def reaches(model: Model, member: str, line: int | None, start: float, reach: float) -> bool:
+    """Whether a stretch of a member that reaches up or down from a place [m] is on a line; any if None."""
+    if line is None:
+        return True
+    row = int(np.flatnonzero(model.mesh.members[member] == line)[0])
+    first, last = model.mesh.member_positions(member)[row : row + 2]
+    return bool(min(start, start + reach) < last and max(start, start + reach) > first)
 
 
 PARALLEL = np.cos(np.radians(5))

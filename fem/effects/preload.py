@@ -58,6 +58,10 @@ class Preload(Effect):
         (frame,) = model.of_kind(Frame)
         return (frame.geometric_stiffness(model, self.member, self.tension),)
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))

@@ -161,6 +161,10 @@ class Prestress(Effect):
             out.append(Contribution(dofs_of(self.levers.points), self.factor * K))
         return tuple(out)
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether the member has forces."""
+        return member in self.tension or member in self.forces
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return its elements but those of forces on rigid arms."""
         return tuple((c.lines, c) for c in self.contribute(model) if c.lines is not None)

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import PointPair
-from fem.effects.places import elements_of, is_bar, member_ends, n_lines_at, sheared_frame
+from fem.effects.places import (
+    elements_of,
+    frame_of,
+    is_bar,
+    member_ends,
+    n_lines_at,
+    reaches,
+    sheared_frame,
+)
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -68,6 +76,17 @@ class RigidEndZone(Effect):
             start, towards = (p.rigid1, 1) if end == 1 else (whole - p.rigid2, -1)
             zones.append((m, start, self.length, towards))
         return (stiffening(frame, model, zones, _FLEXIBILITY),)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether a zone may be on the line."""
+        return any(
+            m == member and reaches(model, m, line, *self._room(model, m, end)) for m, end in self.ends
+        )
+
+    def _room(self, model: Model, member: str, end: int) -> tuple[float, float]:
+        """Return where a zone begins, and how far it may go up the member [m]."""
+        p, whole = frame_of(model).members[member], model.mesh.member_length(member)
+        return (p.rigid1, self.longest) if end == 1 else (whole - p.rigid2, -self.longest)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the members' stiffness depends."""

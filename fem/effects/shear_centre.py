@@ -79,6 +79,10 @@ class ShearCentre(Effect):
         changed = [None if X is None else np.swapaxes(T, 1, 2) @ X @ T - X for X in (part.K, part.D)]
         return (Contribution(part.dofs, changed[0], D=changed[1], lines=rows),)
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
         return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))

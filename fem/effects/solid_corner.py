@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.effects.places import elements_of, frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.places import elements_of, frame_of, is_bar, reaches, section_extent, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.stretches import at_least, mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -118,6 +118,14 @@ class SolidCorner(Effect):
                 lighter.append((z.member, *ends, -z.overlap * density[z.member] * (inside / reach)))
         out = (stiffening(frame, model, stiffer, _FLEXIBILITY),)
         return (*out, mass_of_stretches(frame, model, lighter, (1, 1, 1, 0, 0, 0))) if lighter else out
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether a zone may be on the line."""
+        whole = model.mesh.member_length(member)
+        return any(
+            z.member == member and reaches(model, member, line, z.start, z.towards * min(z.longest, whole))
+            for z in self.zones
+        )
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the members' elements depend."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.effects.places import elements_of, sheared_frame
-from fem.elements.stretches import stiffness_of_stretch
+from fem.effects.places import elements_of, is_sprung, sheared_frame
+from fem.elements.stretches import loss_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
@@ -30,6 +30,8 @@ class StiffnessLoss(Effect):
         Length of the stretch [m].
     length : float
         Length of the member [m].
+    affine : bool
+        Whether K is affine in the loss: not where the member's ends are on springs.
     """
 
     kind: ClassVar[str] = "stiffness_loss"
@@ -49,6 +51,7 @@ class StiffnessLoss(Effect):
     loss: Any
     width: float
     length: float
+    affine: bool = True
 
     @property
     def where(self) -> str:
@@ -58,7 +61,7 @@ class StiffnessLoss(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Loss and position."""
         return (
-            Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98, linear=True),
+            Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98, linear=self.affine),
             Parameter(
                 "position",
                 "m",
@@ -72,13 +75,12 @@ class StiffnessLoss(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the lost strain energy of the stretch."""
-        frame = sheared_frame(model)
-        part = stiffness_of_stretch(
-            frame, model, self.member, self.position - self.width / 2, self.position + self.width / 2
-        )
-        return (
-            Contribution(part.dofs, -self.loss * part.K, D=None if part.D is None else -self.loss * part.D),
-        )
+        ends = self.position - self.width / 2, self.position + self.width / 2
+        return (loss_of_stretch(sheared_frame(model), model, self.member, *ends, self.loss),)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
 
     def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
         """Return all its elements."""
@@ -110,6 +112,7 @@ class StiffnessLoss(Effect):
                     loss=0.0,
                     width=0.1 * length,
                     length=length,
+                    affine=not is_sprung(model, member),
                 )
             )
         return tuple(out)

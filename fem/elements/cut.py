@@ -1,5 +1,6 @@
 """A cut: a place of a member that gives way in one direction, as a crack or a joint within it does."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,20 @@ from fem.elements.frame import Frame
 from fem.elements.lines import Lines, flexible_fraction
 from fem.elements.matrices import local_mass, local_stiffness, to_global
 from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Array, Contribution, Model
+from fem.model import DIRECTIONS, Array, Contribution, Model, lever_matrix
+
+RIGID = 1e-9
+"""Relative force up to which an element resists no rigid-body motion: rounding [-]."""
 
 
 def cut(
-    frame: Frame, model: Model, member: str, position: Any, direction: str, compliance: Any
+    frame: Frame,
+    model: Model,
+    member: str,
+    position: Any,
+    direction: str,
+    compliance: Any,
+    beside: Sequence[Contribution] = (),
 ) -> Contribution:
     """Return the change of K, M and D where a member gives way at a place, in one direction.
 
@@ -30,7 +40,9 @@ def cut(
         ΔM = a (b qᵀ + q bᵀ) + a² β q qᵀ,   b = ∫ Nᵀ μ ψ dx,   β = ∫ ψᵀ μ ψ dx.
 
     Without that the mass follows the nodes, and frequencies err with the cube of the element's part of
-    the member. Lumps stay with the nodes.
+    the member. Lumps stay with the nodes. Of what else changes the element, stiffness is in K; its mass and
+    damping follow the turn at a member's end, D by (I - a m qᵀ)ᵀ D (I - a m qᵀ). There tensions and springs
+    on the element are in K as well, with the turn of that end alone for m.
 
     Parameters
     ----------
@@ -43,6 +55,8 @@ def cut(
         x y z rx ry rz, local.
     compliance : float
         c [m/N or rad/(N·m)].
+    beside : sequence of Contribution
+        Changes of the element by other effects.
     """
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))
@@ -58,23 +72,66 @@ def cut(
         m[8] = -arm
     if direction == "rz":
         m[7] = arm
+    rigid = m.copy()
+    rigid[i] = 1.0
+    if direction == "ry":
+        rigid[2] = x * g.L[0]
+    if direction == "rz":
+        rigid[1] = -x * g.L[0]
+    # a slip at the first end turns that end alone: the same strains, without the turn of the whole element
+    turned = m - rigid if x == 0.0 else m
+    at_end = x in (0.0, 1.0)
+    stiff, added, excess = _changes(g, beside, at_end)
     q = K0 @ m
-    slip = compliance / (1 + compliance * (m @ q))
+    opposed = m @ q
+    if stiff is not None:
+        more = stiff @ turned
+        q, opposed = q + more, opposed + turned @ more
+    slip = compliance / (1 + compliance * opposed)
     K = to_global((-slip * np.outer(q, q))[None], g.T_nodes)
     M = None
     if not g.lumped[0]:
-        rigid = m.copy()
-        rigid[i] = 1.0
-        if direction == "ry":
-            rigid[2] = x * g.L[0]
-        if direction == "rz":
-            rigid[1] = -x * g.L[0]
-        beyond = whole * (1.0 - x) if x in (0.0, 1.0) else mass_from_nodes(g, local_mass(g, x))[0]
+        if at_end and added is not None:
+            whole = whole + added
+        beyond = whole * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
         b = beyond @ rigid - whole @ m
         beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
         bent = slip * np.outer(b, q)
         M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
-    return Contribution(g.dofs, K, M, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+    D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
+    if excess is not None:
+        moved = np.eye(12) - slip * np.outer(turned, q)
+        change = to_global((moved.T @ excess @ moved - excess)[None], g.T_nodes)
+        D = change if D is None else D + change
+    return Contribution(g.dofs, K, M, D=D)
+
+
+def _changes(
+    g: Lines, beside: Sequence[Contribution], at_end: bool
+) -> tuple[Array | None, Array | None, Array | None]:
+    """Return local changes of an element's stiffness and mass, and of its damping beyond that stiffness's.
+
+    Within an element those that resist its motion as a rigid body, as tensions do, are left out: they do not
+    follow from the strains.
+    """
+    back = np.linalg.inv(g.T_nodes) if beside else g.T
+
+    def total(key: str) -> Array | None:
+        parts = [to_global(X, back)[0] for c in beside if (X := getattr(c, key)) is not None]
+        parts = parts if at_end else [X for X in parts if not _resists_rigid_motion(X, g.L[0])]
+        out: Array | None = sum(parts) if parts else None
+        return out
+
+    K, M, D = total("K"), total("M") if at_end else None, total("D")
+    if K is not None and np.any(g.eta != 0):
+        D = (0.0 if D is None else D) - g.eta[0] * K
+    return K, M, D
+
+
+def _resists_rigid_motion(X: Array, length: float) -> bool:
+    """Whether a local matrix (12, 12) of an element resists its motion as a rigid body."""
+    moved = np.vstack([np.eye(6), lever_matrix([length, 0.0, 0.0])])
+    return bool((np.abs(X @ moved) > RIGID * (np.abs(X) @ np.abs(moved)).max()).any())
 
 
 def _uncut_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:

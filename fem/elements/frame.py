@@ -419,6 +419,21 @@ def member_contribution(frame: Frame, model: Model, member: str) -> tuple[Contri
     return make() if frame.values else frame.kept.get(("contribution", mesh, member), make)
 
 
+def changes_between(old: tuple[Contribution, ...], new: tuple[Contribution, ...]) -> tuple[Contribution, ...]:
+    """Return the changes of K, M and D from contributions to others of the same elements."""
+
+    def minus(a: Array | None, b: Array | None) -> Array | None:
+        if a is None or b is None:
+            return None
+        change = a - b  # symmetric but for the rounding of the parts that cancel
+        return (change + np.swapaxes(change, 1, 2)) / 2
+
+    return tuple(
+        Contribution(c.dofs, minus(c.K, o.K), minus(c.M, o.M), D=minus(c.D, o.D))
+        for c, o in zip(new, old, strict=True)
+    )
+
+
 def _unit_tension(frame: Frame, mesh: Mesh, member: str) -> Contribution:
     g = frame.lines(mesh, mesh.members[member])
     return Contribution(g.dofs, unit_tension_stiffness(g))

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.elements import tapered
-from fem.elements.connections import with_connections
+from fem.elements.connections import with_connections, with_rigid_ends
 from fem.elements.frame import Frame
 from fem.elements.interpolation import shape_matrix, strain_matrix
 from fem.elements.lines import COLUMNS, Lines, flexible_fraction, n_gauss, rigidities, some_lines
-from fem.elements.matrices import to_global
+from fem.elements.matrices import local_stiffness, to_global
 from fem.elements.quadrature import gauss_points
 from fem.elements.rigid_zones import masses_in_rigid_zones
 from fem.mesh import Mesh
@@ -43,12 +43,47 @@ def stiffness_of_stretch(
     """
     lines, first, last = _fractions(model.mesh, member, start, stop)
     g = frame.lines(model.mesh, lines)
+    K = to_global(_local_part(g, first, last, np.asarray(factors)), g.T)
+    return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+
+
+def _local_part(g: Lines, first: Array, last: Array, factors: NDArray[Any]) -> Array:
+    """Return the local stiffness (b, 12, 12) of the parts of lines between two fractions of them."""
     lo, hi = flexible_fraction(g, first), flexible_fraction(g, last)
     x, weight = (each[:, None] for each in gauss_points(n_gauss(g, 3)))
     at = lo + x * (hi - lo)
     B = strain_matrix(g, at)
-    scale = (weight * (hi - lo) * g.L)[..., None] * rigidities(g, at) * np.asarray(factors)
-    K = to_global((np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0), g.T)
+    scale = (weight * (hi - lo) * g.L)[..., None] * rigidities(g, at) * factors
+    return (np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0)
+
+
+def loss_of_stretch(
+    frame: Frame, model: Model, member: str, start: Any, stop: Any, loss: Any
+) -> Contribution:
+    """Return the change of K and D where a part of a member between two arc lengths loses stiffness.
+
+    Parts of :func:`stiffness_of_stretch` are taken away. Elements whose ends slip in springs lose them behind
+    these, which stay as they are.
+
+    Parameters
+    ----------
+    frame : Frame
+    model : Model
+    member : str
+    start, stop : float
+        Arc lengths [m]; cut to the member.
+    loss : float
+        Lost fraction of the stiffness [-].
+    """
+    lines, first, last = _fractions(model.mesh, member, start, stop)
+    g = frame.lines(model.mesh, lines)
+    part = _local_part(g, first, last, np.ones(6))
+    if g.soft.size:
+        whole = local_stiffness(with_rigid_ends(g))
+        change = with_connections(g, whole - loss * part) - with_connections(g, whole)
+        K = to_global(change, g.T_nodes)
+    else:
+        K = -loss * to_global(part, g.T)
     return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
 

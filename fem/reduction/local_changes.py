@@ -3,17 +3,18 @@
 The cost of a candidate effect depends on its own few DOFs only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Contribution, Effect
+from fem.model import Contribution, Effect, ParameterRef
 from fem.recent import Recent
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.series import terms_in_series
 from fem.reduction.terms import Term, law_parts, motions_of
 
 _MANY = 12
@@ -111,6 +112,8 @@ class LocalChanges:
         Damping ratio at each line, and that of connections if it is another [-].
     damped : ndarray (r, k) or None
         Basis of the motions that local damping acts on, if known beforehand.
+    values : mapping of (effect, parameter) to float
+        Of the engine's parameters.
     """
 
     engine: ParametricFRF
@@ -121,6 +124,7 @@ class LocalChanges:
     total: dict[str, Any]
     zeta: NDArray[np.float64]
     damped: NDArray[np.float64] | None
+    values: Mapping[ParameterRef, float] = field(default_factory=dict)
     # By the place of a term: changes are tried in series at one place, also in later calls.
     _places: Recent = field(default_factory=lambda: Recent(_PLACES), init=False, repr=False)
 
@@ -142,7 +146,8 @@ class LocalChanges:
         damped = engine.damped_range(zeta, terms)
         Xo, Xi = state.solve(engine.outputs, transposed=True), state.solve(engine.inputs)
         H = np.moveaxis(times((state.V.T @ engine.outputs).T, Xi), 2, 0)
-        return cls(engine, state, Xo, Xi, H, total, zeta, damped)
+        at = dict(zip(engine.refs, map(float, values), strict=True))
+        return cls(engine, state, Xo, Xi, H, total, zeta, damped, at)
 
     def fields(self) -> Fields:
         """Return the responses at all DOFs of the full model: slopes are had from them without projecting."""
@@ -174,7 +179,13 @@ class LocalChanges:
         H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for
         a joint. For an effect that touches too many DOFs the eigenproblem is solved anew.
         """
-        return self.with_terms([self.engine.reduced.value_of(effect) for effect in effects])
+        return self.with_terms([self._term(effect) for effect in effects])
+
+    def _term(self, effect: Effect) -> Term:
+        """Return what an effect adds to the state."""
+        engine = self.engine
+        beside = terms_in_series(engine.reduced, [effect], engine.candidates, self.values)
+        return engine.reduced.value_of(effect) if beside is None else beside[0]
 
     def with_terms(self, terms: Sequence[Term]) -> list[NDArray[np.complex128]]:
         """Return the same for effects that are projected already.

@@ -14,6 +14,7 @@ from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
+from fem.reduction.series import with_series
 from fem.reduction.terms import Term, combined
 
 _Forces = dict[int, NDArray[np.complex128]]
@@ -110,6 +111,9 @@ class ParametricFRF:
         self.outputs_on_basis = ends[0]
 
         effects = {e.name: e for e in (*reduced.model.effects, *candidates)}
+        # What gives way is in series with all that alters its element, and so depends on other candidates.
+        self.candidates = tuple(candidates)
+        self._series = with_series(reduced.model, candidates)
         wanted: dict[str, list[int]] = {}
         for i, (name, _) in enumerate(self.refs):
             wanted.setdefault(name, []).append(i)
@@ -125,8 +129,11 @@ class ParametricFRF:
             known = {p.name: p for p in effect.parameters()}
             free = [known[self.refs[i][1]] for i in rows]
             known_refs = effect.refers_to(reduced.model)
+            beside = effect.gives_way and effect.refers_to(self._series) != known_refs
+            if beside:
+                known_refs = effect.refers_to(self._series)
             foreign = [i for i, ref in enumerate(self.refs) if ref in known_refs]
-            linear = all(p.linear for p in free) and not foreign
+            linear = all(p.linear for p in free) and not foreign and not beside
             if name in candidate_names and linear:
                 self._add_fixed(reduced.value_of(effect), 1.0)
             if linear:
@@ -140,7 +147,7 @@ class ParametricFRF:
                 continue
             if name not in candidate_names:
                 self._add_fixed(reduced.base[name], -1.0)
-            scaled = self._as_scaled(effect, rows, free, foreign)
+            scaled = None if beside else self._as_scaled(effect, rows, free, foreign)
             if scaled is None:
                 self._nonlinear.append((effect, rows, foreign))
             else:
@@ -235,15 +242,20 @@ class ParametricFRF:
             (factor * f(np.real(self.omega)), term.spread(X)) for f, X in term.laws
         ]
 
-    def _following(
-        self, values: NDArray[np.float64]
-    ) -> tuple[Model, list[tuple[Effect, list[int], list[int]]]]:
-        """Return the model that the effects of ``_nonlinear`` refer to, and these effects, at some values."""
+    def _following(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
+        """Return the effects of ``_nonlinear``, and the models that they refer to, at some values."""
         foreign = {i for _, _, others in self._nonlinear for i in others}
-        model = self.reduced.model
-        if foreign:
-            model = model.with_values({self.refs[i]: float(values[i]) for i in foreign})
-        return model, [(self._now(e, rows, values), rows, others) for e, rows, others in self._nonlinear]
+        at = {self.refs[i]: float(values[i]) for i in foreign}
+        model = series = self.reduced.model
+        if any(effect.gives_way for effect, _, _ in self._nonlinear):
+            series = self._series.with_values(at)
+        names = {e.name for e in model.effects}
+        if own := {ref: value for ref, value in at.items() if ref[0] in names}:
+            model = model.with_values(own)
+        return [
+            (self._now(e, rows, values), series if e.gives_way else model, rows, others)
+            for e, rows, others in self._nonlinear
+        ]
 
     def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
@@ -258,8 +270,7 @@ class ParametricFRF:
                 term = term.plus(slope, values[i] - begin)
             self.add(total, term.scaled(scaled.factors(values)) if scaled.foreign else term, 1.0)
             alone.append(term)
-        model, following = self._following(values)
-        for now, _, _ in following:
+        for now, model, _, _ in self._following(values):
             alone.append(self.restrict(self.reduced.value_of(now, model)))
             self.add(total, alone[-1], 1.0)
         return total, alone
@@ -290,8 +301,7 @@ class ParametricFRF:
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))
-        model, following = self._following(values)
-        for now, rows, others in following:
+        for now, model, rows, others in self._following(values):
             for i in rows:
                 term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), model)
                 slopes.append((i, self.restrict(term)))

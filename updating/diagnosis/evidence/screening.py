@@ -16,6 +16,7 @@ from fem.model import Effect, Parameter, ParameterRef, parameter_values
 from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
+from fem.reduction.series import terms_in_series
 from fem.reduction.terms import Term
 from updating.correlation import complex_log
 from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of
@@ -235,6 +236,11 @@ def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
     """
     reduced, effect = problem.reduced, grid.effect
     nominal = reduced.model.values()
+    points = [effect.with_values(**p) for p in grid.points]
+    if (series := terms_in_series(reduced, points, base.effects, base.values)) is not None:
+        moduli = [r for r in effect.refers_to(reduced.model) if r[1].startswith("E:") and r in base.values]
+        stiffer = float(np.prod([base.values[ref] / nominal[ref] for ref in moduli]))
+        return tuple(replace(term, stiffer=stiffer) for term in series)
     ratio = {
         ref: base.values[ref] / nominal[ref]
         for ref in effect.refers_to(reduced.model)

@@ -1,0 +1,94 @@
+"""Effects by which members give way at a place, in series with all that alters the element there."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fem.effects.held_frame import HoldsFrame
+from fem.effects.places import OnMember, elements_of, parameters_of, sheared_frame
+from fem.effects.section_shear import SectionShear
+from fem.elements.cut import cut
+from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.recent import Unsent
+
+_CHANGES = 32
+"""Number of changes of elements that an effect keeps."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GivesWay(OnMember):
+    """A flexibility c at one place of a member, in one direction.
+
+    Its element is that of the frame with all that other effects of the model change of it, K: stiffnesses of
+    an element add, but not to what a flexibility takes away, c K m mᵀ K / (1 + c mᵀ K m)
+    (`fem.elements.cut`). Where members give way in several ways, each is in series with those before it.
+
+    Attributes
+    ----------
+    direction : str
+        rx, ry or rz, local.
+    compliance : float
+        [rad/(N·m)].
+    elements : Unsent
+        Changes of the element by other effects; effects with other values share them.
+    """
+
+    gives_way: ClassVar[bool] = True
+    direction: str
+    compliance: Any
+    elements: Unsent = field(default_factory=lambda: Unsent(_CHANGES), repr=False)
+
+    def place(self, model: Model) -> Any:
+        """Return the arc length of the place [m]."""
+        raise NotImplementedError
+
+    def line(self, model: Model) -> int:
+        """Return the line of the mesh that gives way."""
+        return model.mesh.locate(self.member, float(np.real(self.place(model)))).line
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return the stiffness that one element loses, and its mass that follows the kink."""
+        line, frame = self.line(model), sheared_frame(model)
+        beside = [c for e in self._beside(model, line) for c in self._on_line(e, model, line)]
+        if pull := frame.members[self.member].pretension:
+            row = int(np.flatnonzero(model.mesh.members[self.member] == line)[0])
+            beside.append(frame.geometric_stiffness(model, self.member, pull).element(row))
+        return (cut(frame, model, self.member, self.place(model), self.direction, self.compliance, beside),)
+
+    def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
+        """Return what another effect changes of the element."""
+        on = None if isinstance(effect, HoldsFrame) else sheared_frame(model)
+        if effect.gives_way:  # depends on further effects
+            return effect.on_line(model, self.member, line)
+        out: tuple[Contribution, ...] = self.elements.get(
+            (effect, on, model.mesh, line), partial(effect.on_line, model, self.member, line)
+        )
+        return out
+
+    def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
+        """Return the parameters on which the member's elements depend, those of other effects included."""
+        refs = list(elements_of(model, self.member, "E", "rho"))
+        for effect in self._beside(model, self.series_line(model)):
+            refs += [*parameters_of(effect), *effect.refers_to(model)]
+        return tuple(dict.fromkeys(refs))
+
+    def series_line(self, model: Model) -> int | None:
+        """Return the line with which it is in series wherever it may move; None if that may be another."""
+        return self.line(model)
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is on the line."""
+        return member == self.member and line in (None, self.line(model))
+
+    def _beside(self, model: Model, line: int | None) -> Iterator[Effect]:
+        """Yield the effects that alter the element: all, but of those that give way the ones before it."""
+        first = True
+        for effect in model.effects:
+            first = first and effect.name != self.name
+            if effect.name == self.name or isinstance(effect, SectionShear):
+                continue  # the frame's elements have these shear coefficients already
+            if (first or not effect.gives_way) and effect.alters(model, self.member, line):
+                yield effect

@@ -1,0 +1,73 @@
+"""Effects beside others where members give way: elements are in series, and matrices do not just add."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.terms import Term
+
+
+def with_series(model: Model, candidates: Sequence[Effect], tried: Sequence[Effect] = ()) -> Model:
+    """Return a model with those of some candidates that are in series with what gives way in members.
+
+    The model itself where nothing gives way, or no candidate alters an element that does.
+
+    Parameters
+    ----------
+    model : Model
+    candidates : sequence of Effect
+    tried : sequence of Effect
+        Effects that are not added, but may give way.
+    """
+    soft = [e for e in (*model.effects, *candidates, *tried) if e.gives_way]
+    added = [c for c in candidates if any(_alters(c, e, model) for e in soft)]
+    added += [e for e in candidates if e not in added and any(_alters(t, e, model) for t in tried)]
+    return model.with_effect(*added) if added else model
+
+
+def terms_in_series(
+    reduced: ReducedModel,
+    effects: Sequence[Effect],
+    candidates: Sequence[Effect],
+    values: Mapping[ParameterRef, float],
+) -> tuple[Term, ...] | None:
+    """Return what one effect, at several values, adds to a reduced model where it is in series with others.
+
+    With its element the model's and the candidates' flexibilities change, and its own depends on all that
+    alters the element. None where it is in series with nothing: it then adds the same to any state.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    effects : sequence of Effect
+        Copies with other values.
+    candidates : sequence of Effect
+        Of the state to which one of them is added.
+    values : mapping of (effect, parameter) to float
+        Of that state; others are nominal.
+    """
+    effect = effects[0]
+    model = with_series(reduced.model, candidates, (effect,))
+    soft = () if effect.gives_way else [e for e in model.effects if _alters(effect, e, model)]
+    if not soft and not any(_alters(e, effect, model) for e in model.effects):
+        return None
+    known = model.values()
+    model = model.with_values({ref: v for ref, v in values.items() if v != known.get(ref, v)})
+    out = []
+    for each in effects:
+        parts, wider = list(model.parts_of(each)), model.with_effect(each)
+        for now in (model.effect(e.name) for e in soft):
+            parts += [*wider.parts_of(now), *(_negative(c) for c in model.parts_of(now))]
+        out.append(replace(reduced.project(parts), connection=effect.connection))
+    return tuple(out)
+
+
+def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
+    """Whether an effect alters the member where another one gives way."""
+    return soft.gives_way and effect is not soft and effect.alters(model, soft.member)  # type: ignore[attr-defined]
+
+
+def _negative(c: Contribution) -> Contribution:
+    parts = {key: None if (X := getattr(c, key)) is None else -X for key in "KMCD"}
+    return replace(c, **parts)
