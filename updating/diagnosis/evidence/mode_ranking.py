@@ -371,6 +371,8 @@ class ModeRanking:
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
+        *,
+        far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the misfit that they leave on their grids, of the best by their slopes.
 

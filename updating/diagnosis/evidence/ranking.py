@@ -52,11 +52,14 @@ class Ranking(Protocol):
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
+        *,
+        far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates with starts, the most promising first.
 
         Some are ``listed`` in any case. Beside what explains the data all is linear, and ``may_win`` tells
-        which deserve a look by the most that they can gain.
+        which deserve a look by the most that they can gain. Of a fit that is ``far`` from the data the low
+        band is looked at, too.
         """
         ...
 
@@ -127,6 +130,8 @@ class FrfRanking:
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
         may_win: MayWin | None = None,
+        *,
+        far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the likelihood that they reach on grids of their parameters."""
         grids = [Grid.of(problem, e) for e in effects]
@@ -141,7 +146,7 @@ class FrfRanking:
         if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
-        return screen(problem, bases, grids)
+        return screen(problem, bases, grids, far=far)
 
     def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""

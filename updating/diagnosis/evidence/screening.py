@@ -158,14 +158,17 @@ class Screened:
     gain: float = np.inf
 
 
-def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid]) -> tuple[Screened, ...]:
+def screen(
+    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], *, far: bool
+) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
     Each is judged by three measures beside each of some fits:
 
     - the likelihood at each point of its grid, after a small change of the nuisance parameters,
     - the likelihood with the best multiple of what a little of it does: near the noise all is linear,
-    - the level in the low band, where a wrong modulus shifts resonances by less than their width.
+    - far from the data, the level in the low band, where a wrong modulus shifts resonances by less than their
+      width.
 
     The measure by which a candidate does best among all others counts, and it begins where that is best.
 
@@ -178,7 +181,7 @@ def screen(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid
     """
     if not grids:
         return ()
-    looks = [look_at(problem, base) for base in bases]
+    looks = [look_at(problem, base, far=far) for base in bases]
     each = [[look.best_starts(grid) for look in looks] for grid in grids]
     tried = [[start for by_look in of_grid for start in by_look] for of_grid in each]
     now = looks[0].cost_now
@@ -263,11 +266,11 @@ def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
     return tuple(replace(t, stiffer=stiffer) for t in terms)
 
 
-def look_at(problem: FitProblem, base: FitResult) -> "Look":
-    """Look at candidates from where a fit is."""
+def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> "Look":
+    """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
     if problem.decay:  # broad resonances: few lines, and the whole band is as good as a low one
         return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
-    return Look.of(problem, base, N_WHOLE, N_LOW, MOST_VALUES)
+    return Look.of(problem, base, N_WHOLE, N_LOW if far else 0, MOST_VALUES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

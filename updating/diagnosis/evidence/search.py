@@ -465,6 +465,7 @@ class Search:
             beside,
             lambda e: e.name in there,
             (lambda effect, gain: self.may_win(base, (effect,), gain)) if self.settled(base) else None,
+            far=far,
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
