@@ -162,6 +162,8 @@ def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
         f"are {factor} the {m.frf.kind}, or another kind of FRF: their phase at and between resonances "
         "is a quarter turn off"
     )
+    if f.of == "sensor":
+        found += " (so is the motion beside a strong damper)"
     return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
 
 
