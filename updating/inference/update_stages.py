@@ -133,7 +133,7 @@ def _run(problem: UpdateProblem) -> Updated:
         # Between resonances the model's damping and the engine's differ: the data decide, by all residuals.
         more: list[UpdateStep] = []
         own = _rebased(problem, state.x, True, more)
-        if own[0].cost < state.cost:
+        if own[1] is Ending.CONVERGED and own[0].cost < state.cost:
             (state, ending, staged), steps = own, steps + more
         path += steps
         x = state.x
