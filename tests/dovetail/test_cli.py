@@ -385,10 +385,10 @@ def test_check_lists_what_a_run_refuses(tmp_path, capsys, old, new, words):
 
 
 def test_warnings_of_libraries_reach_no_user(portal, capsys, monkeypatch):
-    def noisy(system):
+    def noisy(system, **options):
         np.log(np.zeros(1))
         warnings.warn("a remark of this program", stacklevel=1)
-        return assemble(system)
+        return assemble(system, **options)
 
     monkeypatch.setattr("dovetail.commands.modes.assemble", noisy)
     with warnings.catch_warnings():
