@@ -350,7 +350,7 @@ def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | Non
             both = seen[:, [i, j]] & seen[:, [j, i]]
             other = np.where(both, log_ratio(H[:, [j, i]], measured.H[:, [i, j]]), _NAN)
             before, after = (
-                DB_PER_NEPER * float(np.sqrt(np.nanmean(x.real**2))) if both.any() else 0.0
+                DB_PER_NEPER * float(np.sqrt(np.nanmean(np.real(x) ** 2))) if both.any() else 0.0
                 for x in (np.where(both, ratio[:, [i, j]], _NAN), other)
             )
             if after < CLEAR * before:
@@ -360,7 +360,7 @@ def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | Non
                     f"{before:.2g} dB, and {after:.2g} dB with each label at the other's place"
                 )
     for i in set(range(len(names))) - exchanged:
-        cosine = np.cos(ratio[:, i].imag)
+        cosine = np.cos(np.imag(ratio[:, i]))
         if np.isfinite(cosine).any() and np.nanmean(cosine) < -CLEAR:
             share = np.mean(cosine[np.isfinite(cosine)] < 0)
             out.append(
