@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     progress = Progress(getattr(options, "quiet", False))
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warn
+            warnings.showwarning = _warn if not options.debug else warnings.showwarning
             options.run(options, progress)
         sys.stdout.flush()  # while an error of it can still be said
     except KeyboardInterrupt as reason:
@@ -142,8 +142,10 @@ def _one_line(reason: BaseException) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    sys.stderr.write(f"dovetail: warning: {' '.join(str(message).split())}\n")
+def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """Write a warning of this program, not those of libraries, which users cannot act on."""
+    if issubclass(category, UserWarning):
+        sys.stderr.write(f"dovetail: warning: {' '.join(str(message).split())}\n")
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -465,6 +465,10 @@ class Damping:
         """Structural damping D = loss_factor K [-]."""
         return cls(loss_factor=loss_factor)
 
+    def without_modal(self) -> "Damping":
+        """Return the damping without modal ratios."""
+        return replace(self, frequency=np.zeros(1), ratio=np.zeros(1), powers=False)
+
     def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
         """Return the modal damping ratio at frequencies [Hz]."""
         f = np.asarray(frequency, dtype=float)

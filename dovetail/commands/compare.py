@@ -62,6 +62,7 @@ def run(options: Options, progress: Progress) -> None:
     from dovetail.modes_pipeline import has_modes_alone
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
+    from updating.correlation.frf_correlation import suspected_labels
     from updating.diagnosis.begin import begin_fitted
 
     check_places(options)
@@ -84,7 +85,9 @@ def run(options: Options, progress: Progress) -> None:
         problem, found, faults = begin_fitted(problem)
     else:
         found = problem.nominal()
-    c = compare_frfs(problem.measured, problem.frf(found), options.bands, problem.data.mask)
+    computed = problem.frf(found)
+    c = compare_frfs(problem.measured, computed, options.bands, problem.data.mask)
+    suspected = suspected_labels(problem.measured, computed, problem.data.mask)
     progress.close()
     what = "with fitted parameters" if options.fitted else "nominal"
     write_json(
@@ -99,6 +102,7 @@ def run(options: Options, progress: Progress) -> None:
             "noise_db": problem.data.noise_db,
             "added": [result.effect_dict(e, study.fitted) for e in study.added],
             "faults": [result.fault_dict(f) for f in faults],
+            "suspected_labels": suspected,
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
         },
@@ -111,6 +115,7 @@ def run(options: Options, progress: Progress) -> None:
         *_rows(c),
         *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
         *(f"set right: {words.fault_text(f)}" for f in faults),
+        *suspected,
         *(f"note: {note}" for note in study.measured_notes),
     )
 

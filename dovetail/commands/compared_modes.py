@@ -33,6 +33,9 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> None:
             "study": study.name,
             "model": what,
             "frequency_error": {"fit": c.error, "held_out": c.held_out_error},
+            "missing": {}
+            if np.isfinite(c.held_out_error)
+            else {"held_out": "no mode that is held out is paired"},
             "modes": c.rows(),
             "added": [result.effect_dict(e, own) for e in _added(study, own)],
             "measured_notes": study.measured_notes,

@@ -6,6 +6,8 @@ import io
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import (
     Options,
@@ -19,6 +21,7 @@ from dovetail.disk.output import Output, OutputError, Progress, result_folder, w
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
+from updating.inference.updated import Updated
 
 HELP = "update uncertain parameters to measured modes or FRFs, with their uncertainty"
 EXAMPLE = "dovetail update study.toml --out out/updated"
@@ -98,6 +101,19 @@ def _table_of(found: Bootstrap) -> str:
     return out.getvalue()
 
 
+def _missing(u: Updated) -> dict[str, str]:
+    """Return why values of the parameters and of the path are null, by their keys."""
+    reasons = (
+        ("std", [p.std for p in u.parameters], "the data do not determine it, or it is at a bound"),
+        ("prior_std", [np.nan if p.prior_std is None else 0.0 for p in u.parameters], "it has no prior"),
+        ("from_prior", [p.from_prior for p in u.parameters], "it has no prior"),
+        ("frequency_error", [s.frequency_error for s in u.path], "no modes were fitted, or none was paired"),
+        ("mac", [s.mac for s in u.path], "no shapes were fitted, or none was paired"),
+        ("frf_db", [s.frf_db for s in u.path], "no FRFs were fitted"),
+    )
+    return {key: why for key, values, why in reasons if not np.isfinite(values).all()}
+
+
 def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]:
     u = result.updated
     return {
@@ -122,6 +138,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
             }
             for s in u.path
         ],
+        "missing": _missing(u),
         "messages": u.messages,
         "notes": (*result.notes, *unsaid),
         "warnings": result.study.warnings,

@@ -246,7 +246,8 @@ class Page:
             self.keep_moved()
             work()
         except (ValueError, OSError) as reason:
-            ui.notify(str(reason), type="negative", multi_line=True)
+            words = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
+            ui.notify(words, type="negative", multi_line=True)
             return
         self.refresh()
 

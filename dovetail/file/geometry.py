@@ -84,6 +84,14 @@ class Geometry:
             return self.on_member(table.table(key))
         return as_vector(table, key, value, 3, "m")
 
+    def group(self, name: Any) -> dict[str, int]:
+        """Return the points of a set of the mesh by name, ``base.1``, ``base.2``, …; none for others."""
+        names = self.mesh.point_names
+        if not isinstance(name, str) or name in names or name in self.places:
+            return {}
+        ends = {full: full.rpartition(".") for full in names}
+        return {full: names[full] for full, end in ends.items() if end[0] == name and end[2].isdigit()}
+
     def on_member(
         self, table: Table, member: str = "member", position: str = "position"
     ) -> NDArray[np.float64]:

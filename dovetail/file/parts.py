@@ -1,5 +1,6 @@
 """Materials, sections, members, supports and masses of a study."""
 
+import re
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,9 @@ from fem.materials import Material
 from fem.mesh import Mesh, merge_names
 from fem.model import DIRECTIONS, Damping, Effect
 from fem.sections.section import OPTIONS, SHAPES, Section
+
+NUMBERED = re.compile(r"(curve|physical) \d+(\.\d+)?")
+"""Names of members of a Gmsh file whose groups have none."""
 
 
 def read_axes(t: Table) -> np.ndarray:
@@ -194,7 +198,9 @@ def read_members(
                 table.get(end)
         elif name not in mesh.members and name not in mesh.groups:
             known = [*mesh.members, *mesh.groups]
-            members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}")
+            unnamed = all(NUMBERED.fullmatch(one) for one in mesh.members)
+            hint = "; the mesh has no named physical group of curves: is one missing?" if unnamed else ""
+            members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}{hint}")
     out, sizes = {}, {}
     for name in mesh.members:
         own = tables.get(name, members)
@@ -296,11 +302,14 @@ def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
 
 
 def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
-    """Read ``[[supports]]``; those with axes of their own are joints to the ground."""
+    """Read ``[[supports]]``; those with axes of their own are joints to the ground.
+
+    One at a set of points of the mesh stands for one at each of them.
+    """
     out: list[Effect] = []
     for t in top.tables("supports"):
-        point = geometry.point(t)
         value = t.get("point")
+        points = geometry.group(value) or {"": geometry.point(t)}
         name = t.text("name", value if isinstance(value, str) else f"support{len(out) + 1}")
         fixed = t.directions("fixed", "all")
         if not fixed:
@@ -309,11 +318,13 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
             )
         axes = read_axes(t)
         t.finish()
-        if np.array_equal(axes, np.eye(3)):
-            out.append(Support(name=name, point=point, fixed=fixed))
-        else:
-            where = geometry.mesh.points[point]
-            out.append(Joint(name=name, point1=point, location=where, axes=axes, rigid=fixed))
+        for full, point in points.items():
+            each = name + full.removeprefix(str(value))
+            if np.array_equal(axes, np.eye(3)):
+                out.append(Support(name=each, point=point, fixed=fixed))
+            else:
+                where = geometry.mesh.points[point]
+                out.append(Joint(name=each, point1=point, location=where, axes=axes, rigid=fixed))
     return tuple(out)
 
 

@@ -114,7 +114,7 @@ def read_records(path: Path) -> list[Record]:
         lines = path.read_text(encoding="utf-8").splitlines()
         records = [json.loads(line) for line in lines if line.strip()]
     except (OSError, json.JSONDecodeError) as reason:
-        msg = f"{path}: {reason}"
+        msg = f"{path}: {getattr(reason, 'strerror', None) or reason}"
         raise RecordsError(msg) from None
     return [r for r in records if "settings" not in r]
 

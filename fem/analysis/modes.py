@@ -1,5 +1,6 @@
 """Natural frequencies and mode shapes."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,10 +10,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from fem.analysis.refined_modes import refined
+from fem.analysis.refined_modes import refined, refined_lowest
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
-from fem.linalg.solvers import SLEPC, Factor, factorise, one_thread
+from fem.linalg.solvers import SLEPC, Factor, SingularMatrixError, factorise, one_thread
 from fem.model import DIRECTIONS, ModelError
 from fem.summary import counted, summary
 from fem.system import System, refuse_motionless, reproduced, resistance, rigid_motions, unopposed
@@ -24,7 +25,7 @@ DENSE_LIMIT = 300
 """Systems of at most this many coordinates are solved densely."""
 
 _ROUNDING = 1e-14
-"""Negative stiffness of a motion up to this part of its elements' stiffness is rounding [-]."""
+"""Negative stiffness of a motion up to this part of its elements' stiffness, or mass, is rounding [-]."""
 
 _LOWEST = 1e3
 """The shift goes no deeper than this multiple of the order of the highest eigenvalues [-]."""
@@ -234,7 +235,7 @@ def _eigenpairs(
     eigenvalues[:n_rigid] = 0.0
     # eigenvalues that are negative by rounding of K become 0
     below = eigenvalues < 0
-    slack = _ROUNDING * np.einsum("ij,ij,i->j", vectors[:, below], vectors[:, below], system.K.diagonal())
+    slack = _rounding(system, vectors[:, below])
     eigenvalues[below] = np.where(eigenvalues[below] < -slack, eigenvalues[below], 0.0)
     if not unstable and (eigenvalues < 0).any():
         raise UnstableError(_describe_unstable(system, vectors[:, eigenvalues < 0]))
@@ -298,7 +299,9 @@ def _lowest(
         nu, phi = nu[order], scale[:, None] * vectors[:, order]
         phi /= np.sqrt(np.einsum("ij,ij->j", phi, system.M @ phi))
         # High modes keep theirs in Rayleigh's quotient.
-        return np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi)), phi
+        lam = np.where(nu > 1e-8 * nu[0], 1 / nu + shift, np.einsum("ij,ij->j", phi, system.K @ phi))
+        pairs = RitzPairs(lam, phi, 0 * lam, np.inf)
+        return refined_lowest(system, pairs, rigid[:, :0], factor, -shift, n_rigid=rigid.shape[1])
     rigid = rigid[:, :n]
     zeros = np.zeros(rigid.shape[1])
     if n == len(zeros):
@@ -310,7 +313,9 @@ def _lowest(
     if check:
         pairs = _counted(system, factor, shift, pairs, rigid)
     pairs = refined(system, pairs, rigid, factor)
-    return np.concatenate([zeros, pairs.eigenvalues]), np.hstack([rigid, pairs.vectors])
+    # the Ritz matrix is rounded by its largest entries
+    lam, phi = refined_lowest(system, pairs, rigid, factor, float(pairs.eigenvalues[-1]))
+    return np.concatenate([zeros, lam]), np.hstack([rigid, phi])
 
 
 def _counted(
@@ -400,13 +405,15 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
         How many eigenvalues are negative, and not by rounding.
     """
     K, M, Q, model = system.K, system.M, system.Q, system.model
-    upper = _highest(system)
     q = Q.T @ rigid_motions(model) @ reproduced(model, Q, model.constraints())
-    held = q.shape[1] == 0
+    held, reference = q.shape[1] == 0, None
     shift = _small_shift(system, held)
-    shifted = K - shift * M
-    factor, reference = factorise(shifted), None
-    n_below = n_negative(shifted, factor)
+    try:
+        factor = factorise(K - shift * M)
+        n_below = n_negative(K - shift * M, factor)
+    except SingularMatrixError:  # by rounding, as M has no negative masses
+        n_below = 1
+        shift, factor = _below_all(system, 10 * shift)
     if not held:
         X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3 + n_below))])
         for _ in range(3):
@@ -414,23 +421,38 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
             X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
             X = np.linalg.qr(X)[0]
         mass, vectors = np.linalg.eigh(X.T @ (M @ X))
-        X = X @ (vectors[:, mass > 1e-14 * mass[-1]] / np.sqrt(mass[mass > 1e-14 * mass[-1]]))
+        if (mass <= _ROUNDING * mass[-1]).any():  # motions of hardly any mass: a thin bar about its axis
+            X = X / np.sqrt(np.maximum(np.einsum("ij,ij->j", X, M @ X), 1e-300))
+            mass, vectors = np.linalg.eigh(X.T @ (M @ X))
+        X = X @ (vectors[:, mass > _ROUNDING * mass[-1]] / np.sqrt(mass[mass > _ROUNDING * mass[-1]]))
         ritz = np.linalg.eigvalsh(X.T @ (K @ X))
-        reference = float(max(ritz[min(q.shape[1] + n_below, len(ritz) - 1)], 1e-12 * upper))
+        reference = float(max(ritz[min(q.shape[1] + n_below, len(ritz) - 1)], 1e-12 * _highest(system)))
         shift = -0.1 * reference
-        shifted = K - shift * M
-        factor = factorise(shifted, factor)
-    while n_below and n_negative(shifted, factor):
-        shift *= 10
-        if -shift > _LOWEST * upper:
-            msg = (
-                "a motion without mass has a negative stiffness: an element is under more compression than "
-                "it bears by itself; cut it into shorter ones, or give it another mass than a lumped one"
-            )
-            raise ModelError(msg)
-        shifted = K - shift * M
-        factor = factorise(shifted, factor)
+        factor = factorise(K - shift * M, factor)
+    if n_below and n_negative(K - shift * M, factor):
+        shift, factor = _below_all(system, 10 * shift, factor)
     return shift, factor, reference, n_below
+
+
+def _below_all(system: System, shift: float, like: Factor | None = None) -> tuple[float, Factor]:
+    """Return a shift, multiplied by ten until it lies below all eigenvalues, and the factor of K - σM."""
+    while -shift <= _LOWEST * _highest(system):
+        shifted = system.K - shift * system.M
+        with suppress(SingularMatrixError):
+            like = factorise(shifted, like)
+            if not n_negative(shifted, like):
+                return shift, like
+        shift *= 10
+    msg = (
+        "a motion without mass has a negative stiffness: an element is under more compression than "
+        "it bears by itself; cut it into shorter ones, or give it another mass than a lumped one"
+    )
+    raise ModelError(msg)
+
+
+def _rounding(system: System, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how much rounding of K may change the eigenvalues of M-orthonormal vectors [rad²/s²]."""
+    return _ROUNDING * np.einsum("ij,ij,i->j", vectors, vectors, system.K.diagonal())
 
 
 def n_negative(A: Any, factor: Factor) -> int:

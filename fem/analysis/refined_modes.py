@@ -19,6 +19,9 @@ from fem.system import System
 
 Floats = NDArray[np.float64]
 
+HIDDEN = 1e-6
+"""Eigenvalues of small systems are corrected where rounding may change them by more than this part [-]."""
+
 RIGID_FORCE = 1e-12
 """Forces of a rigid-body motion up to this part of the elements' stiffness are rounding [-]."""
 
@@ -50,6 +53,42 @@ def refined(system: System, pairs: RitzPairs, rigid: Floats, factor: Factor | No
         KX = stiffness_times(system, X)
     lam, S = sla.eigh(X.T @ KX, X.T @ (system.M @ X))
     return RitzPairs(lam, X @ S, pairs.residual, pairs.following)
+
+
+def refined_lowest(
+    system: System, pairs: RitzPairs, rigid: Floats, factor: Factor, size: float, n_rigid: int = 0
+) -> tuple[Floats, Floats]:
+    """Return eigenpairs with the lowest corrected as by :func:`refined`, where rounding hides these.
+
+    They are combined by themselves: high modes would round them off in the Ritz matrix. Rounding of these is
+    small beside their eigenvalues, so that they are made orthogonal to the lowest, and not the reverse.
+
+    Parameters
+    ----------
+    system, pairs, rigid, factor
+        As of :func:`refined`.
+    size : float
+        Size of the numbers from which the eigenvalues were computed [rad²/s²].
+    n_rigid : int
+        How many of the pairs are rigid-body motions: rounding of these matters where others are smaller.
+    """
+    lam, X = pairs.eigenvalues, pairs.vectors
+    rounding = np.finfo(float).eps * (np.einsum("ij,ij,i->j", X, X, system.K.diagonal()) + size)
+    hidden = rounding > HIDDEN * np.abs(lam)
+    if not hidden[np.argsort(np.abs(lam))[n_rigid:]].any():
+        return lam, X
+    X, high = X[:, hidden], X[:, ~hidden]
+    for _ in range(2):
+        KX = stiffness_times(system, X)
+        X = X - factor.solve(KX - (system.M @ X) * np.einsum("ij,ij->j", X, KX))
+        X = X - rigid @ (rigid.T @ (system.M @ X))
+        X = X / np.sqrt(np.einsum("ij,ij->j", X, system.M @ X))
+    low, S = sla.eigh(X.T @ stiffness_times(system, X), X.T @ (system.M @ X))
+    X = X @ S
+    high = high - X @ (X.T @ (system.M @ high))
+    lam = np.concatenate([low, lam[~hidden]])
+    order = np.argsort(lam, kind="stable")
+    return lam[order], np.hstack([X, high])[:, order]
 
 
 def stiffness_times(system: System, X: Floats) -> Floats:

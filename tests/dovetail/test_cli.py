@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -381,6 +382,19 @@ def test_check_lists_what_a_run_refuses(tmp_path, capsys, old, new, words):
     (fault,) = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))["faults"]
     assert fault["kind"] == "refused"
     assert words in fault["message"]
+
+
+def test_warnings_of_libraries_reach_no_user(portal, capsys, monkeypatch):
+    def noisy(system, **options):
+        np.log(np.zeros(1))
+        warnings.warn("a remark of this program", stacklevel=1)
+        return assemble(system, **options)
+
+    monkeypatch.setattr("dovetail.commands.modes.assemble", noisy)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert main(["modes", str(portal), "--quiet"]) == 0
+    assert capsys.readouterr().err == "dovetail: warning: a remark of this program\n"
 
 
 def test_check_counts_warnings(tmp_path, capsys):

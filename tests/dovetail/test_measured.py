@@ -220,6 +220,23 @@ def test_a_unit_is_a_warning_that_the_report_of_compare_repeats(load, computed, 
     assert load(0.34 * computed.H, "check_units = false\n").warnings == ()
 
 
+def test_compare_names_exchanged_and_reversed_responses(load, computed, tmp_path, capsys):
+    """Of two accelerometers: the search for faults needs more of them."""
+    text = STUDY.replace('[[sensors]]\nname = "mid"\npoint = [0.0, 0.0, 0.8]\ndirection = "x"\n\n', "")
+    H, ends = computed.H[:, [0, 2]], {"outputs": ("low", "top")}
+    for measured, said in (
+        (H, []),
+        (H[:, ::-1], ["'low' and 'top' look exchanged: their error is"]),
+        (with_row(H, 0, -H[:, 0]), ["'low' looks reversed: its phase is opposite to the model's at 100 %"]),
+    ):
+        study = load(measured, text=text, **ends)
+        assert main(["compare", str(study.path), "--json", str(tmp_path / "c.json")]) == 0
+        found = json.loads((tmp_path / "c.json").read_text())["suspected_labels"]
+        assert [words in line for words, line in zip(said, found, strict=True)] == [True] * len(said)
+        printed = capsys.readouterr().out
+        assert all(line in printed for line in found)
+
+
 def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load, computed, tmp_path, capsys):
     """Values that are real and never negative are amplitudes, whoever wrote them and whatever their type."""
     size = np.abs(computed.H)

@@ -204,6 +204,8 @@ def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to
     assert main(["update", str(study), "--out", str(out)]) == 0
     assert f"updated to {to}; converged" in capsys.readouterr().out
     data = json.loads((out / "update.json").read_text(encoding="utf-8"))
+    rows = [*data["parameters"], *data["path"]]
+    assert {key for row in rows for key, value in row.items() if value is None} == data["missing"].keys()
     (E, *_) = data["parameters"]
     low, high = E["interval_95"]
     assert low < 210e9 < high

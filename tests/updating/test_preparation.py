@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+import fem
 from dovetail.validation.cases import CaseSettings, draw_case
+from fem.connection_damping import ConnectionDamping
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference import preparation
-from updating.inference.preparation import build_problem
+from updating.inference.preparation import build_problem, counted_data
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
@@ -64,3 +66,13 @@ def test_the_damping_curve_has_a_knot_for_every_two_modes():
     case = draw_case(CaseSettings(911), "null", 3)  # nine modes
     problem = build_problem(case.model, case.measurement, case.nuisances)
     assert (problem.n_modes, len(problem.damping.knots)) == (9, 4)
+
+
+def test_damping_that_is_a_power_of_frequency_leaves_no_logarithm_of_zero():
+    """Fitted studies have such damping: without modal ratios, that of connections gave a warning."""
+    case = make_case(0, "cross", "nothing")
+    ratios = fem.Damping.modal([0.01, 0.02], [10.0, 100.0], powers=True)
+    more = ConnectionDamping(frequency=np.array([10.0, 100.0]), ratio=np.array([0.03, 0.05]))
+    model = case.model.with_damping(ratios).with_effect(more)
+    assert counted_data(model, case.measurement).mask.any()
+    assert not ratios.without_modal().ratio_at([1.0, 50.0]).any()

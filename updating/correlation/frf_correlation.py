@@ -330,6 +330,46 @@ def compare(
     return Comparison(f, ratio, edges, error, phase, frac(measured.H, H), measured.outputs, measured.inputs)
 
 
+CLEAR = 0.5
+"""Two responses look exchanged if that leaves less than this part of their error, and one looks reversed if
+the mean cosine of its phase error is below minus this [-]."""
+
+
+def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
+    """Return sentences on responses that look exchanged, or of the wrong sign, beside those of a model.
+
+    Two sensors are enough, unlike for :func:`updating.quality.faults.find_faults`. Arguments are those of
+    :func:`compare`.
+    """
+    H, names = computed.as_kind(measured.kind).H, measured.outputs
+    seen = np.ones(H.shape, dtype=bool) if mask is None else np.broadcast_to(mask, H.shape)
+    ratio = np.where(seen, log_ratio(H, measured.H), _NAN)
+    out, exchanged = [], set[int]()
+    for j in range(len(names)):
+        for i in range(j):
+            both = seen[:, [i, j]] & seen[:, [j, i]]
+            other = np.where(both, log_ratio(H[:, [j, i]], measured.H[:, [i, j]]), _NAN)
+            before, after = (
+                DB_PER_NEPER * float(np.sqrt(np.nanmean(np.real(x) ** 2))) if both.any() else 0.0
+                for x in (np.where(both, ratio[:, [i, j]], _NAN), other)
+            )
+            if after < CLEAR * before:
+                exchanged |= {i, j}
+                out.append(
+                    f"responses '{names[i]}' and '{names[j]}' look exchanged: their error is "
+                    f"{before:.2g} dB, and {after:.2g} dB with each label at the other's place"
+                )
+    for i in set(range(len(names))) - exchanged:
+        cosine = np.cos(np.imag(ratio[:, i]))
+        if np.isfinite(cosine).any() and np.nanmean(cosine) < -CLEAR:
+            share = np.mean(cosine[np.isfinite(cosine)] < 0)
+            out.append(
+                f"response '{names[i]}' looks reversed: its phase is opposite to the model's at "
+                f"{100 * share:.0f} % of its lines; check the sign of its direction"
+            )
+    return tuple(out)
+
+
 By = Literal["all", "band", "output", "input", "each"]
 """Groups for which an error is given: all, each band, sensor, force, or each of all these."""
 

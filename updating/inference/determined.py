@@ -15,7 +15,9 @@ SHARE = 1e-2
 """Part of a direction beyond which an unknown takes part in it [-]."""
 
 
-def blind_directions(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def blind_directions(
+    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return directions of unknowns along which the merit does not change, in units of their widths, (n, k).
 
     Parameters
@@ -24,21 +26,37 @@ def blind_directions(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDAr
         Gauss and Newton's matrix of the merit, priors included.
     width : ndarray (n,)
         Possible error of each unknown.
+    prior : ndarray (n,)
+        Information of the priors, 1/σ², which is part of A: beside precise data A has lost it by rounding.
     """
+    values, vectors = _information(A, width, prior)
+    return vectors[:, values < SEEN**2]
+
+
+def _information(
+    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return information and directions in units of widths; where A is rounding, that of the priors."""
     if not len(A):
-        return np.zeros((0, 0))
+        return np.zeros(0), np.zeros((0, 0))
     values, vectors = np.linalg.eigh(A * np.outer(width, width))
-    return vectors[:, values < max(SEEN**2, ROUNDING * float(values[-1]))]
+    lost = values < ROUNDING * values[-1]
+    weak = vectors[:, lost]
+    values[lost], turn = np.linalg.eigh(weak.T @ ((prior * width**2)[:, None] * weak))
+    vectors[:, lost] = weak @ turn
+    return values, vectors
 
 
-def held(A: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def held(
+    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return A with directions without information held by a width each, so that no step follows rounding."""
-    V = blind_directions(A, width) / width[:, None]
+    V = blind_directions(A, width, prior) / width[:, None]
     return A + V @ V.T
 
 
 def split_covariance(
-    A: NDArray[np.float64], width: NDArray[np.float64], fixed: NDArray[np.bool_]
+    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64], fixed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the covariance (n, n) of the free unknowns, and the directions without information (n, k).
 
@@ -49,8 +67,8 @@ def split_covariance(
     if not use.size:
         return out, blind
     w = width[use]
-    values, vectors = np.linalg.eigh(A[np.ix_(use, use)] * np.outer(w, w))
-    weak = values < max(SEEN**2, ROUNDING * float(values[-1]))
+    values, vectors = _information(A[np.ix_(use, use)], w, prior[use])
+    weak = values < SEEN**2
     inverse = vectors @ (np.where(weak, 0.0, 1 / np.where(weak, 1.0, values))[:, None] * vectors.T)
     out[np.ix_(use, use)] = inverse * np.outer(w, w)
     blind = np.zeros((len(A), int(weak.sum())))

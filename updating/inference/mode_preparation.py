@@ -1,7 +1,6 @@
 """What a diagnosis from measured modes begins with: a reduced model and its accuracy."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -41,7 +40,7 @@ def build_mode_problem(
     model = with_sensor_masses(model, targets.sensors)
     other = next(iter(model.of_kind(ConnectionDamping)), None)
     model = model.without_effect(other.name) if other else model
-    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    undamped = model.with_damping(model.damping.without_modal())
     highest = HIGHEST * float(targets.frequency[-1])
     columns = [sensor_vectors(model, targets.sensors)] if targets.sensors else []
     for element in model.of_kind(PointPair):

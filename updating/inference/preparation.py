@@ -158,7 +158,7 @@ def _reduced(
 ) -> tuple[ReducedModel, DampingCurve, NDArray[np.float64]]:
     """Return a reduced model without modal damping, the curve of that, and its modes in the band [Hz]."""
     highest = float(frf.frequency[-1])
-    undamped = model.with_damping(replace(model.damping, ratio=np.zeros(1), frequency=np.zeros(1)))
+    undamped = model.with_damping(model.damping.without_modal())
     reduced = reduce_model(undamped, attachment_forces(model, measurement), highest, margin=MODE_MARGIN)
     modes = elastic_frequencies(reduced, highest)
     # A suspension's modes below the band have no lines: they are neither knots nor stages.

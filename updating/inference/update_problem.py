@@ -100,10 +100,11 @@ class UpdateLinearisation(Linearisation):
 
     at: UpdatePoint
     width: NDArray[np.float64]
+    prior: NDArray[np.float64]
 
     def among(self, free: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the matrix of free unknowns, stiff along directions that the data do not determine."""
-        return held(self.matrix[np.ix_(free, free)], self.width[free])
+        return held(self.matrix[np.ix_(free, free)], self.width[free], self.prior[free])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,6 +160,16 @@ class UpdateProblem:
     def start(self) -> NDArray[np.float64]:
         """Where all unknowns start, (n,)."""
         return np.array([u.start for u in self.unknowns])
+
+    @property
+    def widths(self) -> NDArray[np.float64]:
+        """Possible errors of all unknowns, (n,)."""
+        return np.array([u.width for u in self.unknowns])
+
+    @property
+    def prior_information(self) -> NDArray[np.float64]:
+        """1/σ² of the priors of all unknowns, 0 without, (n,)."""
+        return 1 / np.array([u.std for u in self.unknowns]) ** 2
 
     @property
     def refs(self) -> tuple[ParameterRef, ...]:
@@ -314,7 +325,7 @@ class UpdateProblem:
 
     def normal(self, state: UpdatePoint) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return Gauss and Newton's matrix of the cost, and its gradient."""
-        weight = np.array([1 / u.std**2 if np.isfinite(u.std) else 0.0 for u in self.unknowns])
+        weight = self.prior_information
         A = np.diag(weight)
         g = weight * (state.x - np.array([u.mean for u in self.unknowns]))
         if self.precision is not None:
@@ -378,7 +389,7 @@ class UpdateProblem:
         """Return the quadratic model at a point."""
         state = self.derived(point)
         A, g = self.normal(state)
-        return UpdateLinearisation(g, A, state, np.array([u.width for u in self.unknowns]))
+        return UpdateLinearisation(g, A, state, self.widths, self.prior_information)
 
     def derived(self, point: UpdatePoint) -> UpdatePoint:
         """Return a point with derivatives."""

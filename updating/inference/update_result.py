@@ -23,6 +23,9 @@ DETERMINED_STD = 0.5
 PRIOR_SHARE = 0.9
 """Of parameters whose standard deviation stays above this part of the prior's the data say nothing [-]."""
 
+STATED_SHARE = 0.5
+"""Parameters whose deviation without a stated error is below this part of that with it are named [-]."""
+
 NAMED_DEVIATIONS = 4.0
 """Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
 
@@ -39,10 +42,9 @@ def result_of(
     x = problem.start if state is None else state.x
     A = np.zeros((len(x), len(x))) if state is None else problem.normal(state)[0]
     low, high = problem.limits
-    edge = 1e-9 * np.array([u.width for u in problem.unknowns])
-    bound = ~problem.frozen & ((x <= low + edge) | (x >= high - edge))
-    widths = np.array([u.width for u in problem.unknowns])
-    all_covariance, blind = split_covariance(A, widths, problem.frozen | bound)
+    widths = problem.widths
+    bound = ~problem.frozen & ((x <= low + 1e-9 * widths) | (x >= high - 1e-9 * widths))
+    all_covariance, blind = split_covariance(A, widths, problem.prior_information, problem.frozen | bound)
     lost = taking_part(blind)
     of_shifts, of_gains = problem.parts[2:]
     n = problem.parts[1].stop
@@ -91,6 +93,7 @@ def result_of(
             *messages,
             *blind_words(blind, names, _measured_words(problem), moved),
             *_unmoved(problem, state),
+            *_stated_error_words(problem, state, A, problem.frozen | bound, all_std),
         )
     samples = None
     if problem.settings.n_samples and state is not None and ending is not Ending.NOT_FINITE:
@@ -219,6 +222,41 @@ def _unmoved(problem: UpdateProblem, state: UpdatePoint) -> list[str]:
         f"no parameter moves the modes paired with {some}{more}: check that measured and computed modes are "
         "the same ones, by giving shapes or mode numbers"
     ]
+
+
+def _stated_error_words(
+    problem: UpdateProblem,
+    state: UpdatePoint,
+    A: NDArray[np.float64],
+    fixed: NDArray[np.bool_],
+    std: NDArray[np.float64],
+) -> list[str]:
+    """Name the parameters whose variance is mostly that of the stated errors of frequencies or amplitudes."""
+    if problem.frf is None:
+        return []
+    out = []
+    _, _, of_shifts, of_gains = problem.parts
+    for name, error, part in (
+        ("model_error", problem.frf.model_error, of_shifts),
+        ("amplitude_error", problem.frf.amplitude_error, of_gains),
+    ):
+        without = fixed.copy()
+        without[part] = True
+        covariance, _ = split_covariance(A, problem.widths, problem.prior_information, without)
+        exact = np.sqrt(covariance.diagonal())
+        some = [
+            f"{u.name} ({s * slope:.2g}; {e * slope:.2g} if it were 0)"
+            for u, s, e, slope in (
+                (u, std[i], exact[i], u.slope(state.x[i])) for i, u in enumerate(problem.unknowns) if u.refs
+            )
+            if 0 < e < STATED_SHARE * s
+        ]
+        if some:
+            out.append(
+                f"the stated {name} of {100 * error:.3g} % makes most of the standard deviation of "
+                f"{', '.join(some)}: state it as well as it is known"
+            )
+    return out
 
 
 def _samples(

@@ -47,12 +47,6 @@ _ROUNDING_GAIN = 1e-3
 _REBASES = 6
 """So many times at most the reduced basis of the FRFs is made again at the new values."""
 
-_EXPLAINED_SQUARE = 1.2
-"""Below this mean square residual nothing is left to be explained by another form of damping [-]."""
-
-_BETTER_RATIO = 0.9
-"""The model's own damping between resonances is taken if it lowers the misfit to this part [-]."""
-
 BETTER_NATS = 1.0
 """Log posterior by which another model is better than the fitted one [nats]."""
 
@@ -136,12 +130,11 @@ def _run(problem: UpdateProblem) -> Updated:
     if problem.frf is not None:
         steps: list[UpdateStep] = []
         state, ending, staged = _rebased(problem, x, False, steps)
-        if _misfit_of_frf(state) > _EXPLAINED_SQUARE:
-            # between resonances the model's damping and the engine's differ: which of them do the data have?
-            more: list[UpdateStep] = []
-            own = _rebased(problem, state.x, True, more)
-            if _misfit_of_frf(own[0]) < _BETTER_RATIO * _misfit_of_frf(state):
-                (state, ending, staged), steps = own, steps + more
+        # Between resonances the model's damping and the engine's differ: the data decide, by all residuals.
+        more: list[UpdateStep] = []
+        own = _rebased(problem, state.x, True, more)
+        if own[1] is Ending.CONVERGED and own[0].cost < state.cost:
+            (state, ending, staged), steps = own, steps + more
         path += steps
         x = state.x
         problem = replace(problem, before=staged.before, near=staged.near)
@@ -214,10 +207,6 @@ def _rebased(
             return state, ending, staged
 
 
-def _misfit_of_frf(state: UpdatePoint) -> float:
-    return next(g.q for g in state.groups if g.name == "frf")
-
-
 def run_and_release(base: UpdateProblem) -> Updated:
     """Run; where the data contradict a prior beyond doubt, let it go and run again from the value found.
 
@@ -284,7 +273,7 @@ def _best_start(
     compare = problem.based(problem.start, 1.0, settings.n_lines)
     A = compare.normal(compare.state(problem.start, True))[0]
     # directions without data stay where they are
-    width[taking_part(blind_directions(A, np.array([u.width for u in problem.unknowns])))] = 0.0
+    width[taking_part(blind_directions(A, problem.widths, problem.prior_information))] = 0.0
     low_x, high_x = np.maximum(low, problem.start - 3 * width), np.minimum(high, problem.start + 3 * width)
     found: list[tuple[NDArray[np.float64], float]] = []
     begin = [problem.start]
