@@ -158,8 +158,9 @@ def _stress_fields(stresses: Stresses, member: str, k: int) -> Fields:
 def _largest_fields(study: Study, found: LargestDisplacement) -> Fields:
     """Return the largest displacement of a load case and where it is."""
     mesh = study.model.mesh
-    if found.member is None:
+    if found.point is not None:
         return {"m": found.size, "place": place_of_point(study, found.point), "at": mesh.points[found.point]}
+    assert found.member is not None
     at = mesh.point_at(mesh.locate(found.member, found.position))
     return {"m": found.size, "place": f"{found.member} at {found.position:.4g} m", "at": at}
 

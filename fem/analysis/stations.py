@@ -93,7 +93,8 @@ def largest_displacements(solution: StaticSolution) -> tuple[LargestDisplacement
         best = LargestDisplacement(float(at_points[point, k]), point)
         member = max(sampled, key=lambda m: sampled[m][1][:, k].max(), default=None)
         if member is not None:
-            size, s = _refined(solution, member, *sampled[member], k)
+            places, sizes = sampled[member]
+            size, s = _refined(solution, member, places, sizes, k)
             if size > (1 + 1e-9) * best.size:
                 best = LargestDisplacement(size, None, member, s)
         found.append(best)
