@@ -444,7 +444,7 @@ def both_ways():
     model = corner(end)
     zone = with_frame(zone_of(end)[0], model)
     (form,) = (e for e in (changes(model.of_kind(Frame)[0])["section_form"][0],))
-    (soft,) = releases(end)
+    soft = releases(end)[0]
     stiff = MemberStiffness(name="stiff", member="beam", change=0.2)
     crack = Crack(
         name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
