@@ -90,9 +90,7 @@ def member(end, theory="timoshenko", **more):
 
 def releases(end):
     """Return the releases of an end, as effects."""
-    if end.get("stated"):
-        return ()
-    of = [AXIS, *([end["other"]] if "other" in end else [])]
+    of = [] if end.get("stated") else [AXIS, *([end["other"]] if "other" in end else [])]
     return tuple(
         EndRelease(
             name=f"soft {d}", member="beam", end=1, direction=d, compliance=1 / end["spring"], reference=1.0
@@ -444,7 +442,7 @@ def both_ways():
     model = corner(end)
     zone = with_frame(zone_of(end)[0], model)
     (form,) = (e for e in (changes(model.of_kind(Frame)[0])["section_form"][0],))
-    soft = releases(end)[0]
+    (soft,) = releases(end)
     stiff = MemberStiffness(name="stiff", member="beam", change=0.2)
     crack = Crack(
         name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
