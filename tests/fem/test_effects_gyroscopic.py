@@ -127,7 +127,7 @@ def test_what_the_measured_directions_do_not_see_does_not_go_on():
     about_y = next(e for e in Rotor.propose(model) if e.name.endswith("y"))
     grids = [Grid.of(problem, e) for e in (unseen, seen, about_y, rotor)]
     fitted = problem.fit()
-    chosen = screen(problem, (fitted, problem.at_nominal(fitted)), grids)
+    chosen = screen(problem, (fitted, problem.at_nominal(fitted)), grids, far=True)
     # A rotor about x turns motion in the plane out of it; one about y couples twist and turning about z only.
     assert {c.effect.name for c in chosen} == {seen.name, rotor.name}
 
