@@ -199,7 +199,7 @@ def render_misfit(
         light = style.lighter(bar.cmap, 0.25)
         for point, value in joints:
             colour = to_hex(light(float(bar.norm(value))))
-            scene.marks.append(Mark(np.asarray(point, dtype=float), "diamond", colour, 9.0))
+            scene.marks.append(Mark(np.asarray(point, dtype=float), "D", colour, 8.0))
         known = np.isfinite(values)
         rgb[known] = 0.25 + 0.75 * bar.colours(values[known])
         bars.append(Bar(light, bar.norm, members_label))

@@ -157,7 +157,7 @@ def _valued_joints(joints: Sequence[tuple[Place, float]], label: str, top: float
         return []
     marker = {
         "color": single([v for _, v in joints]), "cmin": 0.0, "cmax": top, "colorscale": _share_scale(),
-        "symbol": "diamond", "size": 14, "line": {"color": style.INK, "width": 1},
+        "symbol": "diamond", "size": 10, "line": {"color": style.INK, "width": 1},
     }  # fmt: skip
     hover = [f"{plain(p.label or p.name)}<br>{v:.3g}: {plain(label)}" for p, v in joints]
     places, names = [p.point for p, _ in joints], [p.name for p, _ in joints]
