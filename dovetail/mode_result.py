@@ -1,6 +1,6 @@
 """The result of a run on modes, and its form as ``result.json``."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
-from dovetail.result import JSON, REPORT, SCHEMA, Uncertain, program_version, uncertain_of
+from dovetail.result import (
+    JSON,
+    REPORT,
+    SCHEMA,
+    Uncertain,
+    program_version,
+    uncertain_dict,
+    uncertain_of,
+)
 from updating.diagnosis.findings import Finding, parameters_of
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 
@@ -102,7 +110,7 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
             step: {"fit": m.errors(f, False), "held_out": m.errors(f, True)}
             for step, f in (("nominal", m.nominal), ("fitted", m.fitted), ("found", m.found))
         },
-        "uncertain": [asdict(u) for u in mode_uncertain(d)],
+        "uncertain": [uncertain_dict(u) for u in mode_uncertain(d)],
     }
 
 

@@ -16,7 +16,7 @@ from dovetail.found import mode_found_text
 from dovetail.identified import as_measured, modes_in
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.probable import probability_text
-from dovetail.report.words import explanation_text
+from dovetail.report.words import explanation_text, far_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
 from fem.model import Effect, Model, parameter_values
@@ -184,7 +184,7 @@ def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
 
 def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
     """Return a diagnosis from modes as lines of text."""
-    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", *filter(None, [probability_text(d)]), ""]
+    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", *_doubts(d), ""]
     out.append("probability  explanation")
     for e in d.credible[:MOST_SAID]:
         out.append(f"{e.probability:11.2f}  {explanation_text(e)}")
@@ -201,6 +201,11 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
     if d.next_measurements:
         out += ["", "would tell the first two explanations apart:", *(f"  {t}" for t in d.next_measurements)]
     return [*out, *(f"note: {note}" for note in d.notes)]
+
+
+def _doubts(d: ModeDiagnosis) -> list[str]:
+    """Return how probable the answer is, and what speaks for caution."""
+    return [text for text in (probability_text(d), far_text(mode_uncertain(d))) if text]
 
 
 def _off(computed: float, measured: float) -> str:

@@ -35,6 +35,8 @@ CONNECTIONS_POWER = "power of the frequency in that ratio"
 """How it calls the power of the frequency that their damping goes with."""
 
 
+FAR = 2.5
+"""An uncertain parameter that moved by more prior standard deviations is pointed out [-]."""
 _FORM = {
     "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
     "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
@@ -78,6 +80,11 @@ class Uncertain:
     def moved(self) -> float:
         """Return how far the fit went from nominal, in prior standard deviations; NaN if it did not vary."""
         return (self.fitted - self.nominal) / self.prior_std if self.prior_std > 0 else np.nan
+
+    @property
+    def far(self) -> bool:
+        """Whether the fit went further from nominal than its prior makes plausible."""
+        return bool(abs(self.moved) > FAR)
 
     @property
     def words(self) -> str:
@@ -221,6 +228,11 @@ def program_version() -> str:
         return "unknown"
 
 
+def uncertain_dict(u: Uncertain) -> dict[str, Any]:
+    """Return an uncertain parameter in plain types."""
+    return {**asdict(u), "moved": u.moved, "far": u.far}
+
+
 def fault_dict(f: Fault) -> dict[str, Any]:
     """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
@@ -262,7 +274,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
-        "uncertain": [asdict(u) for u in uncertain_parameters(d)],
+        "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
     }
 
 

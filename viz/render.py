@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import Normalize, to_hex, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
@@ -148,6 +148,7 @@ def render_misfit(
     names: Sequence[str],
     path: str | Path,
     members: Mapping[str, float] | None = None,
+    joints: Sequence[tuple[ArrayLike, float]] = (),
     title: str = "",
     label: str = "misfit [dB]",
     members_label: str = "member [-]",
@@ -168,6 +169,8 @@ def render_misfit(
         PNG file to write.
     members : mapping of str to float, optional
         A value for members, which are then coloured by it.
+    joints : sequence of (ArrayLike, float)
+        Points of joints and supports [m], with the same value.
     title : str
         Heading.
     label, members_label : str
@@ -191,12 +194,15 @@ def render_misfit(
         values = np.array([members.get(name, np.nan) for name in model.mesh.member_of_line()], dtype=float)[
             surface.line
         ]
-        bar = Bar(
-            style.agreement_map(), _colour_limits(np.array(list(members.values())), None), members_label
-        )
+        every = np.array([*members.values(), *(v for _, v in joints)])
+        bar = Bar(style.agreement_map(), _colour_limits(every, None), members_label)
+        light = style.lighter(bar.cmap, 0.25)
+        for point, value in joints:
+            colour = to_hex(light(float(bar.norm(value))))
+            scene.marks.append(Mark(np.asarray(point, dtype=float), "D", colour, 8.0))
         known = np.isfinite(values)
         rgb[known] = 0.25 + 0.75 * bar.colours(values[known])
-        bars.append(Bar(style.lighter(bar.cmap, 0.25), bar.norm, members_label))
+        bars.append(Bar(light, bar.norm, members_label))
     scene.bars = bars
     scene.add_surface(surface, surface.rest, rgb=rgb)
     base = surface_places(model, points, directions, scene.axes[2])

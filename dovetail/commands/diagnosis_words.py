@@ -11,9 +11,10 @@ from dovetail.commands.tables import cell, width_of
 
 
 def found_lines(d: "Diagnosis") -> list[str]:
-    """Return found effects with values, twins and probability, and sensor faults, a line each."""
+    """Return found effects with values, twins and probability, doubts, and sensor faults, a line each."""
     from dovetail.report import words
     from dovetail.report.probable import probability_text
+    from dovetail.result import uncertain_parameters
 
     out = []
     for f in d.findings:
@@ -21,7 +22,7 @@ def found_lines(d: "Diagnosis") -> list[str]:
         if f.twins:
             out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
     sure = probability_text(d)
-    out += [f"  {sure}"] if sure else []
+    out += [f"  {text}" for text in (sure, words.far_text(uncertain_parameters(d))) if text]
     return out + [f"  {words.fault_text(f)}" for f in d.faults]
 
 

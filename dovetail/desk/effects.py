@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -112,14 +112,22 @@ class EffectList:
         """Say that the sliders stand at these effects' values already."""
         self._shown = [(e.name, parameter_values(e)) for e in effects]
         for name, values in self._shown:
+            if not self._holds(name, values):  # the sliders are made anew around it
+                self._shown = None
+                return
             for parameter, value in values.items():
                 self._fields[name, parameter](float(value))
         for name in self._evidences:
             self.show_evidence(name)
 
+    def _holds(self, name: str, values: Mapping[str, Any]) -> bool:
+        """Return whether the scales of an effect's sliders have its values."""
+        scales = self._scales.get(name, {})
+        return scales.keys() == values.keys() and all(s.holds(float(values[k])) for k, s in scales.items())
+
     def _effect(self, effect: Effect) -> None:
         page, desk, name = self._page, self._page.desk, effect.name
-        if name not in self._scales:
+        if not self._holds(name, parameter_values(effect)):
             self._scales[name] = desk.scales(effect)
         with ui.element("div").classes("desk-effect") as box:
             box.props["role"] = "group"
@@ -177,6 +185,7 @@ class EffectList:
             page.act(lambda: desk.set_value(name, p.name, value))
             if beyond:
                 self.moved_by_hand(desk.now.hypothesis.effects)
+                self.refresh()
 
         def emptied() -> None:
             if field.value is None:  # or no number: the present value is shown again

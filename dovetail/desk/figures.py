@@ -1,5 +1,6 @@
 """The desk's figures, and their changes while a slider moves."""
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -20,6 +21,8 @@ from viz.interactive.solids import Place
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
 AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration": 0}, "mode": "immediate"}
 """Options of plotly's ``animate``: a frame at once, and no other part of the figure drawn anew."""
+NEAR, MARK = 24.0, 5.0
+"""A click picks a mark so near, and is on a mark that is so near [pixel]."""
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
 
@@ -110,6 +113,32 @@ def moved_curve(
     magnitude, phase = _decibels(shown.frf, pair)
     new = {MAGNITUDE: {"y": _sent(magnitude, 2)}, PHASE: {"y": _sent(_cut(phase), 1)}}
     return [new[key] for key in new if key in at], [at[key] for key in new if key in at]
+
+
+def nearest_mark(
+    marks: Sequence[Mapping[str, Any]], touched: Mapping[str, Any], reach: float
+) -> Mapping[str, Any] | None:
+    """Return the mark that a click in the model means: the foremost under the mouse, else the nearest to it.
+
+    Parameters
+    ----------
+    marks : sequence of mapping
+        With ``point`` [m], ``off`` (distance on the screen from the click [pixel]) and ``depth``.
+    touched : mapping
+        The foremost thing under the mouse, with ``point`` and ``depth``.
+    reach : float
+        Marks behind it by more are hidden [m]; nearer ones lie inside it, as joints do in their members.
+    """
+
+    def hidden(m: Mapping[str, Any]) -> bool:
+        off = float(np.linalg.norm(np.subtract(m["point"], touched["point"])))
+        return m["depth"] > touched["depth"] and off >= reach
+
+    shown = [m for m in marks if m["off"] <= NEAR and not hidden(m)]
+    under = [m for m in shown if m["off"] <= MARK]
+    if under:
+        return min(under, key=lambda m: m["depth"])
+    return min(shown, key=lambda m: m["off"], default=None)
 
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:

@@ -15,7 +15,7 @@ class Cancelled(Exception):  # noqa: N818 - no error: the user asked for it
 
 
 class Job:
-    """Work in a thread, with its progress; one that is cancelled ends at its next report.
+    """Work in a thread, with its progress; one that is cancelled ends at its next report, without a result.
 
     Parameters
     ----------
@@ -74,7 +74,10 @@ class Job:
 
     def _run(self) -> None:
         try:
-            self.result = self._work(self._progress)
+            result = self._work(self._progress)
+            if self._stop.is_set():
+                raise Cancelled
+            self.result = result
         except Exception as reason:  # told to the user, as every error of the page
             self.error = reason
 

@@ -17,9 +17,9 @@ from dovetail.desk.candidates import CandidateList
 from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.sensors import SensorList
-from dovetail.desk.session import RANKED_UNASKED, Desk
+from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
 from dovetail.desk.widgets import Keys, Numbers, button, card
-from dovetail.report.words import fault_text
+from dovetail.report.words import directions, fault_text
 from updating.live.engine import Evaluation
 from viz.interactive.theme import CONFIG
 
@@ -37,6 +37,32 @@ NUMBERS = {
     "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
     "left": "left beyond the noise", "apart": "held-out channels",
 }  # fmt: skip
+ROLES = ("sensor", "excitation")
+"""Marks of the model that choose the FRF shown."""
+PRESSED = "(e) => { e.currentTarget.pressedAt = [e.clientX, e.clientY]; }"
+CLICKED = """(e) => {
+  const gd = document.querySelector('[aria-label^="The model"]'), scene = gd._fullLayout.scene._scene;
+  const camera = scene.glplot.cameraParams;
+  const box = gd.querySelector('.gl-container canvas').getBoundingClientRect();
+  const times = (m, v) => [0, 1, 2, 3].map((i) => [0, 1, 2, 3].reduce((s, j) => s + m[i + 4 * j] * v[j], 0));
+  const seen = (point) => {
+    let v = [...point.map((x, i) => x * scene.dataScale[i]), 1];
+    for (const m of [camera.model, camera.view, camera.projection]) v = times(m, v);
+    const [x, y, depth] = v.map((c) => c / v[3]);
+    return [box.x + box.width * (1 + x) / 2, box.y + box.height * (1 - y) / 2, depth];
+  };
+  const marks = [], p = e.points[0], [x, y] = gd.pressedAt;
+  for (const t of gd._fullData) {
+    if (t.type !== 'scatter3d' || t.visible !== true || !t.customdata) continue;
+    t.customdata.forEach((name, k) => {
+      const point = [t.x[k], t.y[k], t.z[k]], [px, py, depth] = seen(point);
+      marks.push({name, role: t.meta.role, point, depth, off: Math.hypot(px - x, py - y)});
+    });
+  }
+  const point = [p.x, p.y, p.z], name = [p.customdata].flat()[0] ?? '';
+  emit({marks, touched: {name, point, depth: seen(point)[2]}});
+}"""
+"""Sends the marks of the model with their distances on the screen from a click [pixel] and their depths."""
 TICK = 0.2
 """Seconds between two looks at running jobs [s]."""
 Move = tuple[str, str, float]
@@ -82,11 +108,14 @@ class Page:
                 self.sensors = SensorList(self)
         ui.timer(TICK, self._look_at_jobs)
         Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
+        self._tell_notes()
+        self._show_numbers(self.desk.shown)
+        self.refresh_buttons()
+
+    def _tell_notes(self) -> None:
         for note in self.desk.notes:
             ui.notify(note, multi_line=True)
         self.desk.notes.clear()
-        self._show_numbers(self.desk.shown)
-        self.refresh_buttons()
 
     def _header(self) -> None:
         with ui.element("header").classes("desk-head column"):
@@ -118,7 +147,8 @@ class Page:
             self.model = _plot(
                 figure, "The model with sensors coloured by their error; click a place to list its candidates"
             )
-            self.model.on("plotly_click", self._clicked_model)
+            self.model.on("mousedown", js_handler=PRESSED)
+            self.model.on("plotly_click", self._clicked_model, js_handler=CLICKED)
 
     def _frf_card(self) -> None:
         measured = self.desk.shown.measured
@@ -229,6 +259,7 @@ class Page:
         self.bands.refresh()
         self.candidates.refresh()
         self.refresh_buttons()
+        self._tell_notes()
 
     def refresh_buttons(self) -> None:
         """Enable the buttons of possible actions only."""
@@ -274,15 +305,13 @@ class Page:
         self._choices[0].set_value(sensor)
 
     def _clicked_model(self, e: GenericEventArguments) -> None:
-        point = e.args["points"][0]
-        name = point.get("customdata")
-        if isinstance(name, list):
-            name = name[0]
-        if name in self.desk.shown.measured.outputs:
-            self._choices[0].set_value(name)
+        touched, reach = e.args["touched"], 2 * SAME_SPOT * self.desk.study.model.mesh.size
+        mark = figures.nearest_mark(e.args["marks"], touched, reach)
+        role, name = (mark["role"], mark["name"]) if mark else ("", touched["name"])
+        if role in ROLES:
+            self._choices[ROLES.index(role)].set_value(name)
         else:
-            # a mark lies on its member, which the mouse meets beside it
-            near = self.desk.spot_near([float(point[k]) for k in "xyz"])
+            near = self.desk.spot_near(mark["point"] if mark else touched["point"])
             self.choose(near or self.desk.spot_of(str(name)))
 
     def choose(self, spot: str) -> None:
@@ -324,19 +353,19 @@ class Page:
             self.refresh()
         if self.fit_job is not None:
             self.fit_bar.show(self.fit_job)
-            if self.fit_job.done:
+            if self.fit_job.done or self.fit_job.ending:
                 job, self.fit_job = self.fit_job, None
                 self._ended(job, self.fit_bar, self._fitted)
         if self.search_job is not None:
             self.search_bar.show(self.search_job)
-            if self.search_job.done:
+            if self.search_job.done or self.search_job.ending:
                 job, self.search_job = self.search_job, None
                 assert self._after is not None
                 self._ended(job, self.search_bar, self._after)
 
     def _ended(self, job: Job, bar: "JobBar", take: Callable[[Job], None]) -> None:
         bar.hide()
-        if job.cancelled:
+        if job.ending:  # its thread ends with the step that it is at, and gives nothing
             ui.notify(f"{job.title}: cancelled")
         elif job.error is not None:
             ui.notify(f"{job.title}: {job.error}", type="negative", multi_line=True)
@@ -413,8 +442,7 @@ class JobBar:
         self._row.set_visibility(True)
         left = job.remaining
         rest = "" if left is None else f", about {_duration(left)} left"
-        rest = ", cancelled, it ends after this step" if job.ending else rest
-        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {job.text or 'begins'}")
+        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {directions(job.text) or 'begins'}")
         self._bar.set_value(round(job.fraction, 3))
 
     def hide(self) -> None:

@@ -117,6 +117,7 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
         diagnosis = by_hand(study, live, replace(less, faults=h.faults), h, time.perf_counter() - begun)
         result = analysed(study, diagnosis, folder, begun)
         write(result, scratch, lambda text, done: say(text, 0.4 + 0.6 * done))
+        say("done", 1.0)  # one that is cancelled leaves no folder
     return result.report
 
 

@@ -10,8 +10,8 @@ from updating.inference.fit import FitProblem
 
 N_STEPS = 400
 """Steps of a slider [-]."""
-BEYOND = 100.0
-"""A parameter without bounds reaches to so many times the largest value that its search begins with [-]."""
+HALF = 10**1.5
+"""A slider spans three decades: so many times less and more than the value of interest, in its middle [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +44,28 @@ class Scale:
         Parameters
         ----------
         p : Parameter
+            With its present value, which is of interest unless the effect is absent there.
         starts : sequence of float
             Values that a search would begin with: they tell which sizes matter.
         """
-        known = [v for v in (*starts, p.value) if np.isfinite(v)]
-        largest = max((abs(v) for v in known), default=0.0) or 1.0
-        lower = p.lower if np.isfinite(p.lower) else -BEYOND * largest
-        upper = p.upper if np.isfinite(p.upper) else BEYOND * largest
+        absent = p.absent if np.isfinite(p.absent) and not p.log else 0.0
+        off = [abs(v - absent) for v in starts if np.isfinite(v) and v != absent]
+        now = abs(p.value - absent) if np.isfinite(p.value) else 0.0
+        middle = now or (float(np.exp(np.mean(np.log(off)))) if off else 1.0)
+        lower, upper = max(p.lower, absent - HALF * middle), min(p.upper, absent + HALF * middle)
         if p.log:
-            lower = max(lower, upper * 1e-12)
+            lower = max(p.lower, middle / HALF)
             return cls(True, 0.0, 1.0, float(np.log10(lower)), float(np.log10(upper)))
-        absent = p.absent if np.isfinite(p.absent) else 0.0
-        off = [abs(v - absent) for v in known if v != absent]
-        size = min(off, default=upper - lower) if not p.position else 1e3 * (upper - lower)
+        size = min(max(min(off, default=middle), middle / HALF), middle)
+        if p.position:
+            lower, upper = p.lower, p.upper
+            size = 1e3 * (upper - lower)
         low, high = np.arcsinh((np.array([lower, upper]) - absent) / size)
         return cls(False, float(absent), float(size), float(low), float(high))
+
+    def holds(self, value: float) -> bool:
+        """Return whether a value is on the scale and off its ends."""
+        return self.low + self.step < self.position(value) < self.high - self.step
 
     @property
     def step(self) -> float:

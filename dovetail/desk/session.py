@@ -13,6 +13,7 @@ from dovetail.desk.saving import held_out_of, holding_out, live_model, save_stud
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import History, Stair, State
 from dovetail.pipeline import Progress, diagnose_study, measured
+from dovetail.report.words import effect_label
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
 from fem.model import Effect, parameter_values
@@ -194,7 +195,13 @@ class Desk:
         self.shown = self.live.evaluate(self.now.hypothesis)
         self.weighed = {}
         if self._journal is not None:
-            write_journal(self._journal, history, self.study.text)
+            try:
+                write_journal(self._journal, history, self.study.text)
+            except OSError as reason:
+                self.notes.append(
+                    f"{reason.filename or self._journal}: {reason.strerror}. The desk goes on, but cannot be "
+                    "taken up from here again; save the study elsewhere"
+                )
 
     def suppose(self, label: str, hypothesis: Hypothesis) -> None:
         """Make a hypothesis the present one."""
@@ -300,7 +307,7 @@ class Desk:
     def fit_this(self, name: str) -> Job:
         """Fit one added effect."""
         h = self.now.hypothesis
-        return Job(f"Fit {name}", lambda say: fit_effect(self.live, h, name, say)).start()
+        return Job(f"Fit {_called(h.effect(name))}", lambda say: fit_effect(self.live, h, name, say)).start()
 
     def fit_all(self) -> Job:
         """Fit everything that may vary."""
@@ -310,8 +317,8 @@ class Desk:
     def take_fit(self, job: Job) -> None:
         """Make the result of a fit the present state, with a step of the staircase."""
         h: Hypothesis = job.result
-        names = " and ".join(e.name for e in h.effects)
-        stair = Stair.of(f"{names}: {job.title.lower()}" if names else FITTED, self.live.evaluate(h))
+        names = " and ".join(map(_called, h.effects))
+        stair = Stair.of(f"{names}, fitted" if names else FITTED, self.live.evaluate(h))
         self.commit(self.now.moved(job.title, h).with_stair(stair))
 
     def rank(self, names: tuple[str, ...] = ()) -> Job:
@@ -330,7 +337,9 @@ class Desk:
     def weigh_fitted(self, name: str) -> Job:
         """Weigh an added effect against a fit without it."""
         h = self.now.hypothesis
-        return Job(f"Fit without {name}", lambda say: weigh(self.live, h, name, say)).start()
+        return Job(
+            f"Fit without {_called(h.effect(name))}", lambda say: weigh(self.live, h, name, say)
+        ).start()
 
     def diagnose(self) -> Job:
         """Search for effects that the study's model lacks, as `dovetail diagnose` does."""
@@ -388,4 +397,8 @@ class Desk:
 
     def scales(self, effect: Effect) -> dict[str, Scale]:
         """Return the scales of the sliders of an effect's parameters."""
-        return scales_of(self.candidates.get(effect.name, effect), self.live.problem)
+        return scales_of(effect, self.live.problem)
+
+
+def _called(effect: Effect) -> str:
+    return effect_label(effect.kind, effect.where)

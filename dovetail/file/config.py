@@ -335,7 +335,7 @@ class _Reader:
         measured_to = _highest(raw, raw_modes, settings.band)
         frequency, highest = read_frequency(top, measured_to, notes)
         superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
-        mesh, aimed, chosen = self._refined(geometry.mesh, parts, highest, notes)
+        mesh, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
@@ -389,7 +389,7 @@ class _Reader:
             held_out_bands=held_out.bands,
             frequency=frequency,
             max_frequency=highest,
-            element_size=(float(aimed.min()), float(aimed.max())),
+            element_size=(float(mesh.lengths().min()), float(mesh.lengths().max())),
             assumptions=tuple(dict.fromkeys(notes)),
             assumed_spreads=tuple(spreads),
             modes=modes,
@@ -518,8 +518,8 @@ class _Reader:
 
     def _refined(
         self, mesh: Mesh, parts: "_Parts", highest: float, notes: list[str]
-    ) -> tuple[Mesh, np.ndarray, dict[str, float]]:
-        """Return the mesh of elements, the size of each member's, and those sizes that were chosen here."""
+    ) -> tuple[Mesh, dict[str, float]]:
+        """Return the mesh of elements, and the sizes aimed at that were chosen here, by member."""
         top, sizes = self.top, parts.sizes
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
@@ -535,16 +535,16 @@ class _Reader:
         except ValueError as reason:
             raise top.source.error(table.path, str(reason)) from reason
         if size is not None:
-            return fine, aimed, {}
+            return fine, {}
         given = [any(own) for own in sizes.values()]
         if not all(given):
             notes.append(
                 f"no element size is given{' for all members' if any(given) else ''}: elements of "
-                f"{describe_sizes(aimed)} ({fine.n_lines} in all) are taken, "
+                f"{describe_sizes(fine.lengths())} ({fine.n_lines} in all) are taken, "
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
         chosen = zip(sizes, aimed, given, strict=True)
-        return fine, aimed, {name: float(h) for name, h, own in chosen if not own}
+        return fine, {name: float(h) for name, h, own in chosen if not own}
 
     def _model(
         self,

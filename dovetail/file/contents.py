@@ -66,7 +66,7 @@ class Study:
     max_frequency : float
         Highest frequency that the mesh resolves [Hz].
     element_size : (float, float)
-        Smallest and largest element size aimed at [m].
+        Lengths of the shortest and the longest element [m].
     assumptions : tuple of str
         Assumptions for missing entries, in sentences.
     assumed_spreads : tuple of str

@@ -25,12 +25,15 @@ def answer(result: RunResult, shown: Shown) -> Markup:
         [words.finding_text(f) for f in d.findings],
         probability_text(d),
         d.reason,
+        words.far_text(result.uncertain),
     )
     return first_screen(result.study, box, _staircase(result, shown), _structure(result, shown))
 
 
-def verdict_box(verdict: str, headline: str, values: Sequence[str], sure: str, reason: str) -> Markup:
-    """Return the verdict in words, with values, probability and reason."""
+def verdict_box(
+    verdict: str, headline: str, values: Sequence[str], sure: str, reason: str, doubt: str = ""
+) -> Markup:
+    """Return the verdict in words, with values, probability, reason, and what speaks for caution."""
     return tag(
         "div",
         tag("p", f"Verdict: {verdict}", class_="kind"),
@@ -38,6 +41,7 @@ def verdict_box(verdict: str, headline: str, values: Sequence[str], sure: str, r
         *(tag("p", value, class_="value") for value in values),
         tag("p", sure, class_="value probability") if sure else "",
         tag("p", f"{reason[:1].upper()}{words.directions(reason[1:])}.", class_="why"),
+        tag("p", doubt, class_="value doubt") if doubt else "",
         class_=f"verdict {CLASS.get(verdict, 'unexplained')}",
     )
 

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report.probable import replaced_text
 from dovetail.report.words import effect_label, ranked_label
-from dovetail.result import RunResult, Uncertain
+from dovetail.result import RunResult
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Finding, Ranked, Step
-
-FAR = 2.5
-"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
 
 
 def mode_confidence(result: ModeRunResult) -> list[str]:
@@ -32,7 +29,7 @@ def mode_confidence(result: ModeRunResult) -> list[str]:
         )
     if len(d.credible) > 1:
         out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
-    return [*out, *_far_from_nominal(result.uncertain)]
+    return out
 
 
 def ratio(before: float, after: float) -> float:
@@ -70,7 +67,6 @@ def confidence(result: RunResult) -> list[str]:
         f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
         f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
     )
-    out += _far_from_nominal(result.uncertain)
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
         out.append(_rivals(d, finding, ranked))
     best = best_of(d.rounds)
@@ -81,17 +77,6 @@ def confidence(result: RunResult) -> list[str]:
             f"held-out lines {best.held_out_db:.2f} dB: too little to call it an effect."
         )
     return out
-
-
-def _far_from_nominal(parameters: Sequence[Uncertain]) -> list[str]:
-    """Return a warning of uncertain parameters that went far; none without any."""
-    far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if abs(u.moved) >= FAR]
-    if not far:
-        return []
-    return [
-        f"Beware of uncertain parameters far from nominal, in prior standard deviations: {', '.join(far)}. "
-        "They may stand in for something else that the model has wrong."
-    ]
 
 
 def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:

@@ -13,6 +13,7 @@ from dovetail.result import RunResult, bands_of_lines
 from fem.analysis.frf import FRF
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import Ranked
+from updating.diagnosis.localisation import Localisation
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
@@ -100,6 +101,15 @@ def marked_places(result: RunResult) -> list[Place]:
         Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
         for xyz, here in out.items()
     ]
+
+
+def failing_places(where: Localisation) -> list[tuple[Place, float]]:
+    """Return joints and supports with their shares of the misfit, the largest at each point."""
+    out: dict[tuple[float, ...], tuple[Place, float]] = {}
+    for name, share in where.places:
+        for xyz in where.points[name]:
+            out.setdefault(tuple(np.round(xyz, 9)), (Place(xyz, name, words.place(name)), share))
+    return list(out.values())
 
 
 def misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:

@@ -16,6 +16,7 @@ from dovetail.report.drawn import (
     candidate_labels,
     compared_models,
     error_bands,
+    failing_places,
     fits_of,
     held_out_bands,
     marked_places,
@@ -119,12 +120,16 @@ def _model(result: RunResult) -> Figure:
 
 def _misfit(result: RunResult) -> Figure | None:
     where = result.localisation
-    if where is None or not where.members:
+    if where is None or not (where.members or where.places):
         return None
     m = result.diagnosis.problem.data.measurement
     _, step, _ = misfit_steps(result)[0]
     return model_figure(
-        result.study.model, m.sensors, errors=_sensor_errors(result, step), members=dict(where.members)
+        result.study.model,
+        m.sensors,
+        errors=_sensor_errors(result, step),
+        members=dict(where.members),
+        joints=failing_places(where),
     )
 
 

@@ -160,8 +160,30 @@
     if (!p) return;
     const role = (p.data.meta || {}).role;
     if (name.startsWith("map-") && p.customdata) choose(p.customdata[0], null, true);
-    if (role === "sensor") choose(p.customdata, null, false);
-    if (role === "excitation") choose(null, p.customdata, false);
+    if (role === "sensor") told(name, choose(p.customdata, null, false));
+    if (role === "excitation") told(name, choose(null, p.customdata, false));
+  }
+
+  // Says below a figure which FRF a click in it has chosen, and leads there.
+  function told(name, pair) {
+    const box = document.querySelector(`figure[data-figure="${name}"]`);
+    if (!pair) return;
+    let line = box.querySelector(".chosen");
+    if (!line) {
+      line = document.createElement("p");
+      line.className = "chosen";
+      line.setAttribute("role", "status");
+      box.insertBefore(line, box.querySelector(".hint, figcaption"));
+    }
+    const link = document.createElement("a");
+    link.href = "#" + document.querySelector('figure[data-figure="frf"]').closest("section").id;
+    link.textContent = "FRF " + pair;
+    link.addEventListener("click", (e) => { e.preventDefault(); goTo(document.querySelector('figure[data-figure="frf"]')); });
+    line.replaceChildren("Shown below: ", link);
+  }
+
+  function goTo(box) {
+    box.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block: "start" });
   }
 
   // ------------------------------------------------------------------------------------------------ FRFs
@@ -170,14 +192,15 @@
 
   function choose(output, input, go) {
     const box = document.querySelector('figure[data-figure="frf"]');
-    if (!box) return;
+    if (!box) return "";
     const [out, into] = box.querySelectorAll("select");
-    if (!out) return;
+    if (!out) return "";
     if (output !== null && [...out.options].some((o) => o.value === output)) out.value = output;
     if (input !== null && [...into.options].some((o) => o.value === input)) into.value = input;
     draw(box);
     out.dispatchEvent(new Event("change"));
-    if (go) box.scrollIntoView({ behavior: still.matches ? "auto" : "smooth", block: "start" });
+    if (go) goTo(box);
+    return out.value + " / " + into.value;
   }
   window.dovetailChoose = choose;
 
@@ -216,9 +239,16 @@
     return [low - room, high + room];
   }
 
+  // Draws frequencies of a figure on a logarithmic axis, or on a linear one.
+  async function frequencyAxis(plot, f, logarithmic) {
+    const ends = [f.find((x) => !logarithmic || x > 0), f[f.length - 1]];
+    await window.Plotly.relayout(plot, { "xaxis.type": logarithmic ? "log" : "linear",
+      "xaxis.range": logarithmic ? ends.map(Math.log10) : ends });
+  }
+
   async function frfTools(box, plot) {
     const raw = await unfolded("data-frf"), [out, into] = box.querySelectorAll("select");
-    const said = box.querySelector("output");
+    const said = box.querySelector("output"), log = box.querySelector("input");
     if (!raw || !out) return;
     const show = async () => {
       store = store || unpacked(raw);
@@ -252,6 +282,8 @@
       plot.setAttribute("aria-label", "FRF of " + out.value + " / " + into.value + ". " + said.textContent);
       box.dataset.pair = out.value + "/" + into.value;
     };
+    const spread = () => frequencyAxis(plot, raw.frequency, log.checked);
+    log.addEventListener("change", spread);
     out.addEventListener("change", show);
     into.addEventListener("change", show);
     box.querySelectorAll("button[data-step]").forEach((b) => b.addEventListener("click", () => {
@@ -341,7 +373,7 @@
       drawn.set(b.dataset.figure, figure);
       const layout = figure.layout;
       window.Plotly.react(b.querySelector(".plot"), figure.data, layout, CONFIG).then(() => {
-        b.querySelectorAll("select").forEach((s) => s.dispatchEvent(new Event("change")));
+        b.querySelectorAll("select, input:checked").forEach((s) => s.dispatchEvent(new Event("change")));
       });
     }));
   }

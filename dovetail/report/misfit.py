@@ -27,8 +27,11 @@ def misfit(result: RunResult, shown: Shown) -> Markup:
 
 
 def _structure(shown: Shown) -> Markup:
-    """Return the sensors by their error and the members by their share of it."""
-    words_ = "sensors coloured by their error, members by the share of it that a small change would explain"
+    """Return the sensors by their error, members, joints and supports by their share of it."""
+    words_ = (
+        "sensors coloured by their error; members, joints and supports by the share of it that a small "
+        "change would explain"
+    )
     return shown.figure(
         "misfit", f"The structure, {words_}.", f"{words_.capitalize()}.", ["misfit-fitted"], hint=TURN
     )

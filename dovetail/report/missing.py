@@ -12,7 +12,7 @@ from dovetail.result import RunResult
 from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
-from updating.diagnosis.findings import Finding, Ranked
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Decisive, Proposal
 
 
@@ -24,9 +24,9 @@ def missing(result: RunResult, shown: Shown) -> Markup:
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
-            p.name.replace("_", " "),
-            words.fitted_text(p),
-            _absent(f, p.name),
+            words.as_stiffness(p).name.replace("_", " "),
+            words.fitted_text(words.as_stiffness(p)),
+            _absent(f, p),
             "–" if p.at_bound else cells.percent(p.std, p.value),
         ]
         for f in d.findings
@@ -51,10 +51,10 @@ def missing(result: RunResult, shown: Shown) -> Markup:
     return section("Missing effects", *parts)
 
 
-def _absent(finding: Finding, name: str) -> str:
+def _absent(finding: Finding, found: EffectParameter) -> str:
     """Return the model's value of a found parameter, a dash where it has none."""
-    absent = next((p.absent for p in finding.effect.parameters() if p.name == name), math.nan)
-    p = next(p for p in finding.parameters if p.name == name)
+    of = next((p for p in finding.effect.parameters() if p.name == found.name), None)
+    absent, p = math.nan if of is None else words.absent_value(of), words.as_stiffness(found)
     return "–" if absent == p.value else words.with_unit(absent, p.unit, like=words.near(absent, p.value))
 
 

@@ -61,7 +61,7 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
     ]
     box = verdict_box(
         d.verdict, words.mode_headline(result), words.mode_values(d),
-        probability_text(d), d.reason,
+        probability_text(d), d.reason, words.far_text(result.uncertain),
     )  # fmt: skip
     return page(
         f"{result.study.name}: {d.verdict}",

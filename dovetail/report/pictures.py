@@ -12,6 +12,7 @@ from dovetail.report.drawn import (
     candidate_labels,
     compared_models,
     error_bands,
+    failing_places,
     fits_of,
     held_out_bands,
     marked_places,
@@ -39,7 +40,7 @@ N_MODES = 4
 DPI = 130
 """Resolution of the curves [1/inch]."""
 TELLING = 0.1
-"""Members are coloured by their share of the misfit if one of them has at least this."""
+"""Members and joints are coloured by their share of the misfit if one of them has at least this."""
 MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
 
@@ -272,11 +273,13 @@ def _draw_structure(result: RunResult, album: Album) -> None:
     before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()
     good = result.diagnosis.verdict in (NOTHING, FAULT)
     limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
-    shares = dict(result.localisation.members) if result.localisation else {}
+    where = result.localisation
+    shares, joints = (dict(where.members), failing_places(where)) if where else ({}, [])
+    telling = max([*shares.values(), *(v for _, v in joints)], default=0.0) >= TELLING
     for name, step, what in misfit_steps(result):
         db = result.comparisons[step].by_sensor()
         known = np.isfinite(db)
-        members = shares if name == "fitted" and max(shares.values(), default=0.0) >= TELLING else None
+        members = shares if name == "fitted" and telling else None
         album.add(
             f"misfit-{name}",
             lambda p, db=db, known=known, members=members: render.render_misfit(
@@ -287,13 +290,18 @@ def _draw_structure(result: RunResult, album: Album) -> None:
                 [s.name for s, k in zip(m.sensors, known, strict=True) if k],
                 p,
                 members=members,
+                joints=[(place.point, v) for place, v in joints],
                 label="error [dB]",
                 members_label="share of the misfit [-]",
                 limits=limits,
             ),
             f"The structure with its sensors coloured by their error, {what}.",
             f"Error of each sensor on the structure, {what}"
-            + ("; members by the share of it that a small change would explain." if members else "."),
+            + (
+                "; members, joints and supports by the share of it that a small change would explain."
+                if members
+                else "."
+            ),
         )
 
 

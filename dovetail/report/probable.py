@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterable, Sequence
 
-from dovetail.report.words import FAULT_NAMES, effect_label
+from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect
 from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
@@ -11,6 +11,8 @@ from updating.diagnosis.evidence.diagnosis import UNKNOWN
 from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 
+RARE = 0.01
+"""Hypotheses that are less probable are not told apart [-]."""
 Posterior = Sequence[tuple[Collection[str], float]]
 """Hypotheses by the names of their effects, each with its probability [-]."""
 
@@ -84,7 +86,7 @@ def vague_text(d: Diagnosis) -> str:
     """Return which values found are smaller than their standard deviations; empty if none is."""
     vague = [
         f"{effect_label(f.effect.kind, f.effect.where)} is not known in size: the standard deviation of its "
-        f"{p.name.replace('_', ' ')} exceeds the value"
+        f"{as_stiffness(p).name.replace('_', ' ')} exceeds the value"
         for f in d.findings
         for p, own in zip(f.parameters, f.effect.parameters(), strict=True)
         if not own.position and p.std > abs(p.value)
@@ -103,7 +105,23 @@ def replaced_text(d: Diagnosis, subject: str, name: str) -> str:
 
 def hypotheses(d: Diagnosis) -> list[tuple[str, float]]:
     """Return the hypotheses in words with their probabilities; none where the search gives none."""
-    return [(label_of(d, names), float(p)) for names, p in d.posterior]
+    return without_rare([(label_of(d, names), float(p)) for names, p in d.posterior], reported(d))
+
+
+def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tuple[str, float]]:
+    """Return hypotheses, those that have less than 1 % each and follow the others as one.
+
+    Parameters
+    ----------
+    known : sequence of (label, probability)
+    kept : int
+        One that stays alone, with all before it.
+    """
+    last = max([kept, *(k for k, (_, p) in enumerate(known) if p >= RARE)])
+    rare = known[last + 1 :]
+    if len(rare) < 2:
+        return list(known)
+    return [*known[: last + 1], (f"{len(rare)} others, together", sum(p for _, p in rare))]
 
 
 def label_of(d: Diagnosis, names: Iterable[str]) -> str:

@@ -21,6 +21,7 @@ def frfs(result: RunResult, shown: Shown) -> Markup:
             _choice("force", known.inputs),
             tag("button", "←", type="button", data_step="-1", aria_label="previous FRF"),
             tag("button", "→", type="button", data_step="1", aria_label="next FRF"),
+            tag("label", Markup('<input type="checkbox">'), "logarithmic frequency"),
             tag("output", aria_live="polite"),
         ]
     )

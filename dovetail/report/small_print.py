@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from dovetail.file.contents import Study
+from dovetail.file.geometry import describe_sizes
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
 from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table, tag
@@ -115,11 +116,10 @@ def _run(result: RunResult | ModeRunResult) -> list[tuple[str, str]]:
 
 def _mesh(study: Study) -> tuple[str, str]:
     mesh = study.model.mesh
-    least, most = (f"{1e3 * size:.3g}" for size in (mesh.lengths().min(), mesh.lengths().max()))
-    size = least if least == most else f"{least} to {most}"
+    size = describe_sizes(mesh.lengths())
     return (
         "mesh",
-        f"{mesh.n_lines} elements of {size} mm, {study.model.n_dof} degrees of freedom before constraints",
+        f"{mesh.n_lines} elements of {size}, {study.model.n_dof} degrees of freedom before constraints",
     )
 
 

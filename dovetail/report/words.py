@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import RunResult, added_parameters
+from dovetail.result import RunResult, Uncertain, added_parameters
 from fem.model import Effect, Parameter
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
@@ -15,6 +16,8 @@ from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+_STIFFNESS = {"rad/(N·m)": "N·m/rad", "m/N": "N/m"}
+"""Units of stiffnesses by those of compliances."""
 _DIRECTION = re.compile(r", (r?)([xyz])$")
 _DIRECTIONS = re.compile(r", (r?)([xyz])\b(?![\w.])")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
@@ -87,6 +90,22 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     return f"{rounded:.{shown}f} ± {spread:.{shown}f}{after}".replace("-", "−")
 
 
+def as_stiffness(p: EffectParameter) -> EffectParameter:
+    """Return a compliance as the stiffness 1/c, with the standard deviation s/c²; others as they are."""
+    if p.unit not in _STIFFNESS:
+        return p
+    stiffness = 1 / p.value if p.value else math.inf
+    std = p.std * stiffness**2 if p.value else math.nan
+    return replace(p, name="stiffness", value=stiffness, unit=_STIFFNESS[p.unit], std=std)
+
+
+def absent_value(p: Parameter) -> float:
+    """Return the value at which a parameter's effect is absent, that of a compliance as a stiffness."""
+    if p.unit not in _STIFFNESS:
+        return p.absent
+    return 1 / p.absent if p.absent else math.inf
+
+
 def fitted_text(p: EffectParameter) -> str:
     """Return a fitted value with its standard deviation, or that it is at its bound, where it has none."""
     if p.at_bound:
@@ -96,17 +115,20 @@ def fitted_text(p: EffectParameter) -> str:
 
 def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
     """Return ``stiffness 147 ± 10 N·m/rad instead of 2980 N·m/rad``, the last where the model has a value."""
+    p = as_stiffness(p)
     text = f"{p.name.replace('_', ' ')} {fitted_text(p)}"
-    if of is None or of.absent in (0, p.value):
+    absent = math.nan if of is None else absent_value(of)
+    if math.isnan(absent) or absent in (0, p.value):
         return text
-    if not math.isfinite(of.absent):
+    if not math.isfinite(absent):
         return f"{text} instead of rigid"
-    return f"{text} instead of {with_unit(of.absent, p.unit, like=near(of.absent, p.value))}"
+    return f"{text} instead of {with_unit(absent, p.unit, like=near(absent, p.value))}"
 
 
 def explanation_text(e: Explanation) -> str:
     """Return an explanation with the values of its effects."""
-    values = [f"{p.name} {fitted_text(p)}" for parameters in e.parameters for p in parameters]
+    shown = (as_stiffness(p) for parameters in e.parameters for p in parameters)
+    values = [f"{p.name} {fitted_text(p)}" for p in shown]
     return f"{e.label}: {', '.join(values)}" if values else e.label
 
 
@@ -131,6 +153,17 @@ def added_text(effect: Effect, fit: FitResult | None) -> str:
     """Return an effect that was added by hand, with its values, on one line."""
     values = parameters_text(added_parameters(effect, fit))
     return f"{effect.name} ({place(effect.where)}), {values}" if values else effect.name
+
+
+def far_text(parameters: Sequence[Uncertain]) -> str:
+    """Return a warning of uncertain parameters far from nominal; empty without any."""
+    far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if u.far]
+    if not far:
+        return ""
+    return (
+        f"Beware of uncertain parameters far from nominal, in prior standard deviations: {', '.join(far)}. "
+        "They may stand in for something else that the model has wrong."
+    )
 
 
 FAULT_NAMES = {

@@ -8,6 +8,7 @@ import pytest
 from dovetail import load_study
 from dovetail.file.geometry import element_size
 from dovetail.file.table import StudyError
+from dovetail.report.small_print import _mesh
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
@@ -79,6 +80,15 @@ def test_defaults_are_said(tmp_path):
     assert study.damping_std == 0.5
     assert study.kinds is None
     assert study.measurements == ()
+
+
+def test_one_element_size_is_told(tmp_path):
+    study = load(tmp_path, BEAM + CLAMP + "[frequency]\nstop = 5000\n")
+    n = study.model.mesh.n_lines
+    size = f"elements of {1e3 / n:.3g} mm"  # as made, not as aimed at
+    assert any(f"{size} ({n} in all)" in text for text in study.assumptions)
+    assert _mesh(study)[1].startswith(f"{n} {size}, ")
+    assert study.element_size == pytest.approx((1 / n, 1 / n))
 
 
 def test_what_is_given_is_not_assumed(tmp_path):

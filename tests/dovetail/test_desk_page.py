@@ -129,20 +129,25 @@ def test_a_port_that_is_taken_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("p", "starts"),
+    ("p", "starts", "spanned"),
     [
-        (Parameter("stiffness", "N·m/rad", 2980.0, 2980.0, 0.3, 3e7, log=True), [30.0, 3e5]),
-        (Parameter("damping", "N·s/m", 0.0, 0.0, 0.0, 2e7), [0.0, 2.0, 2e3]),
-        (Parameter("change", "-", 0.0, 0.0, -0.8, 4.0), [-0.3, 0.3]),
-        (Parameter("compliance", "rad/(N·m)", 1.0, np.inf, 0.0, np.inf), [1.0, 10.0]),
-        (Parameter("position", "m", 0.4, 0.4, 0.1, 0.7, position=True), [0.2, 0.4]),
+        (
+            Parameter("stiffness", "N·m/rad", 2980.0, 2980.0, 0.3, 3e7, log=True),
+            [30.0, 3e5],
+            [94.24, 94240.0],
+        ),
+        (Parameter("damping", "N·s/m", 0.0, 0.0, 0.0, 2e7), [0.0, 2.0, 2e3], [0.0, 2000.0]),
+        (Parameter("change", "-", 0.0, 0.0, -0.8, 4.0), [-0.3, 0.3], [-0.8, 4.0]),
+        (Parameter("compliance", "rad/(N·m)", 1.0, np.inf, 0.0, np.inf), [1.0, 10.0], [0.0, 31.62]),
+        (Parameter("position", "m", 0.4, 0.4, 0.1, 0.7, position=True), [0.2, 0.4], [0.1, 0.7]),
     ],
 )
-def test_a_slider_reaches_every_value_and_comes_back(p, starts):
+def test_a_slider_spans_three_decades_around_the_place_of_interest(p, starts, spanned):
     scale = Scale.of(p, starts)
     ends = [scale.value(scale.low), scale.value(scale.high)]
-    assert ends[0] == pytest.approx(p.lower, abs=1e-9)
-    assert ends[1] == pytest.approx(p.upper if np.isfinite(p.upper) else 1000.0)
+    assert ends == pytest.approx(spanned, rel=1e-3, abs=1e-9)
+    assert scale.holds(scale.value((scale.low + scale.high) / 2))
+    assert not scale.holds(ends[1])
     at = np.linspace(scale.low, scale.high, 41)
     values = np.array([scale.value(x) for x in at])
     assert (np.diff(values) > 0).all()
@@ -346,6 +351,59 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
             urllib.request.urlopen(again.address.partition("?")[0]).close()
     finally:
         again.close()
+
+
+def near_the_joint(tab, off):
+    """Click beside the mark of joint J, and return the place and the sensor that the page shows then."""
+    page = tab.page
+    page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
+    x, y = page.evaluate(PROJECTED, "joint J")
+    for step in (3, 0):
+        page.mouse.move(x + off[0] - step, y + off[1])
+        page.wait_for_timeout(300)
+    page.mouse.click(x + off[0], y + off[1], delay=150)
+    page.wait_for_timeout(700)
+    return [page.get_by_role("combobox", name=n, exact=True).input_value() for n in ("Place", "Sensor")]
+
+
+def test_two_tabs_share_a_desk_that_answers(example, chromium):
+    server = Server(example)
+    try:
+        one = Tab(chromium, server.address, patience=15_000)
+        two = Tab(chromium, server.address, patience=15_000)
+        sensor = one.page.get_by_role("combobox", name="Sensor", exact=True).input_value()
+        one.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
+        near = [near_the_joint(one, off) for off in ((0, 0), (4, 2), (2, 6))]
+        assert near == [["joint J", sensor]] * 3  # and no sensor above it
+        nominal, kz = one.error(), "joint_stiffness:J.z"
+        one.press(f"Add {TURNING}")
+        one.press(f"Add {kz}")
+        for tab in (one, two):
+            field = tab.page.get_by_label(f"stiffness of {kz}, N/m")
+            field.wait_for()
+            if tab is one:
+                field.fill("29800000")
+            tab.page.wait_for_function(
+                "(label) => document.querySelector(`[aria-label='${label}']`)?.value === '29800000'",
+                arg=f"stiffness of {kz}, N/m",
+            )
+            assert field.evaluate("(e) => e.scrollWidth <= e.clientWidth")
+            slider = tab.page.get_by_role("slider", name=f"stiffness of {kz}")
+            low, high, at = slider.evaluate("(e) => [+e.min, +e.max, +e.value]")
+            assert high - low == pytest.approx(3.0)
+            assert low < at < high
+        for _ in range(3):
+            two.page.get_by_role("button", name="Undo").click()
+        for tab in (one, two):
+            tab.page.get_by_label(f"stiffness of {TURNING}, N·m/rad").wait_for(state="detached")
+            assert tab.error() == nominal
+        two.press("Diagnose")
+        two.page.get_by_text("fitting the uncertain parameters").wait_for()
+        two.press("Cancel: Search")
+        two.page.get_by_text("Diagnose: cancelled").wait_for(timeout=2000)
+        assert one.faults == two.faults == []
+    finally:
+        server.close(kill=True)
 
 
 @pytest.mark.slow

@@ -1,8 +1,12 @@
 """The desk's state without a page: history, journal, jobs, saving."""
 
 import asyncio
+import errno
 import json
 import shutil
+import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -285,6 +289,94 @@ def test_a_click_finds_its_spot(desk):
     assert desk.spot_near([0.0, 0.0, 5.0]) == ""
     every = [n for s in desk.spots.values() for names in s.places.values() for n in names]
     assert sorted(every) == sorted(desk.candidates)
+
+
+def test_a_click_means_the_nearest_mark():
+    def mark(name, off, depth, x=0.0):
+        return {"name": name, "off": off, "depth": depth, "point": [x, 0.0, 0.0]}
+
+    beam = {"name": "U", "point": [0.0, 0.0, 0.0], "depth": 0.5}
+    joint, above, beyond = mark("joint J", 3.0, 0.51), mark("D3z", 6.9, 0.4), mark("U1z", 2.0, 0.9, 5.0)
+    assert figures.nearest_mark([above, joint, beyond], beam, 0.1) is joint  # one is farther, one hidden
+    front = mark("U5z", 5.0, 0.3)
+    assert figures.nearest_mark([joint, front], beam, 0.1) is front  # over each other: the foremost
+    assert figures.nearest_mark([mark("far", 40.0, 0.1)], beam, 0.1) is None
+
+
+def test_a_full_disk_is_told_and_the_desk_goes_on(desk, tmp_path, monkeypatch):
+    desk._journal = tmp_path / "journal.json"
+    desk.add(MASS, mass=0.1)
+    before = desk._journal.read_bytes()
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    desk.add(TURNING)
+    assert [e.name for e in desk.now.hypothesis.effects] == [MASS, TURNING]
+    assert "No space left on device" in desk.notes[-1]
+    assert desk._journal.read_bytes() == before
+    with pytest.raises(OSError, match="No space left"):
+        desk.save(tmp_path / "saved.toml")
+    assert [p.name for p in tmp_path.iterdir() if p.suffix in (".json", ".toml")] == ["journal.json"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from dovetail.desk.session import Desk
+
+def killed(path, text, **more):
+    with path.open("w", encoding="utf-8") as file:
+        file.write(text[: len(text) // 2])
+        file.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+desk = Desk.open(Path(sys.argv[1]))
+desk.add("point_mass:U", mass=0.1)
+Path.write_text = killed
+desk.switch("D3z")
+"""
+
+
+def test_a_desk_killed_while_it_saves_opens_one_state_earlier(tmp_path):
+    for file in STUDY.parent.iterdir():
+        if not file.name.startswith("."):
+            shutil.copy(file, tmp_path)
+    here = tmp_path / STUDY.name
+    done = subprocess.run([sys.executable, "-c", KILLED, str(here)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
+    assert Desk.open(here).history.undoes == f"add {MASS}"
+
+
+def test_the_staircase_and_jobs_name_effects_in_words(desk):
+    desk.add(TURNING, stiffness=200.0)
+    job = desk.fit_this(TURNING)
+    assert job.wait(60)
+    assert (job.title, job.text) == (
+        "Fit joint stiffness: joint J, about x",
+        "fitting joint stiffness at joint J, rx",
+    )
+    desk.take_fit(job)
+    assert desk.now.stairs[-1].label == "joint stiffness: joint J, about x, fitted"
+    shown = figures.staircase(desk).layout.xaxis.ticktext[-1].replace("<br>", " ")
+    assert shown == desk.now.stairs[-1].label
+
+
+def test_a_cancelled_job_gives_nothing():
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work(progress):
+        begun.set()
+        go_on.wait(10)
+        return "done"
+
+    job = Job("work", work).start()
+    assert begun.wait(10)
+    job.cancel()
+    go_on.set()
+    assert job.wait(10)
+    assert (job.cancelled, job.result) == (True, None)
 
 
 def test_a_diagnosis_is_taken_over(desk):

@@ -19,12 +19,14 @@ from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
-from dovetail.result import Uncertain, result_dict
+from dovetail.result import Uncertain, diagnosis_dict, result_dict
 from fem.effects import effect_classes
+from fem.model import Parameter
 from tests.frames import cross_beam, portal, write_study
+from updating.diagnosis.findings import EffectParameter
 from updating.quality.corrections import Fault
 
-VOID = {"meta", "link", "img", "br", "hr"}
+VOID = {"meta", "link", "img", "br", "hr", "input"}
 
 
 class Reader(HTMLParser):
@@ -225,8 +227,37 @@ def test_doubts_are_told(found, album):
     uncertain = (replace(found.uncertain[0], fitted=0.9 * found.uncertain[0].nominal), *found.uncertain[1:])
     page = report_html(replace(found, diagnosis=replace(d, steps=steps), uncertain=uncertain), album)
     assert "That explains the misfit only in part." in page
-    assert "E of steel (−5.0)" in page
+    first, _, rest = page.partition("</header>")
+    assert "E of steel (−5.0)" in first
+    assert "far from nominal" not in rest
     assert "only in part" not in report_html(found, album)
+
+
+def test_parameters_far_from_nominal_are_printed_and_in_json(found, monkeypatch):
+    assert not any(u["far"] for u in diagnosis_dict(found.diagnosis)["uncertain"])
+    assert not any("far from nominal" in line for line in found_lines(found.diagnosis))
+    one = found.uncertain[0]
+    moved = (replace(one, fitted=one.nominal - 2.6 * one.prior_std),)
+    monkeypatch.setattr("dovetail.result.uncertain_parameters", lambda d: moved)
+    (said,) = diagnosis_dict(found.diagnosis)["uncertain"]
+    assert (said["moved"], said["far"]) == (pytest.approx(-2.6), True)
+    assert any("E of steel (−2.6)" in line for line in found_lines(found.diagnosis))
+
+
+def test_hypotheses_below_one_per_cent_share_a_row():
+    known = [("a", 0.98), ("b", 0.013), ("c", 0.004), ("d", 0.002), ("e", 0.001)]
+    assert probable.without_rare(known) == [*known[:2], ("3 others, together", pytest.approx(0.007))]
+    assert probable.without_rare(known, 3) == known  # one that is reported stays, with all before it
+    assert probable.without_rare(known[:3]) == known[:3]
+
+
+def test_a_compliance_is_told_as_a_stiffness():
+    p = EffectParameter("compliance", 2e-5, "rad/(N·m)", 1e-6)
+    of = Parameter("compliance", "rad/(N·m)", 2e-5, 0.0, 0.0, 1e-3)
+    assert words.parameter_text(p, of) == "stiffness 50.0 ± 2.5\u00a0kN·m/rad instead of rigid"
+    assert words.parameter_text(replace(p, value=0.0)) == "stiffness rigid"
+    other = EffectParameter("mass", 2.0, "kg", 0.1)
+    assert words.as_stiffness(other) is other
 
 
 def test_long_lists_are_folded():

@@ -290,6 +290,51 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         page.wait_for_function(f"!{pair}.startsWith({json.dumps(measured.outputs[1] + '/')})")
 
 
+def test_a_click_in_the_structure_names_the_frf_that_it_shows(folder, found, chromium):
+    measured = found.diagnosis.measured
+    with opened(chromium, folder / "report.html") as page:
+        figure = drawn(page, "model")
+        click = {"points": [{"data": {"meta": {"role": "sensor"}}, "customdata": measured.outputs[-1]}]}
+        plot = figure.locator(".plot")
+        plot.evaluate("(plot, e) => plot.emit('plotly_click', e)", click)
+        shown = f"{measured.outputs[-1]} / {measured.inputs[0]}"
+        assert figure.get_by_role("status").inner_text() == f"Shown below: FRF {shown}"
+        page.wait_for_selector(f'figure[data-figure="frf"][data-pair="{shown.replace(" / ", "/")}"]')
+        figure.get_by_role("link", name=f"FRF {shown}").click()
+        top = "document.querySelector('figure[data-figure=frf]').getBoundingClientRect().top"
+        page.wait_for_function(f"() => Math.abs({top}) < innerHeight / 2", timeout=20_000)
+
+
+def test_frequencies_of_frfs_can_be_logarithmic(folder, found, chromium):
+    f = found.diagnosis.measured.frequency
+    axis = "(plot) => [plot._fullLayout.xaxis.type, ...plot._fullLayout.xaxis.range]"
+    with opened(chromium, folder / "report.html") as page:
+        figure = drawn(page, "frf")
+        plot, box = figure.locator(".plot"), figure.get_by_label("logarithmic frequency")
+        box.check()
+        kind, *ends = plot.evaluate(axis)
+        assert kind == "log"
+        assert ends == pytest.approx(np.log10([f[f > 0][0], f[-1]]), abs=1e-6)
+        figure.locator('button[data-step="1"]').click()
+        assert plot.evaluate(axis)[0] == "log"  # another FRF keeps it
+        box.uncheck()
+        assert plot.evaluate(axis) == ["linear", pytest.approx(f[0]), pytest.approx(f[-1])]
+
+
+def test_joints_are_coloured_by_their_share(found):
+    where = found.localisation
+    figure = figures.make_all(found).known["misfit"]
+    (marks,) = (t for t in figure.data if (t.meta or {}).get("role") == "joint")
+    shares = dict(where.places)
+    assert marks.customdata[0] == where.places[0][0]
+    assert {shares[name] for name in marks.customdata} <= set(shares.values())
+    np.testing.assert_allclose(marks.marker.color, [shares[n] for n in marks.customdata], rtol=1e-6)
+    members = next(t for t in figure.data if (t.meta or {}).get("role") == "member")
+    assert members.cmax == marks.marker.cmax == pytest.approx(max(*shares.values(), *where.members.values()))
+    point = np.array([marks.x[0], marks.y[0], marks.z[0]])
+    assert np.linalg.norm(where.points[marks.customdata[0]] - point, axis=1).min() < 1e-6
+
+
 def test_a_click_on_the_map_shows_the_sensor(folder, found, chromium):
     sensors = found.comparisons[0].outputs
     with opened(chromium, folder / "report.html") as page:

@@ -189,6 +189,20 @@ def test_misfit_picture_can_colour_members(cross, tmp_path):
     assert blue > 5000
 
 
+def test_misfit_picture_can_colour_joints(cross, tmp_path):
+    model, _, sensors = cross
+    s, shares = sensors[0], {"lower": 0.0, "upper": 0.0}
+    blue = []
+    for joints in ([], [(model.mesh.points.mean(axis=0), 0.4)]):
+        path = tmp_path / f"{len(joints)}.png"
+        drawn = pixels(
+            render.render_misfit(model, [s.point], [s.direction], [-10.0], [s.name], path, shares, joints)
+        )
+        left = drawn[:, : int(0.75 * drawn.shape[1])]
+        blue.append((left[..., 2] - left[..., 0] > 50).sum())
+    assert blue[0] < 50 < blue[1]
+
+
 def test_misfits_must_belong_to_sensors(cross, tmp_path):
     model, _, sensors = cross
     with pytest.raises(ValueError, match="1 points, 1 directions, 2 misfits and 1 names"):

@@ -45,6 +45,8 @@ class Localisation:
         explain, 0 to 1.
     places : tuple of (str, float)
         The same for joints and supports, best first.
+    points : mapping of str to ndarray (n, 3)
+        Points of each of these places [m].
     note : str
         How far this is to be trusted.
     """
@@ -57,6 +59,7 @@ class Localisation:
     by_band_db: NDArray[np.float64]
     members: Mapping[str, float]
     places: tuple[tuple[str, float], ...]
+    points: Mapping[str, NDArray[np.float64]]
     note: str
 
     __repr__ = fields_summary
@@ -82,12 +85,15 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     comparison = compare(m, problem.frf(result), n_bands, problem.data.mask)
     members: dict[str, float] = dict.fromkeys(problem.reduced.model.mesh.members, 0.0)
     places: dict[str, float] = {}
+    points: dict[str, NDArray[np.float64]] = {}
     changes = list(_changes(problem))
     many = len(changes) > MOST_SOLVED
     project = _Projection.of(problem, result, _few_lines(problem) if many else N_LINES)
     for change in _most_telling(project, changes) if many else changes:
         found = members if change.in_member else places
         found[change.place] = max(found.get(change.place, 0.0), project.share(change))
+        if not change.in_member and change.place not in points:
+            points[change.place] = change.effect.locations(problem.reduced.model)
     note = (
         "Shares come from a linear estimate: they say where a small change would help, not what is wrong. "
         "A large effect shows at places that move like it; only the fits of the candidates decide."
@@ -95,7 +101,7 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     by_input = np.array([_rms(comparison.log_ratio[:, :, j].real) for j in range(len(m.inputs))])
     return Localisation(
         m.outputs, m.inputs, comparison.by_sensor(), by_input, comparison.bands, comparison.by_band(),
-        members, tuple(sorted(places.items(), key=lambda item: -item[1])), note,
+        members, tuple(sorted(places.items(), key=lambda item: -item[1])), points, note,
     )  # fmt: skip
 
 

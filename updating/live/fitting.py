@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from updating.diagnosis.begin import begin_fitted
+from updating.diagnosis.findings import label
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
@@ -122,7 +123,7 @@ def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) ->
     """Fit the parameters of one added effect, from where they are and from its own starts; the rest holds."""
     problem, effect = live.problem_of(h), h.effect(name)
     starts = [parameter_values(effect), *effect.starts(problem.surroundings)]
-    watch = Watch(progress, f"fitting {name}", len(starts) + 1)
+    watch = Watch(progress, f"fitting {label(effect)}", len(starts) + 1)
     held = _watched(problem, watch, frozenset({name}))
     now = h.result()
     whole, few = held.stages[-1:], held.n_lines // 4

@@ -14,6 +14,8 @@ from viz.axes import digits_for, number
 from viz.interactive.theme import CELL, axis, colour_scale, layout, plain, single
 from viz.layout import shorten
 
+MOST_LINES = 6
+"""Lines of a name beside an axis [-]."""
 MOST_NUMBERS = (40, 12)
 """Largest map, rows and columns, whose cells show their numbers."""
 
@@ -175,10 +177,16 @@ def _floor_line(
 
 
 def _broken(text: str, width: int) -> str:
-    """Return a text with line breaks between words, made plain: lines of even length, four at most."""
-    n = len(textwrap.wrap(text, width))
-    even = next(w for w in range(max(width // 2, 1), width + 1) if len(textwrap.wrap(text, w)) <= n)
-    return "<br>".join(plain(line) for line in textwrap.wrap(text, even)[:4]) or " "
+    """Return a text with line breaks between words, made plain: lines of even length, cut where many."""
+
+    def wrapped(w: int) -> list[str]:
+        return textwrap.wrap(text, w, break_long_words=False, break_on_hyphens=False)
+
+    n = len(wrapped(width))
+    even = next(w for w in range(max(width // 2, 1), width + 1) if len(wrapped(w)) <= n)
+    lines = wrapped(even)
+    more = " …" if len(lines) > MOST_LINES else ""
+    return "<br>".join(plain(line) for line in lines[:MOST_LINES]) + more or " "
 
 
 def ranking_figure(

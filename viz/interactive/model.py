@@ -45,6 +45,7 @@ def model_figure(
     limits: tuple[float, float] | None = None,
     places: Sequence[Place] = (),
     members: Mapping[str, float] | None = None,
+    joints: Sequence[tuple[Place, float]] = (),
     members_label: str = "share of the misfit [-]",
     title: str = "",
     height: float = 520,
@@ -67,6 +68,8 @@ def model_figure(
         Findings, faults and candidates.
     members : mapping of str to float, optional
         A value for members, which are then coloured by it.
+    joints : sequence of (Place, float)
+        Joints and supports with the same value, in the same colours.
     members_label : str
         Name of this value, with its unit.
     title : str
@@ -79,7 +82,13 @@ def model_figure(
         If the model has no frame with sections.
     """
     surface, size = model_surface(model, pieces=1), model.mesh.size
-    traces = [*_member_traces(model, surface, members, members_label), wires(surface.rest, surface.edges)]
+    shares = [*(members or {}).values(), *(v for _, v in joints)]
+    top = max((v for v in shares if np.isfinite(v)), default=0.0)
+    traces = [
+        *_member_traces(model, surface, members, members_label, top or 1.0),
+        wires(surface.rest, surface.edges),
+        *_valued_joints(joints, members_label, top or 1.0),
+    ]
     bounds, names = [surface.rest], []
     eye = view_axes(surface.rest)[2]
     for group, word in ((sensors, "sensor"), (excitations, "excitation")):
@@ -100,14 +109,14 @@ def model_figure(
 
 
 def _member_traces(
-    model: Model, surface: Surface, values: Mapping[str, float] | None, label: str
+    model: Model, surface: Surface, values: Mapping[str, float] | None, label: str, top: float
 ) -> list[dict[str, Any]]:
     """Return the members by family, or all in the colours of their values."""
     owner = np.array(model.mesh.member_of_line())
     vertex = line_of_vertex(surface)
     if values:
         known = np.array([values.get(str(m), np.nan) for m in owner], dtype=float)
-        return [_valued_members(surface, vertex, owner, known, label)]
+        return [_valued_members(surface, vertex, owner, known, label, top)]
     families = member_families(model)
     names = in_order(families)
     family = np.array([families[str(m)] for m in owner])
@@ -126,14 +135,13 @@ def _member_traces(
 
 
 def _valued_members(
-    surface: Surface, vertex: NDArray[np.int64], owner: NDArray[Any], values: Floats, label: str
+    surface: Surface, vertex: NDArray[np.int64], owner: NDArray[Any], values: Floats, label: str, top: float
 ) -> dict[str, Any]:
     at = owner[vertex].tolist()
     shown = values[vertex]
-    top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
     return solid(
         surface.rest, surface.triangles, intensity=single(np.nan_to_num(shown)), cmin=0.0,
-        cmax=top or 1.0, colorscale=colour_scale(style.lighter(style.agreement_map(), 0.25)),
+        cmax=top, colorscale=_share_scale(),
         colorbar=_bar(label, 0.0), customdata=at, hoverinfo="text", showlegend=False,
         hovertext=[
             f"member {plain(m)}" + (f"<br>{v:.3g}: {plain(label)}" if np.isfinite(v) else "")
@@ -141,6 +149,23 @@ def _valued_members(
         ],
         meta={"role": "member"},
     )  # fmt: skip
+
+
+def _valued_joints(joints: Sequence[tuple[Place, float]], label: str, top: float) -> list[dict[str, Any]]:
+    """Return joints and supports in the colours of members."""
+    if not joints:
+        return []
+    marker = {
+        "color": single([v for _, v in joints]), "cmin": 0.0, "cmax": top, "colorscale": _share_scale(),
+        "symbol": "diamond", "size": 10, "line": {"color": style.INK, "width": 1},
+    }  # fmt: skip
+    hover = [f"{plain(p.label or p.name)}<br>{v:.3g}: {plain(label)}" for p, v in joints]
+    places, names = [p.point for p, _ in joints], [p.name for p, _ in joints]
+    return [points_trace(places, names, hover, marker, name="joint or support", meta={"role": "joint"})]
+
+
+def _share_scale() -> list[tuple[float, str]]:
+    return colour_scale(style.lighter(style.agreement_map(), 0.25))
 
 
 def _bar(label: str, x: float) -> dict[str, Any]:

@@ -38,6 +38,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
+from updating.diagnosis.findings import labels
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
@@ -345,7 +346,7 @@ class Search:
 
         ``now`` is the score of the base on these lines.
         """
-        what = f"effects beside {base.name}" if base.effects else "effects"
+        what = f"effects beside {labels(base.effects)}" if base.effects else "effects"
         self.tell(f"looking at {len(self.candidates)} {what}")
         quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
@@ -420,7 +421,7 @@ class Search:
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
-        self.tell(f"fitting {len(others)} rivals of {h.name}")
+        self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
         now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
@@ -625,7 +626,9 @@ class Search:
         """
         wanted = [h for h in many if self._deserves_fit(h.key, h)]
         if wanted:
-            self.tell("fitting on all lines: " + "; ".join(h.name for h in wanted))
+            self.tell(
+                "fitting on all lines: " + "; ".join(labels(h.effects) or "nothing missing" for h in wanted)
+            )
         for fitted in self.workers.map(_fully, (self.fits, anew), wanted):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
