@@ -88,10 +88,6 @@ class DistributedMass(OnMember):
         assert unit.M is not None
         return (Contribution(unit.dofs, M=self.mass * unit.M),)
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of a member on springs."""
         return stiffness_of_sprung(model, self.member)
@@ -175,10 +171,6 @@ class FluidAddedMass(OnMember):
         unit = mass_of_stretch(frame_of(model), model, self.member, 0.0, length, weights)
         assert unit.M is not None
         return (Contribution(unit.dofs, M=self.mass * unit.M),)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of a member on springs."""

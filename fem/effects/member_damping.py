@@ -41,10 +41,6 @@ class MemberDamping(OnMember):
         parts = member_contribution(frame_of(model), model, self.member)
         return tuple(Contribution(c.dofs, D=self.loss_factor * c.K) for c in parts if c.K is not None)
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of the member."""
         return material_of(model, self.member, "E")

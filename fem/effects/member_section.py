@@ -97,10 +97,6 @@ class MemberSection(OnMember):
             model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
         )
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
@@ -155,10 +151,6 @@ class MemberTorsion(OnMember):
         """Return the change of the member's K and D."""
         parts = changed_member(model, self.member, SectionChange(J=1 + self.change))
         return tuple(Contribution(c.dofs, c.K, D=c.D) for c in parts if c.K is not None)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of the member."""
@@ -219,10 +211,6 @@ class MemberShear(OnMember):
             for s in (self.share, 0.0 if self.euler else 1.0)
         )
         return changed_member(model, self.member, here, there)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""

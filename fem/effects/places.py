@@ -124,6 +124,10 @@ class OnMember(Effect):
         mesh = model.mesh
         return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
 
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class AtPoint(Effect):

@@ -64,10 +64,6 @@ class PointInertia(OnMember):
         dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.position)
         return (Contribution(dofs[None], M=(self.inertia * (N[3:].T @ N[3:]))[None]),)
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Inertias of 0.003 to 30 % of the member's at 17 places along it; torsion feels the small ones."""
         return tuple(

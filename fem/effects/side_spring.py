@@ -70,10 +70,6 @@ class SideSpring(OnMember):
         n = frame_of(model).rotations(mesh, [line])[0]["xyz".index(self.direction)] @ N[:3]
         return (Contribution(dofs[None], (self.stiffness * np.outer(n, n))[None]),)
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From a soft suspension to a support, at nine places."""
         return tuple(

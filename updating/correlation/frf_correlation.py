@@ -344,14 +344,22 @@ def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | Non
     H, names = computed.as_kind(measured.kind).H, measured.outputs
     seen = np.ones(H.shape, dtype=bool) if mask is None else np.broadcast_to(mask, H.shape)
     ratio = np.where(seen, log_ratio(H, measured.H), _NAN)
+    size, size_measured = (
+        np.where(seen, log_ratio(X, np.ones_like(X)).real, np.nan) for X in (H, measured.H)
+    )
     out, exchanged = [], set[int]()
     for j in range(len(names)):
         for i in range(j):
-            both = seen[:, [i, j]] & seen[:, [j, i]]
-            other = np.where(both, log_ratio(H[:, [j, i]], measured.H[:, [i, j]]), _NAN)
+            both = seen[:, i] & seen[:, j]
+            pairs = ((i, i), (j, j)), ((j, i), (i, j))
             before, after = (
-                DB_PER_NEPER * float(np.sqrt(np.nanmean(np.real(x) ** 2))) if both.any() else 0.0
-                for x in (np.where(both, ratio[:, [i, j]], _NAN), other)
+                DB_PER_NEPER
+                * float(
+                    np.sqrt(np.nanmean([np.square(size[:, a] - size_measured[:, b])[both] for a, b in pair]))
+                )
+                if both.any()
+                else 0.0
+                for pair in pairs
             )
             if after < CLEAR * before:
                 exchanged |= {i, j}
