@@ -342,7 +342,7 @@ def _pairs(model: Model, groups: Iterable[NDArray[np.int64]]) -> Pairs:
 
 
 def _mechanism(model: Model) -> tuple[Defect, ...]:
-    n, mesh = 20, model.mesh
+    n, mesh = 1, model.mesh
     try:
         system = assemble(model)
         while True:
@@ -351,7 +351,7 @@ def _mechanism(model: Model) -> tuple[Defect, ...]:
             except MechanismError as reason:
                 motions = reason.motions
                 if motions.shape[1] + system.rigid.shape[1] >= n < system.n_free:
-                    n *= 2  # there may be more
+                    n = max(20, 2 * n)  # there may be more
                     continue
                 at = motions[: 6 * mesh.n_points].reshape(-1, 6, motions.shape[1])
                 turned = mesh.size * np.abs(at[:, 3:]).max(axis=(1, 2))

@@ -18,8 +18,8 @@ from tests.fuzz.mutation import mutated
 OURS = ("fem", "updating", "joint", "viz", "dovetail")
 """Packages whose ValueErrors are answers."""
 
-MOST_SECONDS = 10.0
-"""Processor time of one input."""
+MOST_SECONDS = 20.0
+"""Processor time of one input; a study that is damaged into 28 000 elements is checked in 8 s."""
 MOST_MEMORY = 2 << 30
 """Address space that one input may ask for [bytes]."""
 SILENCE = 90.0
