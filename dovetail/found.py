@@ -132,7 +132,7 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
         _headed(study),
         folder,
         values_in(study, d.model),
-        fitted_damping(d.problem, d.final.fitted.result, d.model) if damped else None,
+        fitted_damping(d.problem, d.final.fitted, d.model) if damped else None,
         [e.rebased(d.model) for e in (*forms, *(() if two else d.found))],
         (),
         [e.rebased(d.model) for e in d.found] if two else (),

@@ -61,7 +61,7 @@ class ModeRunResult:
 
 def mode_findings(d: ModeDiagnosis) -> tuple[Finding, ...]:
     """Return the effects of the verdict with their values."""
-    result = d.final.fitted.result
+    result = d.final.fitted
     return tuple(Finding(e, parameters_of(e, result), ()) for e in d.found)
 
 
@@ -79,9 +79,9 @@ def mode_steps(d: ModeDiagnosis) -> dict[str, NDArray[np.float64]]:
 def mode_uncertain(d: ModeDiagnosis) -> tuple[Uncertain, ...]:
     """Return the uncertain parameters before and after the fit; of two states, that to the first one."""
     if d.baseline is None:
-        problem, result, model = d.problem, d.final.fitted.result, d.model
+        problem, result, model = d.problem, d.final.fitted, d.model
     else:
-        problem, result, model = d.baseline.problem, d.baseline.fitted.result, d.baseline.model
+        problem, result, model = d.baseline.problem, d.baseline.fitted, d.baseline.model
     damped = bool(np.isfinite(problem.targets.zeta).any())
     return uncertain_of(problem, result, model, damped=damped)
 
@@ -97,7 +97,7 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
     return {
         "verdict": d.verdict,
         "reason": d.reason,
-        "effects": [_effect(e, d.searched.best.fitted.result.std) for e in d.found],
+        "effects": [_effect(e, d.searched.best.fitted.std) for e in d.found],
         "posterior": [
             {"effects": [x.name for x in e.effects] if e.known else ["unknown"], "probability": e.probability}
             for e in d.explanations

@@ -1,6 +1,6 @@
 """Studies with measured modes alone: their diagnosis, and what is written of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -19,12 +19,10 @@ from dovetail.report.probable import probability_text
 from dovetail.report.words import explanation_text, far_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
-from fem.model import Effect, Model, parameter_values
-from updating.diagnosis.evidence.fitting import fit
+from fem.model import Effect, Model
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
-from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import Measurement
@@ -127,12 +125,6 @@ def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     before, (model, changes) = targets_of(study.baseline), first_state(study)
     _, changed, problem = changed_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed
-
-
-def fit_modes(problem: ModeProblem, effects: Sequence[Effect] = ()) -> FitResult:
-    """Return the fit of what is uncertain, and of effects from their values, to measured modes."""
-    problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
-    return fit(problem, effects, [parameter_values(e) for e in effects]).result
 
 
 def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:

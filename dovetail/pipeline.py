@@ -41,6 +41,7 @@ from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
+from updating.inference.form import with_form
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected
@@ -173,33 +174,34 @@ def diagnose_study(
 
 
 def fit_problem(study: Study) -> FitProblem:
-    """Return the reduced model and the prepared data of a study's first measurement, as a run begins with."""
-    return problem_and_model(study)[0]
-
-
-def problem_and_model(study: Study) -> tuple[FitProblem, Model]:
-    """Return a study's problem, and the model that its results are values and effects of.
+    """Return the reduced model and the prepared data of a study's first measurement, for its model as it is.
 
     Of two states it is the second one's, with the model calibrated on the first.
     """
-    more = fit_settings(study)
+    if study.baseline_frfs is not None:
+        return formed_problem_and_model(study)[0]
     after = without_held_out(study, measured(study, phases=False)[0])
-    if study.baseline_frfs is None:
-        return begin(study.model, after, study.nuisances, **more), study.model
-    before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
-    _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
-    return problem, changed
+    return begin(study.model, after, study.nuisances, **fit_settings(study))
 
 
 def formed_fit_problem(study: Study) -> FitProblem:
-    """Return a study's problem with the form of its frame among the uncertain parameters.
+    """Return a study's problem for fits: the form of its frame is among what is uncertain.
 
     Of two states it is that of :func:`fit_problem`, whose form was calibrated on the first.
     """
-    if study.baseline_frfs is not None:
-        return fit_problem(study)
+    return formed_problem_and_model(study)[0]
+
+
+def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
+    """Return a study's problem for fits, and the model that its results are values and effects of."""
+    more = fit_settings(study)
     after = without_held_out(study, measured(study, phases=False)[0])
-    return formed_problem(study.model, after, study.nuisances, **fit_settings(study))[0]
+    if study.baseline_frfs is None:
+        problem, _ = formed_problem(study.model, after, study.nuisances, **more)
+        return problem, with_form(study.model, study.model_error)
+    before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
+    _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
+    return problem, changed
 
 
 def fit_settings(study: Study) -> dict[str, Any]:

@@ -27,7 +27,6 @@ from dovetail.found import fitted_damping, text_with_model
 from dovetail.mode_result import ModeRunResult
 from dovetail.modes_pipeline import (
     diagnose_study_modes,
-    fit_modes,
     has_modes_alone,
     mode_problem,
     mode_problem_and_model,
@@ -39,7 +38,7 @@ from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.notebook.html import inner, table
 from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
 from dovetail.notebook.responses import FRF
-from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, problem_and_model, run
+from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, formed_problem_and_model, run
 from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
@@ -56,11 +55,12 @@ from fem.mesh import merge_names
 from fem.model import Damping, Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
-from updating.diagnosis.begin import begin_fitted
+from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.findings import Finding
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import fit_given
 from updating.inference.preparation import fitted_model
 from updating.measurement.computed import computed_frf
 from updating.quality.corrections import Fault, set_right
@@ -379,8 +379,9 @@ class Study(config.Study):
     def fit(self, *, faults: bool = False) -> "Study":
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
 
-        To FRFs; to measured modes where the study has nothing else, with the form of the frame as in a
-        diagnosis. What was added to a study with a baseline has come since then.
+        To FRFs; to measured modes where the study has nothing else. As in a diagnosis the form of the frame
+        varies too, unless the study says ``[fit] form = false``. What was added to a study with a baseline
+        has come since then.
 
         Parameters
         ----------
@@ -399,17 +400,14 @@ class Study(config.Study):
         base = replace(self, model=start, changes=tuple(n for n in self.changes if n not in names))
         found: tuple[Fault, ...] = ()
         if has_modes_alone(self):
-            by_modes, before = mode_problem_and_model(base)
-            result = fit_modes(by_modes, effects)
-            model = fitted_model(before, result)
-            if np.isfinite(by_modes.targets.zeta).any():
-                model = _damped(model, *fitted_damping(by_modes, result, model))
+            problem, before = mode_problem_and_model(base)
+            result, damped = fit_given(problem, effects), bool(np.isfinite(problem.targets.zeta).any())
         else:
-            problem, before = problem_and_model(base)
-            if faults:
-                problem, _, found = begin_fitted(problem)
-            result = problem.fit_from_starts(effects)
-            model = fitted_model(before, result)
+            problem, before = formed_problem_and_model(base)
+            problem, _, found = calibrated(problem, checked=faults)
+            result, damped = problem.assessed(fit_given(problem, effects)), True
+        model = fitted_model(before, result)
+        if damped:
             model = _damped(model, *fitted_damping(problem, result, model))
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}

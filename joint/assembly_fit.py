@@ -20,7 +20,7 @@ from joint.joint_fit import JointFit
 from joint.output_error import fit_joint
 from joint.released import ReleasedParts
 from updating.correlation import DB_PER_NEPER
-from updating.inference.fit import INDEPENDENT_PER_MODE, FitProblem
+from updating.inference.fit import FitProblem
 from updating.inference.preparation import build_problem
 
 MOST_LINES = 800
@@ -338,8 +338,7 @@ def _fit_stage(
         task, form, parts, H, lines, [(stage.start, stage.fit.values) for stage in before]
     )
     # the model's error is common to neighbouring lines, so that they are not independent
-    share = np.searchsorted(problem.data.frequency, frequency[-1]) / len(problem.data.frequency)
-    independent = INDEPENDENT_PER_MODE * max(problem.n_modes * share, 1.0)
+    independent = problem.n_independent(float(frequency[-1]))
     spread = np.sqrt(max(1.0, int(mask.sum()) / independent)) if accuracy else 1.0
     plain = size * np.sqrt(accuracy**2 + 2 * problem.data.noise[at] ** 2)
     plain = np.maximum(plain, 1e-6 * np.sqrt((size**2).mean(axis=0)))

@@ -79,11 +79,12 @@ def run(options: Options, progress: Progress) -> None:
         progress("fitting the uncertain parameters and the added effects", 0.1)
         study = study.fit(faults=True)
     progress("reducing the model")
-    problem, faults = pipeline.fit_problem(study), study.faults
+    faults = study.faults
     if options.fitted and not options.added:
         progress("fitting the uncertain parameters", 0.3)
-        problem, found, faults = begin_fitted(problem)
+        problem, found, faults = begin_fitted(pipeline.formed_fit_problem(study))
     else:
+        problem = pipeline.fit_problem(study)
         found = problem.nominal()
     computed = problem.frf(found)
     c = compare_frfs(problem.measured, computed, options.bands, problem.data.mask)

@@ -66,7 +66,8 @@ def _nominal(study: "Study") -> "tuple[ModeProblem, FitResult]":
 
 
 def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult]":
-    from dovetail.modes_pipeline import fit_modes, mode_problem
+    from dovetail.modes_pipeline import mode_problem
+    from updating.inference.fitting import fit_given
 
     names, effects = {e.name for e in study.added}, study.added
     base = replace(
@@ -75,7 +76,7 @@ def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult
     )  # fmt: skip
     problem = mode_problem(base)
     progress("fitting the uncertain parameters" + (" and the added effects" if effects else ""), 0.3)
-    return replace(problem, reduced=problem.reduced.with_forces_of(effects)), fit_modes(problem, effects)
+    return replace(problem, reduced=problem.reduced.with_forces_of(effects)), fit_given(problem, effects)
 
 
 def _added(study: "Study", found: "FitResult | None") -> Any:

@@ -42,7 +42,7 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options)
     study = loaded(options)
     progress("reducing the model")
-    problem = pipeline.fit_problem(study)
+    problem = pipeline.formed_fit_problem(study)
     progress("fitting the uncertain parameters", 0.2)
     problem, fitted, faults = begin_fitted(problem)
     progress("locating the misfit", 0.5)

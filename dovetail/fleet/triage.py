@@ -16,6 +16,7 @@ from dovetail.pipeline import fit_problem, measured, without_held_out
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import fit
 from updating.inference.preparation import prepared_like
 from updating.inference.unknowns import ScaledUnknown
 
@@ -81,7 +82,7 @@ class Fleet:
         study = read_study_of(text, path, files[0])
         wide = tuple(replace(n, std=WIDER * n.std) for n in study.nuisances)
         problem = fit_problem(replace(study, nuisances=wide, damping_std=WIDER * study.damping_std))
-        start = problem.fit_anew()
+        start = fit(problem)
         nothing = np.zeros((len(problem.lines_up_to(np.inf, problem.n_lines)), *problem.data.H.shape[1:]))
         bare = cls(text, path, problem, start, nothing.astype(complex))
         fits = []
@@ -132,7 +133,7 @@ class Fleet:
         H = data.H.copy()
         H[self.lines] *= np.exp(self.common)
         own = replace(self.problem, data=replace(data, H=H))
-        return own, own.fit(stages=own.stages[-1:], x_from=self.start, assess=False)
+        return own, fit(own, stages=own.stages[-1:], x_from=self.start)
 
     def rest_of(self, study: Study) -> NDArray[np.complex128]:
         """Return ln(computed / measured) of a unit at its own parameters, at all lines; NaN if not counted.

@@ -16,8 +16,8 @@ from fem.analysis.frf import FRF
 from updating.diagnosis.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.evidence.priors import FORM_LEFT
 from updating.diagnosis.frf_states import calibrate_frfs
+from updating.inference.belief import FORM_LEFT
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement

@@ -8,8 +8,8 @@ from fem.model import Effect
 from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN
-from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.inference.belief import TWIN_NATS
 
 RARE = 0.01
 """Hypotheses that are less probable are not told apart [-]."""

@@ -15,7 +15,7 @@ from dovetail.report.shown import Shown
 from dovetail.result import RunResult, program_version
 
 MODULES = (
-    "updating.diagnosis.evidence.priors", "updating.diagnosis.evidence.search",
+    "updating.inference.belief", "updating.diagnosis.evidence.search",
     "updating.inference.preparation", "updating.inference.fit", "updating.inference.fit_data",
     "updating.inference.fit_function", "updating.quality.fault_hypotheses",
     "updating.quality.sensor_faults", "updating.quality.faults",
@@ -24,7 +24,7 @@ MODULES = (
 
 
 MODULES_OF_MODES = (
-    "updating.diagnosis.evidence.priors", "updating.diagnosis.evidence.search",
+    "updating.inference.belief", "updating.diagnosis.evidence.search",
     "updating.diagnosis.evidence.mode_ranking", "updating.diagnosis.mode_diagnosis",
     "updating.diagnosis.states", "updating.inference.mode_preparation", "updating.inference.mode_fit",
     "updating.inference.mode_targets",

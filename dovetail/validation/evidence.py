@@ -124,7 +124,7 @@ def located(done: Searched, h: Hypothesis) -> float:
 
     By the normal posterior of each.
     """
-    out, std = 1.0, h.fitted.result.std
+    out, std = 1.0, h.fitted.std
     for e in h.effects:
         for p in e.parameters():
             if p.position and isinstance(member := getattr(e, "member", None), str):
@@ -202,7 +202,7 @@ def assess(
 
 def within(h: Hypothesis) -> Iterator[tuple[Effect, ...]]:
     """Yield the effects of a hypothesis, their positions up to ``COVERED`` deviations from the fits'."""
-    std = h.fitted.result.std
+    std = h.fitted.std
     shares = np.linspace(-COVERED, COVERED, N_WITHIN)
     options = []
     for e in h.effects:

@@ -20,6 +20,7 @@ from fem.model import DIRECTIONS
 from joint import JointFit, ModelParts, Uncertain, fit_joint, relative_coordinates, relative_form
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import assessed_fit
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import build_problem
 from updating.measurement.measurement import Measurement, Sensor
@@ -75,7 +76,7 @@ def update(name: str) -> tuple[FitProblem, FitResult]:
 
     uncertain = [Nuisance("frame", "E:steel", 0.02), Nuisance("frame", "rho:steel", 0.005)]
     problem = build_problem(model, Measurement(frf, sensors(frf.outputs), sensors(frf.inputs)), uncertain)
-    return problem, problem.fit()
+    return problem, assessed_fit(problem)
 
 
 def identify(updated: dict[str, tuple[FitProblem, FitResult]]) -> tuple[FRF, JointFit]:

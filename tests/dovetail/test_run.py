@@ -17,6 +17,7 @@ from dovetail.result import SCHEMA
 from fem.effects import candidate_kinds, effect_classes
 from fem.io import read_npz
 from tests.frames import STUDY, write_study
+from updating.inference.fitting import assessed_fit
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def test_the_study_that_was_found_runs_and_is_better(done):
     found = load_study(done.folder / "found.toml")
     known = [e.kind for e in found.model.effects if e.name.startswith("known ") and not e.is_form]
     assert known == [done.diagnosis.findings[0].effect.kind]
-    before, after = (fit_problem(s).fit().fit_db for s in (done.study, found))
+    before, after = (assessed_fit(fit_problem(s)).fit_db for s in (done.study, found))
     assert after < 0.5 * before
 
 

@@ -20,6 +20,7 @@ from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
 from updating.diagnosis.evidence.screening import Grid, screen
+from updating.inference.fitting import assessed_fit
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]
 FREQUENCY = np.linspace(20.0, 600.0, 25)
@@ -126,7 +127,7 @@ def test_what_the_measured_directions_do_not_see_does_not_go_on():
     rotor = next(e for e in Rotor.propose(model) if e.name.endswith("x"))
     about_y = next(e for e in Rotor.propose(model) if e.name.endswith("y"))
     grids = [Grid.of(problem, e) for e in (unseen, seen, about_y, rotor)]
-    fitted = problem.fit()
+    fitted = assessed_fit(problem)
     chosen = screen(problem, (fitted, problem.at_nominal(fitted)), grids, far=True)
     # A rotor about x turns motion in the plane out of it; one about y couples twist and turning about z only.
     assert {c.effect.name for c in chosen} == {seen.name, rotor.name}

@@ -40,7 +40,7 @@ ALLOWED = {
         {"AddedMass", "MovingBase"},
     ),
     "updating/diagnosis/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
-    "updating/diagnosis/evidence/form.py": (
+    "updating/inference/form.py": (
         "lets the form of every model vary",
         {"SectionForm", "ZoneForm", "ClampForm"},
     ),

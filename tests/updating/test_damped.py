@@ -126,7 +126,7 @@ def soft(problem):
 def test_far_from_the_data_the_soft_connection_is_found(soft):
     search, base, hidden = soft
     assert search.fits.is_far(base)
-    assert Damped(search.fits.free(base), base.fitted.result).for_look() is not None
+    assert Damped(search.fits.free(base), base.fitted).for_look() is not None
     best = max(search.extended(base, set()), key=lambda h: h.score)
     assert best.key == {hidden.name}
     assert best.effects[0].stiffness == pytest.approx(hidden.stiffness, rel=0.05)
@@ -137,7 +137,7 @@ def test_the_covariance_tells_which_directions_a_block_does_not_need(soft):
     free = search.fits.free(base)
     block = [e for e in search.candidates if e.name.startswith("support_flexibility:S1.r")]
     start = [hidden if e.name == hidden.name else e.with_values(**search.amid([e])[0]) for e in block]
-    h = search.fits.from_result(free, base.fitted.result, start, values_of(start), 16)
+    h = search.fits.from_result(free, base.fitted, start, values_of(start), 16)
     names = [e.name for e in h.effects]
     gains = dict(zip(names, gains_without(free, h, [{n} for n in names], search.fits.odds), strict=True))
     assert gains.pop(hidden.name) < -50
@@ -152,8 +152,8 @@ def test_the_covariance_tells_which_directions_a_block_does_not_need(soft):
 def test_lines_too_far_apart_for_the_resonances_are_not_damped(soft):
     search, base, _ = soft
     free = search.fits.free(base)
-    data = replace(free.data, H=1.2 * free.receptance(base.fitted.result))
+    data = replace(free.data, H=1.2 * free.receptance(base.fitted))
     names = "frequency", "H", "mask", "noise", "weight", "held_out"
     sparse = replace(data, **{name: getattr(data, name)[::40] for name in names})
-    assert Damped(replace(free, data=data), base.fitted.result).at(0.004) is not None
-    assert Damped(replace(free, data=sparse), base.fitted.result).at(0.004) is None
+    assert Damped(replace(free, data=data), base.fitted).at(0.004) is not None
+    assert Damped(replace(free, data=sparse), base.fitted).at(0.004) is None

@@ -19,7 +19,6 @@ from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior
 from updating.diagnosis.evidence.search import BASIS_SHARE
 from updating.inference import preparation
-from updating.inference.fit import NOISE_COUNTED, FitProblem
 
 
 def run(case, **options):
@@ -71,18 +70,6 @@ def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_onc
     monkeypatch.setattr(begin, "find_faults", lambda problem, fit: (problem, fit, ()))
     _, right, _ = begin.begin_fitted(problem)
     assert right.level < 0.04
-    monkeypatch.setattr(FitProblem, "with_even_damping", lambda self, result: result)
-    _, stuck, _ = begin.begin_fitted(problem)
-    assert stuck.level > 5 * right.level
-
-    monkeypatch.undo()
-    n, other = len(problem.damping.knots), right.zeta.copy()
-    power = 0.002 * (problem.damping.knots / problem.damping.knots[0]) ** 0.7
-    other[:n] = power
-    other[n - 2 : n] = 0.003
-    even = problem.with_even_damping(replace(right, zeta=other))
-    np.testing.assert_allclose(even.zeta[:n], power, rtol=1e-9)
-    np.testing.assert_array_equal(even.zeta[n:], right.zeta[n:])
 
 
 def test_elements_are_cut_where_the_mesh_leaves_much_beside_the_noise(monkeypatch):
@@ -95,8 +82,6 @@ def test_elements_are_cut_where_the_mesh_leaves_much_beside_the_noise(monkeypatc
     assert coarse.discretisation_db < 0.05 * coarse.noise_db
     # as long as a model of beams need not be right to more than 0.3 neper, the mesh is good enough
     as_given = run(case, kinds=alone)
-    # nor does noise count for more in deviations there
-    assert (coarse.problem.noise_counted, as_given.problem.noise_counted) == (NOISE_COUNTED, 1.0)
     assert as_given.problem.reduced.model.n_dof == case.model.n_dof
     # cut in three: bending converges with the fourth power, shear with the second
     assert 9 * coarse.discretisation_db < as_given.discretisation_db

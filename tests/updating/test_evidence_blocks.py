@@ -10,11 +10,11 @@ from fem.effects.joint_stiffness import JointStiffness
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.blocks import Blocks
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
 from updating.diagnosis.evidence.screening import Grid, look_at
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.evidence.shortlist import linear_gains
+from updating.inference.fitting import FULL_LINES, fit
 from updating.inference.preparation import build_problem
 
 
@@ -64,7 +64,7 @@ def log_posterior(problem, fitted):
     lines = problem.lines_up_to(np.inf, FULL_LINES)
     prior = problem.function(fitted.effects, values_of(fitted.effects), lines).prior()
     known = np.isfinite(prior.std)
-    off = (fitted.result.solution.x - prior.mean)[known] / prior.std[known]
+    off = (fitted.solution.x - prior.mean)[known] / prior.std[known]
     return fitted.log_likelihood - 0.5 * float(off @ off)
 
 
@@ -72,8 +72,8 @@ def test_the_gain_of_a_weak_effect_is_that_of_its_fit(problem):
     (heavier, *_) = propose(problem.reduced.model, ["member_density"])
     known = hiding(problem, [heavier.with_values(change=0.004)])
     without = fit(known, n_lines=FULL_LINES)
-    (gain,) = linear_gains(known, without.result, [Grid.of(known, heavier)])
-    there = fit(known, [heavier], [{"change": 0.004}], n_lines=FULL_LINES, x_from=without.result)
+    (gain,) = linear_gains(known, without, [Grid.of(known, heavier)])
+    there = fit(known, [heavier], [{"change": 0.004}], n_lines=FULL_LINES, x_from=without)
     risen = log_posterior(known, there) - log_posterior(known, without)
     assert risen > 1
     assert gain == pytest.approx(risen, rel=0.1)
@@ -103,7 +103,7 @@ def test_of_a_block_near_the_data_go_on_the_directions_that_pay(problem, springs
         search = Search(known, (), propose(known.reduced.model, ["support_flexibility"]))
         base = Hypothesis(fit(known, n_lines=FULL_LINES), 0.0)
         assert not search.fits.is_far(base)
-        ranked = search.fits.ranking.blocks(known, base.fitted.result, far=True)
+        ranked = search.fits.ranking.blocks(known, base.fitted, far=True)
         (block,) = ranked([springs])
         kept, wins = search.paying(base, block, ranked)
         return [e.name for e in kept[0].effects], wins

@@ -9,8 +9,8 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
-from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.search import Search
+from updating.inference.belief import TWIN_NATS
 from updating.inference.workers import ALONE, workers
 
 
@@ -77,10 +77,10 @@ def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path, monkeypa
         model_error=0.1,
     )  # fmt: skip
     (effect,) = done.best.effects
-    (alone,) = (h.fitted.result for h in fits)
+    (alone,) = (h.fitted for h in fits)
     for name in ("mass", "position"):
         ref = effect.name, name
-        assert done.best.fitted.result.std[ref] == pytest.approx(alone.std[ref], rel=0.02)
+        assert done.best.fitted.std[ref] == pytest.approx(alone.std[ref], rel=0.02)
 
 
 def test_nothing_is_found_where_nothing_is_hidden(tmp_path):

@@ -9,7 +9,7 @@ from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, fix, portal
-from updating.diagnosis.evidence.form import form_of
+from updating.inference.form import form_of
 
 
 def frequencies(model, n=6):

@@ -13,11 +13,11 @@ from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from tests.hidden.cases import make_case
-from updating.diagnosis.evidence.fitting import with_seen_noise
 from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_MODES
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
+from updating.inference.belief import FORM_DAMPING, FORM_MODES
+from updating.inference.fitting import assessed_fit, with_seen_noise
 from updating.inference.preparation import build_problem, direct_responses
 from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels
@@ -33,7 +33,7 @@ def problem(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fitted(problem):
-    return problem.fit()
+    return assessed_fit(problem)
 
 
 # ----------------------------------------------------------------------------------------- error levels
@@ -65,12 +65,6 @@ def test_the_weight_is_twice_the_slope_of_the_cost(v):
     levels, h = exact(40, 8000, 0.02), 1e-7
     slope = (levels.cost(np.array([v + h])) - levels.cost(np.array([v - h]))) / (2 * h)
     assert levels.weight(np.array([v]))[0] == pytest.approx(2 * slope, rel=1e-4)
-
-
-def test_above_a_floor_groups_count_by_their_sizes():
-    levels = Levels.above_floor(30.0, 0.1, np.array([100, 200]))
-    v = np.array([0.2, 0.7])
-    assert levels.cost(v) == pytest.approx(10 / 2 * np.log(0.21) + 20 / 2 * np.log(0.71))
 
 
 # ------------------------------------------------------------------------------------------------ noise
@@ -262,4 +256,4 @@ def test_an_effect_without_a_structure_gets_no_fit(problem, fitted, monkeypatch)
     search = Search(problem, (), problem.reduced.model.of_kind(MemberDamping), 0.0)
     nothing = search.full((), ())
     monkeypatch.setattr("updating.diagnosis.evidence.fits.fit", singular)
-    assert search.fits.shortly(problem, (), [Start((), nothing.fitted.result)]) == []
+    assert search.fits.shortly(problem, (), [Start((), nothing.fitted)]) == []

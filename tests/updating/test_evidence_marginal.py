@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from updating.diagnosis.evidence.marginal import Quadratic, by_size, log_evidence
+from updating.inference.marginal import Quadratic, by_size, log_evidence
 
 
 def test_evidence_of_a_linear_model_is_exact():

@@ -9,12 +9,13 @@ from dovetail import load_study
 from dovetail.pipeline import measured, without_held_out
 from dovetail.report.probable import label_of
 from tests.frames import write_study
+from updating.diagnosis import begin
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, FAULT
-from updating.diagnosis.evidence import diagnosis as by_evidence
-from updating.diagnosis.evidence.priors import EFFECT_ODDS
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
+from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_data import FitData
+from updating.inference.fitting import refit
 from updating.quality.corrections import Fault, corrected
 
 GAIN = Fault("sensor_gain", "K", 1.3, 0.013, span=6.0)
@@ -35,9 +36,9 @@ def diagnosed(study, measurement, monkeypatch, fault=GAIN):
 
     def find(problem, null):
         right = replace(problem, data=corrected(problem.data, [fault]))
-        return right, right.refit(null), (fault,)
+        return right, right.assessed(refit(right, null)), (fault,)
 
-    monkeypatch.setattr(by_evidence, "find_faults", find)
+    monkeypatch.setattr(begin, "find_faults", find)
     return diagnose(
         study.model, [measurement], study.nuisances, damping_std=study.damping_std,
         kinds=["point_mass", "member_stiffness"], model_error=0.1,

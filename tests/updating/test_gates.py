@@ -13,6 +13,7 @@ from fem.io.uff_types import Function
 from tests.hidden.cases import make_case
 from updating import build_problem, check_gates
 from updating.diagnosis.amplitude import force_levels
+from updating.inference.fitting import assessed_fit
 from updating.measurement.measurement import MeasurementError, at_values_of
 from updating.quality.corrections import Fault
 from updating.quality.gates import Reciprocity, reciprocity_check, with_last_faults
@@ -64,7 +65,7 @@ def test_noise_from_coherence_weighs_the_fit_and_is_named_by_the_gate(sound):
     assert not problem.data.mask[:, 2].any()
     np.testing.assert_array_equal(problem.data.noise[:, 3], bare.data.noise[:, 3])
     np.testing.assert_allclose(problem.data.noise[:, 0], np.sqrt(0.001 / (2 * AVERAGES * 0.999)))
-    gate = check_gates(problem, problem.fit()).checks[0]
+    gate = check_gates(problem, assessed_fit(problem)).checks[0]
     assert "the coherence over 25 averages" in gate.found
     noise = replace(m, coherence=np.full(coherence.shape, 0.2))
     with pytest.raises(MeasurementError, match=r"no FRF .* uncertain by more than 20 % .* 25 averages"):
@@ -79,13 +80,13 @@ def test_lines_of_zeros_and_of_noise_alone_are_left_out_of_the_fit(sound):
     frf, m = sound.measurement.frf, sound.measurement
     nothing, unknown = np.array(frf.H), np.full(frf.H.shape, np.nan)
     nothing[:40], unknown[:40] = 0.0, 1.0
-    whole = build_problem(sound.model, m, sound.nuisances).fit()
+    whole = assessed_fit(build_problem(sound.model, m, sound.nuisances))
     for data in (m.with_frf(replace(frf, H=nothing)), replace(m, scatter=unknown)):
         problem = build_problem(sound.model, data, sound.nuisances)
         assert not problem.data.mask[:40].any()
         assert (problem.stages > frf.frequency[40]).all()
         assert np.isfinite(problem.data.noise).all()
-        fit = problem.fit()
+        fit = assessed_fit(problem)
         assert fit.level < 1.2 * whole.level
         assert np.isfinite(check_gates(problem, fit).cross_misfit).all()
         for ref, value in fit.values.items():
@@ -97,7 +98,7 @@ def test_what_the_gates_say_of_forces_and_of_reciprocity_is_what_failed(sound):
     m = sound.measurement.with_frf(frf.select(outputs=frf.outputs[:2]))
     problem = build_problem(sound.model, m, sound.nuisances)
     faults = (Fault("excitation_sign", frf.inputs[0], -1.0, 0.0),)
-    gates = check_gates(problem, problem.fit(), faults=faults)
+    gates = check_gates(problem, assessed_fit(problem), faults=faults)
     said = {c.name: c for c in gates.checks}["sensors and forces"]
     assert said.outcome == "failed"
     assert frf.inputs[0] in said.found
@@ -129,7 +130,7 @@ def test_equal_levels_pass_and_a_resonance_that_moves_by_two_per_cent_fails(soun
     """Noise of 1 % in each part; the resonances of half the band are 2 % higher at the other level."""
     m = replace(sound.measurement, scatter=np.full(sound.measurement.frf.H.shape, 0.01))
     problem = build_problem(sound.model, replace(m, frf=noisy(m.frf, 0.01, 1)[0]), sound.nuisances)
-    null = problem.fit()
+    null = assessed_fit(problem)
     same = replace(m, frf=noisy(m.frf, 0.01, 2)[0], name="twice the force")
     (level,) = check_gates(problem, null, [same]).homogeneity
     assert not level.violated

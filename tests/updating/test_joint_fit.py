@@ -10,7 +10,7 @@ from dovetail.pipeline import fit_problem
 from fem.analysis.modes import first_modes
 from fem.system import assemble
 from tests.frames import write_study
-from updating.diagnosis.evidence.fitting import fit, levels_of
+from updating.inference.fitting import fit
 from updating.inference.joint_fit import JointFunction, with_modes
 from updating.inference.mode_targets import ModeTargets
 
@@ -45,9 +45,9 @@ def test_residuals_of_modes_stand_behind_those_of_frfs(problem):
 
 def test_costs_of_both_add_and_their_weights_are_twice_the_slopes(problem):
     frf, both = joint(problem)
-    levels = levels_of(both)
+    levels = both.levels()
     v = 1.3 * levels.noise
-    k = len(levels_of(frf).noise)
+    k = len(frf.levels().noise)
     assert levels.cost(v) == pytest.approx(levels.frf.cost(v[:k]) + levels.modes.cost(v[k:]))
     d = np.zeros(len(v))
     d[-1] = 1e-5 * v[-1]
@@ -60,6 +60,6 @@ def test_exact_frequencies_move_the_modulus_that_rough_frfs_leave_open(problem):
     rough = replace(problem, data=replace(problem.data, noise=50 * problem.data.noise), model_error=0.0)
     ratio = {}
     for name, p in (("frfs", replace(rough, modes=None)), ("both", rough)):
-        values = fit(p, n_lines=40).result.values
+        values = fit(p, n_lines=40).values
         ratio[name] = values["frame", "E:steel"] / values["frame", "rho:steel"]
     assert ratio["both"] / ratio["frfs"] > 1.01

@@ -10,7 +10,7 @@ from fem.model import Parameter
 from tests.frames import cross_beam
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.inference.parameters import DampingCurve
-from updating.inference.solve import Prior, inflation, solve_robust
+from updating.inference.solve import Prior, solve_robust
 from updating.inference.unknowns import ScaledUnknown, Unknown
 from updating.least_squares.levels import Levels
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
@@ -210,12 +210,9 @@ def linear_problem(seed=0, n=3, m=200, noise=0.01):
 def solve(residual, n, **more):
     floor, groups = more.pop("floor", 1e-6), more.get("groups", np.zeros(1, dtype=int))
     sizes = np.unique(groups, return_counts=True)[1]
-    levels = Levels.above_floor(more.pop("n_independent", 400.0), floor, sizes)
+    nothing = np.zeros(len(sizes))
+    levels = Levels(more.pop("n_independent", 400.0) * sizes / sizes.sum(), nothing + floor**2, nothing)
     keys = {"prior": Prior(np.zeros(n), np.full(n, np.inf)), "levels": levels}
-    if "noise" in more:
-        noise = np.array([part.mean() for part in np.split(more.pop("noise"), len(sizes))])
-        shares = more.pop("systematic", 1.0), more.pop("counted", 1.0)
-        keys["widened"] = lambda misfit: inflation(misfit, noise, floor, *shares)
     keys |= {"bounds": (np.full(n, -9.0), np.full(n, 9.0)), "max_iterations": 60, "tolerance": 1e-10, **more}
     x0 = keys.pop("x0", np.zeros(n))
     return solve_robust(residual, x0, **keys)
@@ -228,9 +225,6 @@ def test_without_outliers_it_is_least_squares():
     expected = np.linalg.lstsq(both, np.concatenate([b.real, b.imag]))[0]
     np.testing.assert_allclose(result.x, expected, atol=1e-6)
     assert result.converged
-    # covariance: s² (AᵀA)⁻¹ for 2 m = 400 independent reals, where s² is the mean of |r|² per complex value
-    s2 = (abs(A @ expected - b) ** 2).mean()
-    np.testing.assert_allclose(result.covariance, s2 * np.linalg.inv(both.T @ both) * 200 / 400, rtol=0.02)
 
 
 @pytest.mark.parametrize("relative", [False, True])
@@ -276,49 +270,6 @@ def test_a_small_gain_by_a_shortened_step_is_no_end():
     assert result.x[0] == pytest.approx(1186, rel=0.01)
 
 
-def test_what_is_left_beyond_noise_stands_for_few_data_in_the_covariance():
-    residual, _, b, _ = linear_problem()
-    plain = solve(residual, 3, robust=1e3)
-    square = np.full(len(b), plain.misfit)
-
-    def like(**more):
-        result = solve(residual, 3, robust=1e3, **more)
-        np.testing.assert_array_equal(result.x, plain.x)  # of the values it says nothing
-        assert result.cost == plain.cost
-        return result.covariance
-
-    np.testing.assert_allclose(like(noise=square, systematic=0.1), plain.covariance, rtol=1e-9)
-    np.testing.assert_allclose(like(noise=2 * square, systematic=0.1), plain.covariance, rtol=1e-9)
-    np.testing.assert_allclose(like(noise=0 * square, systematic=1.0), plain.covariance, rtol=1e-9)
-    # all of it systematic, or a quarter
-    np.testing.assert_allclose(like(noise=0 * square, systematic=0.1), 10 * plain.covariance, rtol=1e-3)
-    quarter = like(noise=0.75 * square, systematic=0.1)
-    np.testing.assert_allclose(quarter, (1 + 0.25 * 9) * plain.covariance, rtol=1e-3)
-    # noise stands for more
-    np.testing.assert_allclose(like(noise=square, counted=4.0), plain.covariance / 4, rtol=1e-3)
-    both = like(noise=0.75 * square, systematic=0.1, counted=4.0)
-    np.testing.assert_allclose(both, (0.75 / 4 + 0.25 * 10) * plain.covariance, rtol=1e-3)
-
-
-def test_a_group_at_its_noise_keeps_its_say_beside_one_that_the_model_misses():
-    residual, A, b, _ = linear_problem(n=2, m=400)
-    A[:200, 1] = A[200:, 0] = 0.0  # the first half says all of the first unknown, the second of the other
-    b[:] = A @ np.array([0.5, -0.5]) + 0.01 * complex_array(np.random.default_rng(5), 400)
-    groups = np.repeat([0, 1], 200)
-    plain = solve(residual, 2, robust=1e3, groups=groups)
-    noise = np.where(groups == 0, 1.0, 0.0)
-    found = solve(residual, 2, robust=1e3, groups=groups, noise=noise, systematic=0.1)
-    growth = np.diag(found.covariance) / np.diag(plain.covariance)
-    np.testing.assert_allclose(growth, [1.0, 10.0], rtol=1e-2)
-
-
-def test_what_is_systematic_leaves_the_prior_alone():
-    residual, _, b, _ = linear_problem()
-    known = Prior(np.zeros(3), np.full(3, 1e-6))
-    found = solve(residual, 3, prior=known, noise=np.zeros(len(b)), systematic=0.01)
-    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), 1e-6, rtol=1e-2)
-
-
 @pytest.mark.parametrize("std", [1e-4, 0.3, 8.0])
 @pytest.mark.parametrize("log", [True, False])
 def test_a_deviation_is_half_the_width_of_the_interval_of_the_value(log, std):
@@ -352,23 +303,8 @@ def test_priors_hold_what_the_data_do_not_say():
     prior = Prior(np.array([0, 0, 0, 0.7]), np.array([np.inf, np.inf, np.inf, 0.2]))
     result = solve(blind, 4, prior=prior)
     assert result.x[3] == pytest.approx(0.7, abs=1e-4)
-    assert np.sqrt(result.covariance[3, 3]) == pytest.approx(0.2, rel=1e-3)
     np.testing.assert_allclose(result.x[:3], truth, atol=0.01)
     assert A.shape[1] == 3
-
-
-def test_what_the_data_leave_open_is_as_uncertain_as_the_bounds_are_wide():
-    # Only x0 + x1 is seen. Across it the deviation is that of uniform densities, of variance w²/12 each for
-    # a width w, given their sum: x0 - x1 has w²/6, and x0 and x1 each a quarter of that.
-    def blind(x, jacobian):
-        r = 1e2 * np.array([x[0] + x[1], x[0] + x[1] - 0.02], dtype=complex)
-        return r, np.full((2, 2), 1e2 + 0j) if jacobian else None
-
-    width = 5.0
-    bounds = (np.full(2, -2.0), np.full(2, 3.0))
-    result = solve(blind, 2, x0=np.array([0.5, 0.1]), bounds=bounds)
-    np.testing.assert_allclose(np.diag(result.covariance), width**2 / 24, rtol=1e-3)
-    np.testing.assert_allclose(result.covariance[0, 1], -(width**2) / 24, rtol=1e-3)
 
 
 def test_bounds_are_kept_and_the_rest_is_best_within_them():

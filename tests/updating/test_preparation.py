@@ -11,15 +11,16 @@ from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference import preparation
+from updating.inference.fitting import assessed_fit
 from updating.inference.preparation import build_problem, counted_data
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():
     case = draw_case(CaseSettings(911), "null", 1)  # members 0.3 to 2.5 % over the band, the joint 0.4 %
     alike = build_problem(case.model, case.measurement, case.nuisances)
-    assert alike.fit().level > 2 * alike.data.noise_level
+    assert assessed_fit(alike).level > 2 * alike.data.noise_level
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
-    fit = problem.fit()
+    fit = assessed_fit(problem)
     assert fit.level < 1.2 * problem.data.noise_level
     _, joint = problem.damping.ratio(problem.damping.knots, fit.zeta)
     np.testing.assert_allclose(np.exp(np.log(joint).mean()), 0.004, rtol=0.15)
@@ -28,11 +29,11 @@ def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise(
 def test_a_joint_that_damps_many_times_more_is_not_let_off():
     case = draw_case(CaseSettings(1409), "single", 40)  # a loss factor of 0.116, members' ratio 0.4 to 1.4 %
     problem = build_problem(case.model, case.measurement, case.nuisances, connections=True)
-    fit = problem.fit()
+    fit = assessed_fit(problem)
     assert fit.level > 1.2 * problem.data.noise_level
     right = next(e for e in propose(case.model, ["joint_structural_damping"]))
     start = [Grid.of(problem, right).points[0]]
-    assert problem.fit([right], start).level < 0.85 * fit.level
+    assert assessed_fit(problem, [right], start).level < 0.85 * fit.level
 
 
 def test_the_error_of_the_basis_is_small_where_connections_are_damped_otherwise():
@@ -46,20 +47,6 @@ def test_the_error_of_the_basis_is_small_where_connections_are_damped_otherwise(
     assert (
         preparation.basis_error(problem, fit, 30) < 2 * preparation.basis_error(problem, nominal, 30) + 1e-3
     )
-
-
-def test_fine_stages_end_between_modes_and_have_lines():
-    case = make_case(0)
-    problem = build_problem(case.model, case.measurement, case.nuisances)
-    frequency, stages = problem.data.frequency, problem.fine_stages
-    modes = preparation.elastic_frequencies(problem.reduced, float(frequency[-1]))
-    below = np.searchsorted(modes, stages)
-    assert below[0] == preparation.FIRST_STAGE
-    assert stages[-1] == frequency[-1]
-    growth = preparation.FIRST_STAGE * preparation.STAGE_GROWTH ** np.arange(len(below) - 1)
-    np.testing.assert_allclose(below[:-1], growth, atol=0.5)  # all but the last, which has all lines
-    counted = frequency[problem.data.mask.any(axis=(1, 2)) & ~problem.data.held_out]
-    assert np.searchsorted(counted, stages).min() >= preparation.STAGE_LINES
 
 
 def test_the_damping_curve_has_a_knot_for_every_two_modes():

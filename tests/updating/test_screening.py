@@ -12,6 +12,7 @@ from updating.diagnosis.evidence import screening
 from updating.diagnosis.evidence import shortlist as listing
 from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.screening import Grid, screen
+from updating.inference.fitting import assessed_fit
 from updating.inference.preparation import build_problem
 
 
@@ -19,7 +20,7 @@ from updating.inference.preparation import build_problem
 def prepared():
     case = make_case(0)  # a member is heavier
     problem = build_problem(case.model, case.measurement, case.nuisances)
-    return case, problem, problem.fit(), propose(case.model, test=case.measurement)
+    return case, problem, assessed_fit(problem), propose(case.model, test=case.measurement)
 
 
 class Hidden:
@@ -136,7 +137,7 @@ def test_the_short_list_has_the_right_candidate(prepared, monkeypatch):
 def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
     case, problem, _, candidates = prepared
     wrong = next(e for e in candidates if e.kind == "point_mass")
-    best = problem.fit([wrong], [Grid.of(problem, wrong).points[0]])
+    best = assessed_fit(problem, [wrong], [Grid.of(problem, wrong).points[0]])
     grids = [Grid.of(problem, e) for e in candidates if e is not wrong]
     looked: list[str] = []
     levels = screening.Look.levels

@@ -8,10 +8,10 @@ from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
-from updating.diagnosis.evidence.priors import EffectPrior
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.unfitted import weigh_unfitted
+from updating.inference.effect_priors import EffectPrior
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_preparation import build_mode_problem
 from updating.least_squares.mode_levels import ModeLevels
@@ -51,7 +51,7 @@ def test_evidence_by_slopes_is_that_of_a_fit_where_effects_are_weak(kind):
     search, nothing = begun([kind])
     problem = search.fits.problem
     assert isinstance(problem, ModeProblem)
-    looked = ModeRanking().looked(problem, nothing.fitted.result, search.candidates)
+    looked = ModeRanking().looked(problem, nothing.fitted, search.candidates)
     assert looked
     for effect, look in looked:
         fit = search.full((effect,), values_of((effect,)), nothing).fitted

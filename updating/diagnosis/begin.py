@@ -1,11 +1,15 @@
 """What a diagnosis begins with: data, and a reduced model on a mesh that is fine enough for them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from fem.model import Model
 from updating.diagnosis.patches import refined_on_patches, with_turning
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES, QUICK_LINES, fit, scattered, with_seen_noise
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
 from updating.measurement.measurement import Measurement
@@ -62,10 +66,31 @@ def begin(
 
 
 def begin_fitted(problem: FitProblem) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+    """Return a problem with faults of the measurement set right, its complete fit, and these faults."""
+    right, result, faults = calibrated(problem)
+    return right, right.assessed(replace(scattered(right, result), level=np.nan)), faults
+
+
+def calibrated(
+    problem: FitProblem, *, n_lines: int = FULL_LINES, checked: bool = True
+) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Return a problem with faults of the measurement set right, its fit, and these faults.
 
-    Uncertain parameters are fitted, and every sensor is compared with the others.
+    Everything that is uncertain is fitted, and every sensor is compared with the others. Noise is no more
+    than neighbouring lines differ by.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    n_lines : int
+    checked : bool
+        Whether faults are looked for.
     """
-    anew = problem.fit_anew()
-    even = problem.refit(anew, problem.with_even_damping(anew), assess=False)
-    return find_faults(problem, problem.assessed(min(anew, even, key=lambda r: r.solution.cost)))
+    banded = fit(problem, n_lines=QUICK_LINES, counted_as=0)
+    ways = banded, problem.with_even_damping(banded)
+    nulls = [fit(problem, stages=problem.stages[-1:], x_from=near, n_lines=n_lines) for near in ways]
+    null = max(nulls, key=lambda r: r.log_evidence)
+    right, result, faults = problem, null, ()
+    if checked:
+        right, result, faults = find_faults(problem, problem.assessed(null))
+    return with_seen_noise(right, null), result, faults

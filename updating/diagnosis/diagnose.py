@@ -31,12 +31,12 @@ from updating.diagnosis.diagnosis import (
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
-from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
 from updating.diagnosis.frf_states import ONE_STRUCTURE, begin_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
+from updating.inference.belief import TWIN_NATS
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
@@ -165,7 +165,7 @@ def _diagnosed(
     """Return what a search says that has begun."""
     first = begun.problem
     gates = check_gates(
-        first, first.assessed(begun.best.fitted.result), measurements[1:], begun.mesh_db, begun.faults
+        first, first.assessed(begun.best.fitted), measurements[1:], begun.mesh_db, begun.faults
     )
     levels = () if gates.linear else force_levels(first, measurements, begun.faults)
     every = propose(model, kinds, exclude, measurements[0], levels=bool(levels))
@@ -187,11 +187,11 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     problem = _with_forces(done.problem, done, lead.effects)
     steps = [
         step_of("nominal model", problem.nominal()),
-        step_of(FITTED, problem.assessed(nothing.fitted.result)),
+        step_of(FITTED, problem.assessed(nothing.fitted)),
     ]
     for before, h in pairwise(chain):
         new = [e for e in h.effects if e.name not in before.key]
-        steps.append(step_added(new, problem.assessed(at_its_amplitude(problem, h.fitted.result))))
+        steps.append(step_added(new, problem.assessed(at_its_amplitude(problem, h.fitted))))
     problem, steps, faults = _with_last_faults(problem, steps, done)
     findings, rounds = _findings(done, problem, chain, steps)
     if beside := _beside(done, problem, chain[-1], steps[-1].result):
@@ -287,7 +287,7 @@ def _findings(
             if other.key == h.key:
                 continue
             mine = _with_forces(problem, done, other.effects)
-            result = mine.assessed(other.fitted.result)
+            result = mine.assessed(other.fitted)
             (else_,) = (e for e in other.effects if e.name not in before.key)
             alike = similarity_of(shift, change_of(mine, result, steps[1].result))
             ranked.append(_ranked(else_, result, alike, other.score))
@@ -325,7 +325,7 @@ def _beside(done: Searched, problem: FitProblem, best: Hypothesis, before: FitRe
     ranked, shift = [], None
     for other in _with_one_more(done, best):
         mine = _with_forces(problem, done, other.effects)
-        result = mine.assessed(other.fitted.result)
+        result = mine.assessed(other.fitted)
         (more,) = (e for e in other.effects if e.name not in best.key)
         change = change_of(mine, result, before)
         shift = change if shift is None else shift

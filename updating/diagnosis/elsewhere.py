@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeLook
-from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.screening import Grid
 from updating.diagnosis.evidence.search import Search
+from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
 MOST_POSITIONS = 4
@@ -65,7 +65,7 @@ def _other_positions(search: Search, h: Hypothesis, effect: Effect) -> list[dict
     if position is None or not isinstance(problem, ModeProblem):
         return []
     grid = Grid.of(problem, effect)  # type: ignore[arg-type]
-    left = ModeLook(problem, h.fitted.result.without(effect.name)).left_by(grid)
+    left = ModeLook(problem, h.fitted.without(effect.name)).left_by(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)
     best = [min(np.flatnonzero(at == place), key=lambda k: left[k]) for place in places]
@@ -83,7 +83,7 @@ def _between(places: NDArray[np.float64], k: int, position: float) -> bool:
 
 def _apart(one: Hypothesis, two: Hypothesis) -> bool:
     """Whether the positions of an effect in two fits differ by more than both deviations."""
-    a, b = one.fitted.result, two.fitted.result
+    a, b = one.fitted, two.fitted
     return any(
         abs(a.values[e.name, p.name] - b.values[e.name, p.name])
         > max(a.std[e.name, p.name], b.std[e.name, p.name])

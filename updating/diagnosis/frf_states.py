@@ -25,9 +25,9 @@ from updating.diagnosis.evidence.diagnosis import (
     candidates_for_test,
     formed_problem,
 )
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fitting import FULL_LINES, fit
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model
@@ -60,10 +60,10 @@ def calibrate_frfs(
         model, before, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
     null = fit(problem, n_lines=FULL_LINES)
-    problem, result, faults = find_faults(problem, problem.assessed(null.result))
+    problem, result, faults = find_faults(problem, problem.assessed(null))
     for _ in range(N_BASES):
         problem = _with_modes_of(fitted_model(begun.formed, result), problem)
-        result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result).result
+        result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result)
     model = fitted_model(begun.formed, result)
     alone = build_problem(
         model, before, (), damping_std=damping_std, band=band, n_lines=n_lines, connections=True,

@@ -84,9 +84,9 @@ def _add_laws(
     """Fit the most promising laws beside a hypothesis."""
     quick, free = search.fits.problems(base)
     fits = []
-    for starts in _looked_at(problem, search.fits.problem, base.fitted.result, laws):
+    for starts in _looked_at(problem, search.fits.problem, base.fitted, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
-        begun = [Start((*values, parameter_values(s)), base.fitted.result) for s in starts]
+        begun = [Start((*values, parameter_values(s)), base.fitted) for s in starts]
         short = search.fits.shortly(quick, effects, begun)
         if short:
             fits.append(search.fits.continued(free, short[:2]))

@@ -14,8 +14,6 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
-from updating.diagnosis.evidence.fitting import Fitted
-from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
@@ -23,6 +21,8 @@ from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.fit_result import FitResult
+from updating.inference.form import form_of
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
 from updating.inference.mode_preparation import build_mode_problem, fine_enough
@@ -119,14 +119,14 @@ class Calibrated:
         With fitted values, form included.
     problem : ModeProblem
         Of this state.
-    fitted : Fitted
+    fitted : FitResult
     computed : ComputedModes
         The model's partners of the measured modes.
     """
 
     model: Model
     problem: ModeProblem
-    fitted: Fitted
+    fitted: FitResult
     computed: ComputedModes
 
     @property
@@ -319,9 +319,7 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
     explanations = [
-        Explanation(
-            h.effects, tuple(parameters_of(e, h.fitted.result) for e in h.effects), done.probability(h)
-        )
+        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), done.probability(h))
         for h in done.hypotheses
     ]
     explanations.append(Explanation((), (), done.unknown_probability, known=False))
@@ -332,7 +330,7 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
         verdict, "", tuple(explanations), table, tuple((s.name, s.left) for s in search.scanned), (),
-        fitted_model(done.model, final.fitted.result), there, done, _notes(problem), 0.0,
+        fitted_model(done.model, final.fitted), there, done, _notes(problem), 0.0,
     )  # fmt: skip
     return replace(
         out, reason=_reason(out), next_measurements=_next(out),
@@ -348,16 +346,16 @@ def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     """Return what would tell the first two explanations of the credible set apart."""
     n = min(2, sum(e.known for e in d.credible))
     likely = sorted(d.searched.hypotheses, key=lambda h: -h.score)[:n]
-    models = [fitted_model(d.searched.model, h.fitted.result) for h in likely]
+    models = [fitted_model(d.searched.model, h.fitted) for h in likely]
     t = d.problem.targets
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 
 
 def _table(problem: ModeProblem, nothing: Hypothesis, final: Hypothesis) -> ModeTable:
     t = problem.targets
-    nominal, fitted = problem.computed(problem.nominal()), problem.computed(nothing.fitted.result)
+    nominal, fitted = problem.computed(problem.nominal()), problem.computed(nothing.fitted)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
-    found = there.computed(final.fitted.result)
+    found = there.computed(final.fitted)
     return ModeTable(
         t.frequency, t.frequency_std, nominal.frequency, fitted.frequency, found.frequency, t.zeta,
         found.zeta, nominal.mac, found.mac, t.held_out,

@@ -36,7 +36,7 @@ class ReportedModes:
 
 def reported_modes(d: ModeDiagnosis) -> ReportedModes:
     """Compute the modes of the reported model in the band of the measured ones."""
-    t, result = d.problem.targets, d.final.fitted.result
+    t, result = d.problem.targets, d.final.fitted
     computed = d.problem.computed(result)
     top = BEYOND * float(np.nanmax([t.frequency[-1], *computed.frequency]))
     modes = damped_modes(d.model, d.problem.damping, result.zeta, top)

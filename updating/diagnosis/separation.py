@@ -10,10 +10,9 @@ from fem.model import Model, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import SYSTEMATIC_FROM, SYSTEMATIC_SHARE
-from updating.inference.fit_function import LEVEL_FLOOR
+from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import inflation
+from updating.inference.fitting import FULL_LINES
 from updating.measurement.measurement import Sensor
 
 N_COMPARED_LINES = 60
@@ -124,10 +123,8 @@ def next_measurements(
     Both predict the new FRFs; d is the difference of their logarithms. Part of it the second would follow by
     moving its parameters, whose posterior covariance is C and by which its prediction changes with J. With an
     error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
-    (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). As in the fits, lines stand for
-    :data:`updating.inference.fit.INDEPENDENT_PER_MODE` independent data a mode, not for as many as there are,
-    and what is left beyond noise for :data:`updating.inference.fit_data.SYSTEMATIC_SHARE` of these; the
-    covariance, in which noise counts for more, is taken as it would be with these.
+    (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). Lines count as in the fits
+    (:class:`updating.least_squares.levels.Levels`).
 
     Parameters
     ----------
@@ -218,16 +215,14 @@ class _Prediction:
         d: Complexes = log_ratio(H1, H2)
         n_independent = p.n_independent()
         reach = (frequency[-1] - frequency[0]) / p.data.frequency[-1]
-        # The data's own error level, and the share of independent data that one value stands for, fewer where
-        # the model's error is in it, as in the covariance.
+        # The data's own error level: new channels count as the present ones do.
         misfit = min(self.first.level, self.second.level) ** 2
         noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
-        as_in_fits, in_covariance = (
-            inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, n) for n in (1.0, p.noise_counted)
-        )
-        s2 = (LEVEL_FLOOR**2 + misfit) * as_in_fits
-        s2 *= d[:, 0].size / (n_independent * reach * inputs.shape[1] / max(p.data.H.shape[2], 1))
-        covariance = self.second.covariance[:n_par, :n_par] * (as_in_fits / in_covariance)
+        n_in = inputs.shape[1]
+        n, count = n_independent * reach * n_in / max(p.data.H.shape[2], 1), FULL_LINES * reach * n_in
+        levels = p.likelihood(*(np.array([x]) for x in (n, count, noise)))
+        s2 = d[:, 0].size / float(levels.weight(np.array([misfit]))[0])
+        covariance = self.second.covariance[:n_par, :n_par]
         std = np.sqrt(covariance.diagonal())
         own_units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
         A = np.linalg.pinv(covariance / own_units, hermitian=True) / own_units

@@ -22,7 +22,6 @@ from fem.model import Effect, Model
 from fem.summary import percent
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
-from updating.diagnosis.evidence.fitting import Fitted, fit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import BASIS_SHARE, Search
 from updating.diagnosis.frf_states import N_BASES
@@ -36,6 +35,8 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.fit_result import FitResult
+from updating.inference.fitting import fit
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
@@ -62,12 +63,12 @@ def calibrate(
     )
     fitted = fit(problem)
     for _ in range(N_BASES):
-        better = ModeRanking().basis_for(problem, fitted.result, 0, BASIS_SHARE)
+        better = ModeRanking().basis_for(problem, fitted, 0, BASIS_SHARE)
         if better is None:
             break
         problem = replace(problem, reduced=better[1])
-        fitted = fit(problem, stages=problem.stages[-1:], x_from=fitted.result)
-    return Calibrated(fitted_model(formed, fitted.result), problem, fitted, problem.computed(fitted.result))
+        fitted = fit(problem, stages=problem.stages[-1:], x_from=fitted)
+    return Calibrated(fitted_model(formed, fitted), problem, fitted, problem.computed(fitted))
 
 
 def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
@@ -131,13 +132,13 @@ def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
     return out
 
 
-def _computed_shapes(problem: ModeProblem, fitted: Fitted) -> NDArray[np.float64]:
+def _computed_shapes(problem: ModeProblem, fitted: FitResult) -> NDArray[np.float64]:
     """Return the model's shapes of the measured modes of the first state, NaN without a partner."""
-    t, refs = problem.targets, list(fitted.result.values)
+    t, refs = problem.targets, list(fitted.values)
     every = np.arange(t.n)
     at = problem.parametric(every, refs, fitted.effects).at(
-        np.array([fitted.result.values[r] for r in refs]),
-        problem.damping.ratio(t.frequency, fitted.result.zeta),
+        np.array([fitted.values[r] for r in refs]),
+        problem.damping.ratio(t.frequency, fitted.zeta),
     )
     partner = matched_modes(problem, at, every).partner
     out = np.full((at.outputs.shape[1], t.n), np.nan)
@@ -184,7 +185,7 @@ def changed_problem(
     )  # fmt: skip
     curve = replace(
         problem.damping,
-        nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.result.zeta)[0],
+        nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
     )
     problem = replace(problem, damping=curve)
     return first, changed, replace(problem, common=_parameters_error(first, problem))
@@ -197,8 +198,8 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     n = len(function.variables)
     if not n:
         return None
-    _, J = function(function.moved_to(first.fitted.result), True)
-    covariance = first.fitted.result.covariance
+    _, J = function(function.moved_to(first.fitted), True)
+    covariance = first.fitted.solution.covariance
     assert J is not None
     assert covariance is not None
     size, Q = np.linalg.eigh(covariance[:n, :n])

@@ -7,8 +7,8 @@ import numpy as np
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of, values_of
 from updating.diagnosis.evidence.mode_ranking import Little, ModeRanking
-from updating.diagnosis.evidence.priors import TWIN_NATS
 from updating.diagnosis.evidence.search import Search
+from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
 MOST_FITTED = 24
@@ -26,9 +26,7 @@ def weigh_unfitted(search: Search) -> None:
     if not (isinstance(ranking, ModeRanking) and isinstance(problem, ModeProblem)):
         return
     rest = [e for e in search.candidates if key_of((e,)) not in search.known]
-    looked = [
-        _estimated(search, nothing, e, x) for e, x in ranking.looked(problem, nothing.fitted.result, rest)
-    ]
+    looked = [_estimated(search, nothing, e, x) for e, x in ranking.looked(problem, nothing.fitted, rest)]
     looked.sort(key=lambda h: -h.score)
     for h in looked[:MOST_FITTED]:
         if h.score < search.best.score - TWIN_NATS:
@@ -45,9 +43,8 @@ def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: Little
     before = nothing.fitted
     values = {(effect.name, name): value for name, value in look.values.items()}
     std = {(effect.name, name): value for name, value in look.std.items()}
-    result = replace(
-        before.result, effects=(effect,), values={**before.result.values, **values},
-        std={**before.result.std, **std},
+    fitted = replace(
+        before, effects=(effect,), values={**before.values, **values}, std={**before.std, **std},
+        log_evidence=before.log_evidence + look.evidence,
     )  # fmt: skip
-    fitted = replace(before, result=result, log_evidence=before.log_evidence + look.evidence)
     return Hypothesis(fitted, search.fits.odds.prior((effect,)))

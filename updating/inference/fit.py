@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -19,34 +19,19 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.belief import DATA_PER_MODE, FORM_LEAST
 from updating.inference.fit_data import FitData, sensor_vectors
-from updating.inference.fit_function import LEVEL_FLOOR, ROBUST, FitFunction, propagated
+from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.solve import Solution
 from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
 if TYPE_CHECKING:
     from updating.inference.scatter import Scatter
-
-INDEPENDENT_PER_MODE = 8.0
-"""How many independent data one mode of the band stands for, against the priors."""
-
-
-NOISE_COUNTED = 4.0
-"""For how many times the independent data noise stands there, where the model's form is said to be right: it
-is another at every line and sensor."""
-
-
-ITERATIONS = 14
-"""At most so many iterations in each band of a fit."""
-
-
-_FULL_FITS = 6
-"""Starts of an effect that are fitted to all lines, besides its given values."""
-
 
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
@@ -68,8 +53,6 @@ class FitProblem:
         Elastic modes in the band.
     n_lines : int
         At most this many lines are fitted.
-    fine_stages : ndarray
-        More stages, for a fit that has ended in a minimum far from the data [Hz].
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
@@ -91,7 +74,6 @@ class FitProblem:
     stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
     n_lines: int = 160
-    fine_stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     model_error: float = EXPLAINED_LEVEL
     scatter: Scatter | None = None
     mesh_level: float = 0.0
@@ -110,11 +92,6 @@ class FitProblem:
     def form_right(self) -> bool:
         """Whether nothing but noise and the mesh may be left."""
         return self.model_error == 0
-
-    @property
-    def noise_counted(self) -> float:
-        """For how many times the independent data noise stands in covariances."""
-        return NOISE_COUNTED if self.form_right else 1.0
 
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -178,103 +155,25 @@ class FitProblem:
         return np.searchsorted(edges, self.data.frequency[lines])
 
     def n_independent(self, stage: float = np.inf) -> float:
-        """Return how many independent data the lines up to a frequency stand for, against the priors."""
-        return INDEPENDENT_PER_MODE * max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
+        """Return for how many independent data a discrepancy at the lines up to a frequency stands."""
+        return DATA_PER_MODE * max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
 
-    def fit(
-        self,
-        effects: Sequence[Effect] = (),
-        starts: Sequence[dict[str, float]] = (),
-        *,
-        stages: Iterable[float] | None = None,
-        n_lines: int | None = None,
-        max_iterations: int = ITERATIONS,
-        x_from: FitResult | None = None,
-        assess: bool = True,
-    ) -> FitResult:
-        """Fit nuisance parameters, damping and the parameters of effects.
+    def likelihood(
+        self, n: NDArray[np.float64], size: NDArray[np.float64], noise: NDArray[np.float64]
+    ) -> Levels:
+        """Return how probable error levels are of groups of residuals, each (n_groups,).
 
         Parameters
         ----------
-        effects : sequence of Effect
-            Candidates to add to the model.
-        starts : sequence of dict
-            For each of them the parameter values to start from.
-        stages : iterable of float, optional
-            Other stages of the continuation [Hz].
-        n_lines : int, optional
-        max_iterations : int
-            In each stage.
-        x_from : FitResult, optional
-            Start nuisance parameters and damping there rather than at the nominal values.
-        assess : bool
-            Whether to compute the errors on all lines too.
+        n : ndarray
+            For how many independent data a discrepancy stands.
+        size : ndarray
+            Number of residuals.
+        noise : ndarray
+            Their mean square that is put down to noise [nepers²].
         """
-        x: NDArray[np.float64] | None = None
-        result: FitResult | None = None
-        for stage in stages if stages is not None else self.stages:
-            function = self.function(effects, starts, self.lines_up_to(stage, n_lines or self.n_lines))
-            if x is None:
-                x = function.start if x_from is None else function.moved_to(x_from)
-            solution = function.minimise(x, stage, max_iterations)
-            x, result = solution.x, function.result(solution)
-        assert result is not None
-        return self.assessed(result) if assess else result
-
-    def fit_anew(self, effects: Sequence[Effect] = (), starts: Sequence[dict[str, float]] = ()) -> FitResult:
-        """Return the better of fits from nominal uncertain parameters in few stages and in fine ones.
-
-        Its errors are not computed.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            Candidates to add to the model.
-        starts : sequence of dict
-            For each of them the parameter values to start from.
-        """
-        fits = (self.fit(effects, starts, stages=s, assess=False) for s in (self.stages, self.fine_stages))
-        return min(fits, key=lambda r: r.solution.cost)
-
-    def fit_from_starts(self, effects: Sequence[Effect]) -> FitResult:
-        """Return the best fit of given effects: from their values, and from each of their own starts.
-
-        The cost has several minima, for instance of a joint between free and rigid. Fits to a few lines rank
-        the starts. That ranking is rough: the given values and the first of the others are fitted to all
-        lines.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            With the values to start from first.
-        """
-        given = [parameter_values(e) for e in effects]
-        sets = [given]
-        for k, effect in enumerate(effects):
-            sets += [[*given[:k], s, *given[k + 1 :]] for s in effect.starts(self.surroundings)]
-        few, whole = self.n_lines // 4, self.stages[-1:]
-        quick = [self.fit(effects, starts, stages=whole, n_lines=few, assess=False) for starts in sets]
-        ranked = sorted(quick, key=lambda r: r.solution.cost)[:_FULL_FITS]
-        fits = [self.fit(effects, given, assess=False), *(self.refit(r, assess=False) for r in ranked)]
-        return self.assessed(min(fits, key=lambda r: r.solution.cost))
-
-    def refit(self, result: FitResult, x_from: FitResult | None = None, *, assess: bool = True) -> FitResult:
-        """Fit the effects of a result again, from its values: on the whole band at once.
-
-        A part of the band would not determine all, such as the extent of a mass.
-
-        Parameters
-        ----------
-        result : FitResult
-            Its effects are fitted, from their values.
-        x_from : FitResult, optional
-            Start nuisance parameters and damping there rather than at the result's.
-        assess : bool
-            Whether to compute the errors on all lines too.
-        """
-        starts = [parameter_values(e) for e in result.effects]
-        whole = [self.stages[-1]]
-        return self.fit(result.effects, starts, stages=whole, x_from=x_from or result, assess=assess)
+        least = (FORM_LEAST * self.model_error) ** 2 + self.mesh_level**2
+        return Levels(n, noise * n / (self.data.n_parts * size) + least, noise)
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
@@ -364,7 +263,7 @@ class FitProblem:
         """Return the model as it was given, unfitted."""
         n = len(self.nuisances)
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
-        empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
+        empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
         values = {v.ref: v.to_value(v.mean) for v in variables}
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
@@ -413,12 +312,12 @@ class FitProblem:
         )
 
     def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:
-        """Return Σ n_b/2 ln(s² + level_b²) over bands b of lines, for a third of the data of a fit."""
-        bands, mask = self.band_of(lines), self.data.mask[lines]
-        size = np.bincount(bands, mask.sum(axis=(1, 2)))
-        share = self.n_independent() / 3 * size / max(size.sum(), 1)
-        levels = [self.level(ratio[bands == b], lines[bands == b]) for b in np.flatnonzero(size)]
-        return 0.5 * float(share[size > 0] @ np.log(LEVEL_FLOOR**2 + np.square(levels)))
+        """Return the negative log likelihood of lines that no fit has seen, as that of the others is."""
+        r = (self.data.weight[lines] * ratio)[self.data.mask[lines]]
+        if not r.size:
+            return 0.0
+        function = self.function((), (), lines)
+        return function.levels().cost(function.mean_by_group(pseudo_huber(r, ROBUST)))
 
     def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
         """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers].

@@ -15,9 +15,8 @@ from updating.measurement.held_out import lines_held_out
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
 from updating.measurement.noise import amplitude_noise, relative_noise
 
-SYSTEMATIC_SHARE, SYSTEMATIC_FROM = 0.0625, 1.25
-"""For which share of the independent data that stands, in covariances, which a fit leaves beyond a multiple
-of the noise: an error of the model is much the same at neighbouring lines and sensors."""
+SYSTEMATIC_FROM = 1.25
+"""Residuals up to this multiple of the noise are put down to it [-]."""
 
 
 NOISE_LIMIT = 0.2

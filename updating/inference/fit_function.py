@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +13,13 @@ from fem.model import Effect
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
-from updating.inference.fit_data import SYSTEMATIC_SHARE, noise_squares
+from updating.inference.effect_priors import EffectPrior, prior_of
+from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
-from updating.inference.solve import TOLERANCE, Prior, Residual, Solution, inflation, solve_robust
+from updating.inference.solve import TOLERANCE, Prior, Residual, Solution, solve_robust
 from updating.inference.unknowns import ScaledUnknown
 from updating.least_squares.costs import Costs
-from updating.least_squares.levels import Levels
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
-
-
-LEVEL_FLOOR = 0.01
-"""Residual level below which nothing is gained [nepers]."""
 
 
 @dataclass(eq=False)
@@ -154,13 +150,38 @@ class FitFunction:
         return np.array([*(not v.log for v in self.variables), *[False] * others])
 
     def prior(self) -> Prior:
-        """Return the prior of x."""
+        """Return what is known beforehand of x."""
         damping = self.problem.damping
         start = np.log(damping.start)
         scatter = np.zeros(len(self._scatter_std))
         means = [[v.mean for v in self.variables], start, scatter]
         stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
-        return Prior(np.concatenate(means), np.concatenate(stds))
+        mean, std = np.concatenate(means), np.concatenate(stds)
+        for k, own in self._of_effects.items():
+            mean[k], std[k] = own.mean, own.std
+        return Prior(mean, std)
+
+    def prior_at(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how far x is from the prior's mean, and the deviations of a normal prior there, (n,) each.
+
+        Of a size that may be of any order of magnitude it has the density that the prior has at x.
+        """
+        prior, n = self.prior(), min(len(x), len(self.start))
+        off, std = x[:n] - prior.mean[:n], prior.std[:n].copy()
+        for k, own in self._of_effects.items():
+            if own.range:
+                off[k], std[k] = 0.0, own.width_at(float(x[k]))
+        return off, std
+
+    @cached_property
+    def _of_effects(self) -> dict[int, EffectPrior]:
+        """What is known beforehand of the effects' unknowns, by their rows."""
+        by_name = {e.name: e for e in self.effects}
+        return {
+            k: prior_of(self.problem, by_name[v.ref[0]], v)
+            for k, v in enumerate(self.variables)
+            if not v.has_prior
+        }
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:
         """Return the start with nuisance parameters, damping and as many small deviations of a result."""
@@ -198,10 +219,21 @@ class FitFunction:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         return self.mean_by_group(noise_squares(self.problem.data, self.lines))
 
-    def levels(self, stage: float = np.inf) -> Levels:
-        """Return the error levels of the groups, for lines up to a frequency [Hz]."""
-        sizes = np.unique(self.groups, return_counts=True)[1]
-        return Levels.above_floor(self.problem.n_independent(stage), LEVEL_FLOOR, sizes)
+    def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
+        """Return how probable error levels are: noise, and what beams and the mesh leave beside it.
+
+        Parameters
+        ----------
+        stage : float
+            The lines reach up to this frequency [Hz].
+        counted_as : int
+            The lines stand for so many in the whole band, or as many as there are; themselves unless given.
+        """
+        problem = self.problem
+        sizes = np.unique(self.groups, return_counts=True)[1].astype(float)
+        if counted_as:
+            sizes *= len(problem.lines_up_to(stage, counted_as)) / len(self.lines)
+        return problem.likelihood(problem.n_independent(stage) * sizes / sizes.sum(), sizes, self.noise())
 
     def minimise(
         self,
@@ -209,8 +241,7 @@ class FitFunction:
         stage: float,
         max_iterations: int,
         *,
-        prior: Prior | None = None,
-        levels: Costs | None = None,
+        counted_as: int = 0,
         tolerance: float = TOLERANCE,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
@@ -221,22 +252,19 @@ class FitFunction:
         stage : float
             Upper end of the band [Hz].
         max_iterations : int
-        prior : Prior, optional
-            :meth:`prior` unless given.
-        levels : Levels, optional
-            Cost of the error levels of the groups; :meth:`levels` unless given.
+        counted_as : int
+            As of :meth:`levels`.
         tolerance : float
             The end is where a step gains less than this [nats].
         """
-        p, limits = self.problem, self.limits()
+        limits = self.limits()
         assert len(limits) == len(x)
         return solve_robust(
             self,
             x,
-            self.prior() if prior is None else prior,
+            self.prior(),
             (limits[:, 0], limits[:, 1]),
-            levels=self.levels(stage) if levels is None else levels,
-            widened=partial(widened, self.noise(), p.noise_counted),
+            levels=self.levels(stage, counted_as),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,
@@ -245,8 +273,10 @@ class FitFunction:
         )
 
     def result(self, solution: Solution) -> FitResult:
-        """Return a solution as values with standard deviations; its errors are not assessed."""
+        """Return a solution as values, with deviations if it has a covariance; errors are not assessed."""
         x, (own, damping, scatter) = solution.x, self._parts
+        if not solution.covariance.size:
+            solution = replace(solution, covariance=np.full((len(x), len(x)), np.nan))
         values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)}
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
         known = zip(self.variables, x[own], sd[own], strict=True)
@@ -260,19 +290,6 @@ class FitFunction:
             solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
             scatter=x[scatter] * self._scatter_std,
         )  # fmt: skip
-
-
-def widened(noise: NDArray[np.float64], counted: float, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the factors by which variances grow where residuals are not noise, (n_groups,).
-
-    Parameters
-    ----------
-    noise, misfit : ndarray (n_groups,)
-        Mean square that is put down to noise, and of the residuals.
-    counted : float
-        For how many times the independent data noise stands.
-    """
-    return inflation(misfit, noise, LEVEL_FLOOR, SYSTEMATIC_SHARE, counted)
 
 
 def propagated(

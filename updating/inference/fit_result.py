@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef
 from fem.summary import counted, listed, summary
 from updating.inference.solve import Solution
+from updating.least_squares.costs import Costs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,14 @@ class FitResult:
         it was assessed.
     scatter : ndarray (n,)
         The small deviations that varied too [-].
+    log_evidence : float
+        ln p(data | model), up to a constant that all models on the same lines share; NaN without a fit.
+    levels : Costs or None
+        How probable error levels are.
+    misfit : ndarray (n_groups,)
+        Robust mean square of the residuals of each group [nepers²].
+    size : float, optional
+        Most probable size of the shifts of modes' eigenvalues, if they may be of several [-].
     """
 
     solution: Solution
@@ -53,6 +62,29 @@ class FitResult:
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
     scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    log_evidence: float = np.nan
+    levels: Costs | None = None
+    misfit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    size: float | None = None
+
+    @property
+    def log_likelihood(self) -> float:
+        """Ln p(data | values), up to the constant of the evidence."""
+        return self.log_likelihood_at(self.misfit)
+
+    def log_likelihood_at(self, misfit: NDArray[np.float64]) -> float:
+        """Return the same with other mean squares of the groups."""
+        return -self._costs.cost(misfit)
+
+    def gain_to(self, left: NDArray[np.float64] | float) -> float:
+        """Return by how much the log likelihood would rise with mean squares at most so far above noise."""
+        costs = self._costs
+        return costs.cost(self.misfit) - costs.cost(np.minimum(self.misfit, costs.noise + left))
+
+    @property
+    def _costs(self) -> Costs:
+        assert self.levels is not None, "the result was not fitted"
+        return self.levels
 
     def without(self, name: str) -> "FitResult":
         """Return the result without one of its effects; all else keeps the values fitted with it."""

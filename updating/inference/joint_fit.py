@@ -13,7 +13,7 @@ from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Solution
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
@@ -26,16 +26,11 @@ OF_MODES = 100
 class JointLevels:
     """Levels of FRFs, and of modes behind them."""
 
-    frf: Levels
+    frf: Costs
     modes: ModeLevels
 
     def _parts(self, v: Floats) -> Sequence[Floats]:
         return np.split(v, [len(v) - len(self.modes.n)])
-
-    @property
-    def n(self) -> Floats:
-        """Independent data of each group."""
-        return np.concatenate([self.frf.n, self.modes.n])
 
     @property
     def noise(self) -> Floats:
@@ -102,6 +97,11 @@ class JointFunction(FitFunction):
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         frf, modes = self.both
         return np.concatenate([frf.noise(), modes.noise()])
+
+    def levels(self, stage: float = np.inf, counted_as: int = 0) -> JointLevels:
+        """Return the levels of both."""
+        frf, modes = self.both
+        return JointLevels(frf.levels(stage, counted_as), modes.levels())
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values; the level is that of the FRFs [nepers]."""

@@ -95,11 +95,6 @@ class ModeProblem:
         return self.model_error == 0
 
     @property
-    def noise_counted(self) -> float:
-        """For how many times the independent data noise stands in covariances."""
-        return 1.0
-
-    @property
     def left(self) -> Floats:
         """Largest plausible size of what the form leaves of frequencies, damping and shapes, (3,) [-]."""
         return LARGEST_LEFT * self.model_error / EXPLAINED_LEVEL
@@ -174,7 +169,7 @@ class ModeProblem:
         """Return the model as it was given, unfitted."""
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         n = len(variables)
-        empty = Solution(np.zeros(n), np.nan, np.nan, np.zeros((n, n)), 0, True)
+        empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
         values = {v.ref: v.to_value(v.mean) for v in variables}
         zero = dict.fromkeys(values, 0.0)
         return FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan)
@@ -279,14 +274,10 @@ class ModeFunction(FitFunction):
 
     def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that noise leaves, (n_groups,)."""
-        return self.mode_levels().noise
+        return self.levels().noise
 
-    def levels(self, stage: float = np.inf) -> Any:
-        """Return the cost of the groups' mean squares."""
-        return self.mode_levels()
-
-    def mode_levels(self) -> ModeLevels:
-        """Return the cost of the groups' mean squares: noise as stated, and a discrepancy."""
+    def levels(self, stage: float = np.inf, counted_as: int = 0) -> ModeLevels:
+        """Return how probable error levels are: noise as stated, and a discrepancy."""
         complex_ = np.iscomplexobj(self._data.shapes)
         n_shape = self._known.sum() - len(self._known) if self._data.has_shapes else 0
         n = np.array([self._sizes[0], self._sizes[1], n_shape * (2 if complex_ else 1)], dtype=float)

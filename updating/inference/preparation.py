@@ -21,7 +21,6 @@ from fem.system import assemble, connection_stiffness
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
-from updating.inference.fit_function import LEVEL_FLOOR
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_instruments
@@ -40,11 +39,10 @@ NEIGHBOURS = 0.03
 """Lines within this share of a frequency say how far the structure moves there."""
 N_FIT_LINES = 160
 """At most this many lines are fitted."""
+LEVEL_FLOOR = 0.01
+"""Residual level below which finer elements gain nothing [nepers]."""
 LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
-FIRST_STAGE, STAGE_GROWTH, STAGE_LINES = 2, 1.5, 20
-"""A fit in fine stages begins with so many modes, takes so many times more from stage to stage, and has so
-many lines at least."""
 
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
@@ -140,12 +138,7 @@ def build_problem(
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
-    ends = np.unique(np.round(FIRST_STAGE * STAGE_GROWTH ** np.arange(40)).astype(int))
-    fine = np.array([*(np.sqrt(modes[n - 1] * modes[n]) for n in ends[ends < k]), highest])
-    enough = np.searchsorted(counted, fine, "right") >= STAGE_LINES
-    enough[-1] = True
-    fine = fine[enough]
-    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, fine, model_error)
+    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, model_error)
 
 
 def _reduced(

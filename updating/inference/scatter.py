@@ -17,10 +17,14 @@ from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
+from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeProblem
 
 Floats = NDArray[np.float64]
+N_SIZES = 5
+"""Number of sizes of eigenvalues' shifts that are compared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +59,33 @@ class Scatter:
     def std(self) -> Floats:
         """Standard deviations of all deviations, (n,)."""
         return np.append(np.full(len(self.shifts), self.eigenvalue), self.losses)
+
+
+def form_scatter(
+    problem: FitProblem | ModeProblem, result: FitResult, size: float | None = None, share: float = 1.0
+) -> Scatter | None:
+    """Return the small deviations that the form has besides its parameters, at a fitted model.
+
+    Of the modes' damping, and of their eigenvalues where the form is not said to be right; none in fits to
+    modes, whose errors they are.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    result : FitResult
+    size : float, optional
+        Standard deviation of the shifts of eigenvalues; the middle of what it may be unless given [-].
+    share : float
+        Part of the deviations that the data still have [-].
+    """
+    if isinstance(problem, ModeProblem):
+        return None
+    damping = share * FORM_DAMPING
+    if problem.model_error == 0:
+        return scatter_of(problem, result, damping, 0.0)
+    sizes = share * np.geomspace(*FORM_MODES, N_SIZES)
+    middle = float(sizes[N_SIZES // 2])
+    return scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes))
 
 
 def scatter_of(

@@ -1,8 +1,7 @@
 """Robust, regularised least squares for a few unknowns and many complex residuals."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,20 +44,19 @@ class Solution:
         Negative log posterior there, up to a constant.
     misfit : float
         Robust mean square of the weighted residuals.
-    covariance : ndarray (n, n)
-        Linearised covariance of x; the bounds count as uniform densities, and systematic residuals
-        count for fewer data than they are fitted with.
     n_iterations : int
     converged : bool
         False if the iterations ran out first.
+    covariance : ndarray (n, n)
+        Of x by a normal approximation; empty until :func:`updating.inference.fitting.assessed`.
     """
 
     x: NDArray[np.float64]
     cost: float
     misfit: float
-    covariance: NDArray[np.float64]
     n_iterations: int
     converged: bool
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = fields_summary
 
@@ -70,7 +68,6 @@ def solve_robust(
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
     levels: Costs,
-    widened: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     groups: NDArray[np.int64] | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
@@ -97,8 +94,6 @@ def solve_robust(
     bounds : (ndarray (n,), ndarray (n,))
     levels : Levels
         Cost of the groups' mean squares, in the order of the groups' numbers.
-    widened : callable, optional
-        Gives the factor by which each group's data count less in the covariance, from the mean squares.
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
     robust : float
@@ -127,18 +122,8 @@ def solve_robust(
         least_damping=1e-6,
     )
     found = minimise(posterior, posterior.point(x, r, J), bounds, control)
-    misfit = found.point.misfit
-    worth = posterior.worth(misfit)
-    if widened is not None:
-        worth = worth / widened(misfit)
-    _, A = posterior.normal(found.linearisation.r, found.linearisation.J, worth)
-    # Directions without data are as uncertain as their bounds are wide, those of a uniform density; an
-    # inverse that leaves such directions out would call them certain.
-    wide = np.isfinite(hi - lo) & (hi > lo) & (posterior.prior_weight == 0)
-    A = A + np.diag(np.where(wide, 12 / np.where(wide, hi - lo, 1.0) ** 2, 0.0))
-    covariance: Any = np.linalg.pinv(A, hermitian=True)
     return Solution(
-        found.point.x, found.point.cost, float(misfit @ posterior.size / len(r)), covariance,
+        found.point.x, found.point.cost, float(found.point.misfit @ posterior.size / len(r)),
         found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
     )  # fmt: skip
 
@@ -218,26 +203,3 @@ class _Posterior:
         A = A + np.triu(A, 1).T
         A[np.diag_indices_from(A)] += self.prior_weight
         return flat @ np.concatenate([root * r.real, root * r.imag]), A
-
-
-def inflation(
-    misfit: NDArray[np.float64] | float,
-    noise: NDArray[np.float64] | float,
-    floor: float,
-    systematic: float,
-    counted: float = 1.0,
-) -> Any:
-    """Return the growth of variances if noise stands for other than n data, and the rest for still others.
-
-    q/counted + (1 - q)/systematic with q = min(1, (s² + noise)/(s² + misfit)), s the floor.
-
-    Parameters
-    ----------
-    misfit, noise : ndarray or float
-        Mean square of residuals, and how much of it is put down to independent noise.
-    floor : float
-    systematic, counted : float
-        For how many times n data the rest and the noise stand.
-    """
-    share = np.minimum(1.0, (floor**2 + noise) / (floor**2 + misfit))
-    return share / counted + (1 - share) / systematic

@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 class Costs(Protocol):
     """A negative log likelihood by the mean squares of groups of residuals."""
 
+    @property
+    def noise(self) -> NDArray[np.float64]:
+        """Mean squares that noise leaves, (n_groups,)."""
+        ...
+
     def cost(self, v: NDArray[np.float64]) -> float:
         """Return the negative log likelihood at mean squares (n_groups,)."""
         ...

@@ -31,11 +31,6 @@ class Levels:
     least: Floats
     noise: Floats
 
-    @classmethod
-    def above_floor(cls, n_independent: float, floor: float, size: NDArray[np.int64]) -> "Levels":
-        """Return ½ n ln(floor² + v), with n shared among groups by their sizes (n_groups,)."""
-        return cls(n_independent * size / size.sum(), np.full(len(size), floor**2), np.zeros(len(size)))
-
     def cost(self, v: Floats) -> float:
         """Return the negative log likelihood at mean squares (n_groups,)."""
         beyond = v - self.noise

@@ -13,6 +13,7 @@ from updating.diagnosis.findings import label
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import QUICK_LINES, fit, fit_given, refit, scattered
 from updating.inference.solve import Solution
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -78,7 +79,7 @@ class _WatchedFunction(FitFunction):
             return limits
         added = {e.name for e in self.effects}
         own = [v.ref[0] if v.ref[0] in added else "" for v in self.variables]
-        held = np.array([name not in self.free for name in own + [""] * len(self.problem.damping.start)])
+        held = np.array([name not in self.free for name in own + [""] * (len(limits) - len(own))])
         limits[held] = self._at[held, None]
         return limits
 
@@ -97,7 +98,14 @@ class _WatchedProblem(FitProblem):
     def function(self, effects: Any, starts: Any, lines: NDArray[np.int64]) -> FitFunction:
         plain = FitProblem.function(self, effects, starts, lines)
         return _WatchedFunction(
-            self, plain.effects, plain.variables, plain.start, lines, watch=self.watch, free=self.free
+            self,
+            plain.effects,
+            plain.variables,
+            plain.start,
+            lines,
+            plain.scatter,
+            watch=self.watch,
+            free=self.free,
         )
 
 
@@ -109,9 +117,7 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
     """
     problem = live.problem_of(h)
     if not h.effects:
-        watch = Watch(
-            progress, "fitting uncertain parameters", len(problem.stages) + len(problem.fine_stages) + 1
-        )
+        watch = Watch(progress, "fitting uncertain parameters", len(problem.stages) + 3)
         _, result, faults = begin_fitted(_watched(problem, watch))
         return replace(h, faults=(*h.faults, *faults)).at(result)
     watch = Watch(progress, "fitting uncertain parameters", 2)
@@ -126,13 +132,12 @@ def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) ->
     watch = Watch(progress, f"fitting {label(effect)}", len(starts) + 1)
     held = _watched(problem, watch, frozenset({name}))
     now = h.result()
-    whole, few = held.stages[-1:], held.n_lines // 4
+    whole = held.stages[-1:]
     fits = [
-        held.fit(h.effects, _starts(h, effect, start), stages=whole, n_lines=few, x_from=now, assess=False)
+        fit(held, h.effects, _starts(h, effect, start), stages=whole, n_lines=QUICK_LINES, x_from=now)
         for start in starts
     ]
-    best = min(fits, key=lambda r: r.solution.cost)
-    return h.at(held.refit(best))
+    return h.at(held.assessed(refit(held, max(fits, key=lambda r: r.log_evidence))))
 
 
 def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
@@ -143,17 +148,17 @@ def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
     n_starts = sum(len(e.starts(problem.surroundings)) for e in h.effects)
     watch = Watch(progress, "fitting all", 2 + n_starts + len(problem.stages))
     every = _watched(problem, watch)
-    anew = every.fit_from_starts(h.effects)
-    return h.at(min(every.assessed(_better(every, h)), anew, key=lambda r: r.solution.cost))
+    here, anew = _better(every, h), fit_given(every, h.effects)
+    return h.at(every.assessed(max(here, anew, key=lambda r: r.log_evidence)))
 
 
 def _better(problem: _WatchedProblem, h: Hypothesis) -> FitResult:
     """Return the better of a fit from where the values are and one from nominal uncertain parameters."""
     starts = [parameter_values(e) for e in h.effects]
     whole = problem.stages[-1:]
-    here = problem.fit(h.effects, starts, stages=whole, x_from=h.result(), assess=False)
-    anew = problem.fit(h.effects, starts, stages=whole, assess=False)
-    return min(here, anew, key=lambda r: r.solution.cost)
+    here = fit(problem, h.effects, starts, stages=whole, x_from=h.result())
+    anew = fit(problem, h.effects, starts, stages=whole)
+    return scattered(problem, max(here, anew, key=lambda r: r.log_evidence))
 
 
 def _starts(h: Hypothesis, effect: Effect, start: dict[str, float]) -> list[dict[str, float]]:

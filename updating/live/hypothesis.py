@@ -128,7 +128,7 @@ class Hypothesis:
         own = {(e.name, k): float(v) for e in self.effects for k, v in parameter_values(e).items()}
         replaced = {ref for e in self.effects for ref in e.replaces()}
         values = {ref: v for ref, v in self.values.items() if ref not in replaced} | own
-        nothing = Solution(np.zeros(0), np.nan, np.nan, np.zeros((0, 0)), 0, True)
+        nothing = Solution(np.zeros(0), np.nan, np.nan, 0, True)
         zero = dict.fromkeys(values, 0.0)
         return FitResult(nothing, values, zero, self.zeta, self.effects, np.nan, np.nan, np.nan)
 

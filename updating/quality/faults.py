@@ -15,6 +15,7 @@ import numpy as np
 
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import fit, refit
 from updating.measurement.measurement import BaseMotion
 from updating.quality.corrections import UNLIKE_EFFECTS, Fault, combined, corrected, uncorrected
 from updating.quality.cross_prediction import (
@@ -330,5 +331,7 @@ def _likeliest(
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
     """Fit again after a correction: from the nominal start, or from the last values of the effects."""
-    again = problem.refit(result)
-    return again if result.effects else min(again, problem.fit(), key=lambda r: r.solution.cost)
+    again = [refit(problem, result)]
+    if not result.effects:
+        again.append(fit(problem))
+    return problem.assessed(min(again, key=lambda r: r.solution.cost))

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
-from updating.diagnosis.evidence.fitting import prior_at
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
@@ -35,10 +34,10 @@ def gains_without(
     effects = h.effects
     lines = np.arange(2) if isinstance(problem, FitProblem) else problem.targets.fitted
     function = problem.function(effects, values_of(effects), lines)
-    x, C = h.fitted.result.solution.x, h.fitted.covariance
+    x, C = h.fitted.solution.x, h.fitted.solution.covariance
     if C is None or len(x) < len(function.variables):
         return np.full(len(groups), np.nan)
-    off, std = prior_at(function, x)
+    off, std = function.prior_at(x)
     by_name = {e.name: e for e in effects}
     out = np.full(len(groups), -np.inf)
     for k, names in enumerate(groups):

@@ -10,25 +10,24 @@ import numpy as np
 
 from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
-from updating.diagnosis.begin import builder, refined
+from updating.diagnosis.begin import builder, calibrated, refined
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.fits import QUICK_LINES
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit, with_seen_noise
-from updating.diagnosis.evidence.form import form_of
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES, fit
+from updating.inference.form import form_of
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
-from updating.quality.faults import Fault, find_faults
+from updating.quality.faults import Fault
 
 FIRST_ANSWER = (
     "a first answer: effects at one place at most; no faults of the measurement were looked for, and no "
@@ -267,12 +266,9 @@ def begun_with(
     """
     begun_at = time.perf_counter()
     lines: dict[str, Any] = {"n_lines": budget.n_lines, "counted_as": FULL_LINES}
-    banded = fit(whole, n_lines=QUICK_LINES)
-    null = fit(whole, stages=whole.stages[-1:], x_from=banded.result, **lines)
-    read, right, result, faults = whole.data, whole, null.result, ()
-    if budget.checked:
-        right, result, faults = find_faults(whole, whole.assessed(null.result))
-    right = replace(with_seen_noise(right, null.result), modes=modes)
+    read = whole.data
+    right, result, faults = calibrated(whole, n_lines=budget.n_lines, checked=budget.checked)
+    right = replace(right, modes=modes)
     notes = () if budget.checked else (FIRST_ANSWER,)
     if begun.n_cut > 1:
         notes += (
@@ -297,7 +293,7 @@ def begun_with(
         return found
     sure = tuple(f for f in faults if f not in doubtful(faults))
     other = replace(right, data=as_read(read, right.data, sure))
-    return replace(found, otherwise=reading(other, null.result, sure))
+    return replace(found, otherwise=reading(other, result, sure))
 
 
 def searched(begun: Searched, progress: Progress) -> Searched:

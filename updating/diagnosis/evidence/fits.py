@@ -11,22 +11,20 @@ import numpy as np
 from fem.model import Effect
 from updating.diagnosis.evidence.absence import left_out
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.fitting import FULL_LINES, fit
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES, QUICK_LINES, QUICK_NATS, fit, scattered
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
 from updating.least_squares.loss import pseudo_huber
 
-QUICK_LINES, LOW_LINES = 40, 16
-"""Lines of quick fits, and of those in the lowest band, which has few modes."""
+LOW_LINES = 16
+"""Lines of fits in the lowest band, which has few modes."""
 SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 """Steps of first, short fits in each band, of those that go on from them, and of those that must converge."""
-QUICK_NATS = 0.1
-"""They end when a step gains less."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
@@ -91,7 +89,7 @@ class Fits:
 
     def free(self, base: Hypothesis) -> AnyProblem:
         """Return the problem beside a hypothesis, with its form free."""
-        return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted.result))
+        return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted))
 
     def fixed(self, base: Hypothesis) -> set[str]:
         """Return the names of effects that do not vary in short fits beside a hypothesis."""
@@ -99,7 +97,7 @@ class Fits:
 
     def without_fixed(self, base: Hypothesis) -> FitResult:
         """Return the result of a hypothesis without what does not vary in short fits beside it."""
-        result, fixed = base.fitted.result, self.fixed(base)
+        result, fixed = base.fitted, self.fixed(base)
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
     def shortly(
@@ -163,7 +161,7 @@ class Fits:
 
         The lines count as those of a full fit.
         """
-        return self.from_result(quick, near.fitted.result, effects, values)
+        return self.from_result(quick, near.fitted, effects, values)
 
     def from_result(
         self,
@@ -196,7 +194,7 @@ class Fits:
         problem = with_forces(self.problem, effects, values)
         ways: list[dict[str, Any]] = [{}] if near is None or anew else []
         if near is not None:
-            ways.append({"stages": problem.stages[-1:], "x_from": near.fitted.result})
+            ways.append({"stages": problem.stages[-1:], "x_from": near.fitted})
         fits = [self._where_it_is(problem, effects, values, **way) for way in ways]
         return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
 
@@ -216,39 +214,27 @@ class Fits:
             values = values_of(h.effects)
             problem = replace(problem, reduced=problem.reduced.with_forces_of(h.effects))
             function = problem.function(h.effects, values, problem.targets.fitted)
-            r, _ = function(function.point_of(h.fitted.result), False)
+            r, _ = function(function.point_of(h.fitted), False)
             misfit = function.mean_by_group(pseudo_huber(r, ROBUST))
-            if abs(h.fitted.levels.cost(misfit) - h.fitted.levels.cost(h.fitted.misfit)) < BASIS_NATS:
+            if abs(h.fitted.log_likelihood_at(misfit) - h.fitted.log_likelihood) < BASIS_NATS:
                 break
-            again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted.result}
+            again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted}
             h = self._fit(problem, h.effects, values, **self._all_lines, **again)
         return h
 
     def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there.
-
-        They begin with a size in the middle: a large one does instead of an effect.
-        """
-        size, way = None, {"stages": problem.stages[-1:], **self._all_lines}
-        for _ in range(self.budget.n_passes):
-            scatter = self.ranking.scatter(problem, h.fitted.result, size)
-            if scatter is None:
-                break
-            own = replace(problem, scatter=scatter)
-            fitted = fit(own, h.effects, values_of(h.effects), x_from=h.fitted.result, **way)
-            h, size = replace(h, fitted=fitted), fitted.size
-            if size is None or 0.4 < size / scatter.eigenvalue < 2.5:
-                break
-        return h
+        """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there."""
+        how = {"n_passes": self.budget.n_passes, "n_lines": self.budget.n_lines}
+        return replace(h, fitted=scattered(problem, h.fitted, self.ranking.scatter, **how))
 
     def again(self, h: Hypothesis) -> Hypothesis:
         """Return a full fit that goes on from a hypothesis and its deviations, on a basis that has grown."""
         values = values_of(h.effects)
         problem = with_forces(self.problem, h.effects, values)
-        scatter = self.ranking.scatter(problem, h.fitted.result, h.fitted.size)
+        scatter = self.ranking.scatter(problem, h.fitted, h.fitted.size)
         if scatter is None:
             return self.fully(h.effects, values, h)
-        way = {"stages": problem.stages[-1:], "x_from": h.fitted.result, **self._all_lines}
+        way = {"stages": problem.stages[-1:], "x_from": h.fitted, **self._all_lines}
         return self._fit(replace(problem, scatter=scatter), h.effects, values, **way)
 
     @property

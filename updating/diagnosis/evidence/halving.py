@@ -17,12 +17,12 @@ from fem.model import Effect
 from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.fits import with_forces
-from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of, priors_of
 from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
-from updating.diagnosis.evidence.priors import TWIN_NATS
+from updating.inference.belief import TWIN_NATS
 from updating.inference.damped import Continuation, continuation_of, damped
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES
 from updating.inference.workers import Workers
 
 
@@ -213,8 +213,7 @@ def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | N
             function.moved_to(start.near),
             np.inf,
             stage.n_steps,
-            prior=priors_of(function),
-            levels=levels_of(function, n_lines=FULL_LINES),
+            counted_as=FULL_LINES,
             tolerance=ROUGH_NATS,
         )
     except np.linalg.LinAlgError:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model import Effect, parameter_values
-from updating.diagnosis.evidence.fitting import Fitted
 from updating.diagnosis.evidence.places import place_of
-from updating.diagnosis.evidence.priors import EFFECT_ODDS
+from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_result import FitResult
 
 Values = tuple[dict[str, float], ...]
@@ -37,12 +36,12 @@ class Hypothesis:
 
     Attributes
     ----------
-    fitted : Fitted
+    fitted : FitResult
     prior : float
         Logarithm of its prior probability, up to a constant.
     """
 
-    fitted: Fitted
+    fitted: FitResult
     prior: float
 
     @property

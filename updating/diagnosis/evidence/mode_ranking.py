@@ -19,13 +19,13 @@ from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term, motions_of
 from fem.system import assemble
-from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.priors import EFFECT_ODDS, EffectPrior, prior_of
 from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened, terms_beside
+from updating.inference.belief import EFFECT_ODDS
+from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
 from updating.inference.preparation import fitted_model
@@ -78,7 +78,7 @@ class ModeLook:
     def _scale(self) -> Floats:
         """One over the standard deviation of each residual, discrepancy included."""
         function, r = self._function, self._found[0]
-        levels = function.mode_levels()
+        levels = function.levels()
         member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
         v = function.mean_by_group(np.abs(r) ** 2)
         return np.sqrt((levels.weight(v) / size)[member])
@@ -87,7 +87,7 @@ class ModeLook:
     def _adapting(self) -> tuple[Floats, Floats, Floats]:
         """Orthonormal directions of what varies, the misfit without them, and what varies, row by row."""
         function = self._function
-        x, prior = self.current_x, priors_of(function)
+        x, prior = self.current_x, function.prior()
         _, J = function(x, True)
         assert J is not None
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
@@ -103,7 +103,7 @@ class ModeLook:
         they leave, and what adapts to them is known as well as that level allows. The second result is one
         over the standard deviation of the multiple, (n,).
         """
-        levels, rows = self._function.mode_levels(), self._adapting[2]
+        levels, rows = self._function.levels(), self._adapting[2]
         n, member = len(self._scale), np.unique(self._function.groups, return_inverse=True)[1]
         of_group = np.eye(member.max() + 1)[np.concatenate([member, member])]
         level_weight = levels.weight(self._function.mean_by_group(np.abs(self._found[0]) ** 2))
@@ -456,7 +456,7 @@ class ModeRanking:
     def left(self, problem: ModeProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         function = problem.function((), (), problem.targets.fitted)
-        levels = function.mode_levels()
+        levels = function.levels()
         there = np.unique(function.groups)
         return SPREAD * levels.noise + (0.5 * problem.left[there]) ** 2 * levels.n / levels.size
 

@@ -10,23 +10,20 @@ from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
-from updating.diagnosis.evidence.priors import FORM_DAMPING, FORM_LEFT, FORM_MODES
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.evidence.screening import LEAST_GRIDS, Grid, Screened, look_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
+from updating.inference.belief import FORM_LEFT
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.preparation import direct_responses
-from updating.inference.scatter import Scatter, scatter_of
+from updating.inference.scatter import Scatter, form_scatter
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
 LEAST_SHAPE = 1e-4
 """What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
-
-N_SIZES = 5
-"""Number of sizes of eigenvalues' shifts that are compared."""
 
 MayWin = Callable[[Effect, float], bool]
 """Whether an effect that raises the log likelihood by so much may make a hypothesis more probable."""
@@ -161,12 +158,7 @@ class FrfRanking:
 
     def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
-        damping = self.form_share * FORM_DAMPING
-        if problem.model_error == 0:
-            return scatter_of(problem, result, damping, 0.0)
-        sizes = self.form_share * np.geomspace(*FORM_MODES, N_SIZES)
-        middle = float(sizes[N_SIZES // 2])
-        return scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes))
+        return form_scatter(problem, result, size, self.form_share)
 
     def basis_for(
         self, problem: FitProblem, result: FitResult, n_lines: int, share: float

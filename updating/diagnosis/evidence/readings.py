@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from updating.diagnosis.evidence.priors import EFFECT_ODDS
+from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_data import FitData
 from updating.quality.corrections import UNLIKE_EFFECTS, Fault, corrected
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fem.model import parameter_values
 from fem.reduction.local_changes import LocalChanges
-from updating.diagnosis.evidence.fitting import priors_of
 from updating.diagnosis.evidence.places import Place, Reach
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -80,7 +79,7 @@ class Scan:
         assert J is not None
         slopes = np.zeros((len(J), *keep.shape), dtype=complex)
         slopes[:, keep] = J * (H / np.where(keep, data.weight[lines], 1.0))[keep]
-        std = priors_of(function).std
+        std = function.prior().std
         weight = np.where(keep, 2 / np.maximum(np.abs(measured) + np.abs(H), 1e-300), 0.0)
         every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
         every = every if data.phase else (every * along.conj()).real

@@ -19,11 +19,11 @@ from fem.reduction.scaling import scale_factors
 from fem.reduction.series import terms_in_series
 from fem.reduction.terms import Term
 from updating.correlation import complex_log
-from updating.diagnosis.evidence.fitting import FULL_LINES, levels_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -355,7 +355,7 @@ class Look:
         group = np.unique(function.groups, return_inverse=True)[1][some]
         share = np.eye(group.max(initial=0) + 1)[group]
         share /= np.maximum(share.sum(axis=0), 1.0)
-        likelihood = levels_of(function, n_lines=FULL_LINES)
+        likelihood = function.levels(counted_as=FULL_LINES)
         assert isinstance(likelihood, Levels)
         worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share)
         weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)

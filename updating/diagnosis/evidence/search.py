@@ -23,7 +23,6 @@ from updating.diagnosis.evidence.fits import (
     around,
     with_forces,
 )
-from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.halving import Damped, Trial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
@@ -35,12 +34,13 @@ from updating.diagnosis.evidence.hypothesis import (
     values_of,
 )
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.priors import TWIN_NATS, UNKNOWN_ODDS
 from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
+from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
@@ -92,7 +92,7 @@ def _size(effect: Effect, values: dict[str, float]) -> float:
 
 def _moved(one: Hypothesis, two: Hypothesis) -> bool:
     """Whether an effect's parameter is more than a deviation from where it is in another fit."""
-    a, b = one.fitted.result, two.fitted.result
+    a, b = one.fitted, two.fitted
     names = one.key & two.key
     return any(abs(a.values[r] - b.values[r]) > b.std[r] for r in a.values if r[0] in names)
 
@@ -278,7 +278,7 @@ class Search:
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
-        damped = Damped(free, base.fitted.result) if far and isinstance(free, FitProblem) else None
+        damped = Damped(free, base.fitted) if far and isinstance(free, FitProblem) else None
         looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:
@@ -311,7 +311,7 @@ class Search:
 
     def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[Trial]:
         """Return candidates that damped FRFs ask for, the best of each sort."""
-        kept, now = values_of(base.effects), base.fitted.result
+        kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
             now = replace(damped.problem.at_nominal(now), scatter=np.zeros(0))
@@ -406,7 +406,7 @@ class Search:
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
         """
-        result, free, anywhere = h.fitted.result, self.fits.free(h), not self.explains(h)
+        result, free, anywhere = h.fitted, self.fits.free(h), not self.explains(h)
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
@@ -446,7 +446,7 @@ class Search:
 
     def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
         """Return effects that may be added."""
-        current, far = base.fitted.result, self.fits.is_far(base)
+        current, far = base.fitted, self.fits.is_far(base)
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
         if far or not base.effects or not isinstance(quick, FitProblem):
@@ -659,7 +659,7 @@ class Search:
         before = self.fits
         for n_lines in BASIS_LINES:
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-            better = self.fits.ranking.basis_for(problem, h.fitted.result, n_lines, BASIS_SHARE)
+            better = self.fits.ranking.basis_for(problem, h.fitted, n_lines, BASIS_SHARE)
             if better is None:
                 break
             error, reduced = better
@@ -697,15 +697,16 @@ class Search:
         scale = np.outer(function.units, function.units)
         apart: list[Maximum] = []
         for f in (f.fitted for f in fits):
-            m = Maximum(function.point_of(f.result), f.result.covariance / scale, f.log_evidence)
+            m = Maximum(function.point_of(f), f.covariance / scale, f.log_evidence)
             if f.log_evidence > best.log_evidence - BEAM_NATS and all(m.distance(a) > 1.0 for a in apart):
                 apart.append(m)
         x = apart[0].x
         weight = np.exp([m.log_evidence - best.log_evidence for m in apart])
         each = [m.covariance + np.outer(m.x - x, m.x - x) for m in apart]
         covariance = np.tensordot(weight / weight.sum(), np.stack(each), axes=1)
-        result = function.result(replace(best.result.solution, x=x, covariance=covariance))
-        self.known[h.key] = Hypothesis(replace(best, result=result), h.prior)
+        result = function.result(replace(best.solution, x=x, covariance=covariance))
+        evidence = {k: getattr(best, k) for k in ("log_evidence", "levels", "misfit", "size")}
+        self.known[h.key] = Hypothesis(replace(result, **evidence), h.prior)
         return self.known[h.key]
 
     def explains(self, best: Hypothesis) -> bool:
@@ -715,4 +716,4 @@ class Search:
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
         left = self.fits.ranking.left(self.fits.problem)
-        return best.score + best.fitted.gain_of(best.fitted.levels.noise + left) - UNKNOWN_ODDS
+        return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS

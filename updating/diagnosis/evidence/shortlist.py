@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.evidence.fitting import FULL_LINES
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.screening import (
     MOST_VALUES,
@@ -17,6 +16,7 @@ from updating.diagnosis.evidence.screening import (
 )
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
 
 MOST_RIVALS = 400

@@ -10,7 +10,7 @@ from fem.effects.clamp_form import ClampForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.model import Effect, Model
-from updating.diagnosis.evidence.priors import FORM_SECTION, FORM_ZONE
+from updating.inference.belief import FORM_SECTION, FORM_ZONE
 from updating.inference.parameters import Nuisance
 
 FORMS = SectionForm, ZoneForm, ClampForm
@@ -26,6 +26,11 @@ def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
     std = FORM_SECTION | FORM_ZONE
     own = [Nuisance(e.name, p.name, std[p.name]) for e in every for p in e.parameters()]
     return tuple(e for e in every if e not in known.values()), tuple(own)
+
+
+def with_form(model: Model, model_error: float) -> Model:
+    """Return a model with the effects that let its form vary, if beams may err."""
+    return model.with_effect(*form_of(model)[0]) if model_error > 0 else model
 
 
 def _place(effect: Effect) -> tuple[str, str]:

@@ -1,0 +1,28 @@
+"""Constants that decide what is believed: how much data say, what may vary, when an effect is named."""
+
+import numpy as np
+
+DATA_PER_MODE = 4.0
+"""Independent data that each mode of the band stands for: frequency, damping and a few of the shape [-]."""
+FORM_SECTION = {"A": 0.01, "Iy": 0.02, "Iz": 0.02, "J": 0.05, "shear": 0.5}
+"""Standard deviations of mass, bending and torsional stiffness, and shear flexibility of members that are
+alike, relative [-]."""
+FORM_ZONE = {"u": 1.0, "plane": 0.4, "mass": 0.4}
+"""Of what lies inside of a connection: of the logarithm of its stiffness, of that of bending in its plane
+besides, and of its mass, relative [-]."""
+FORM_DAMPING = 0.1
+"""Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]. That of
+joints is as uncertain as the study's damping."""
+FORM_MODES = 0.0005, 0.008
+"""Least and largest standard deviation of the relative shift of each mode's eigenvalue that frame theory
+leaves: of any order between them, as the data say [-]."""
+EFFECT_ODDS = np.log(10.0)
+"""Prior odds, as a logarithm, against one more change: each parameter of an effect but its position."""
+UNKNOWN_ODDS = np.log(1e4)
+"""Prior odds, as a logarithm, against what is missing being nothing that the library has."""
+TWIN_NATS = 3.0
+"""Hypotheses within so much of the best one's score are its twins."""
+FORM_LEFT = 0.5
+"""Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
+FORM_LEAST = 0.05
+"""Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""

@@ -1,0 +1,223 @@
+"""The most probable model: everything that is uncertain, and given effects, fitted to the data."""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, parameter_values
+from updating.correlation import log_ratio
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.joint_fit import with_modes
+from updating.inference.marginal import Quadratic, by_size, log_evidence
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.scatter import Scatter, form_scatter
+from updating.inference.solve import TOLERANCE, Solution
+from updating.least_squares.loss import pseudo_huber
+
+FULL_LINES = 100
+"""Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
+QUICK_LINES = 40
+"""Lines of quick fits."""
+QUICK_NATS = 0.1
+"""They end when a step gains less."""
+ITERATIONS = 14
+"""At most so many iterations in each band of a fit."""
+N_PASSES = 3
+"""So often small deviations are fitted again at most, where another size than the next one is best."""
+RANKED = ((2, 6), (6, 2))
+"""Steps of quick fits from several starts, and how many of the best go on: twice, then to all lines."""
+
+
+def fit(
+    problem: FitProblem | ModeProblem,
+    effects: Sequence[Effect] = (),
+    starts: Sequence[dict[str, float]] = (),
+    *,
+    stages: Iterable[float] | None = None,
+    n_lines: int | None = None,
+    counted_as: int = FULL_LINES,
+    max_iterations: int = ITERATIONS,
+    x_from: FitResult | None = None,
+    tolerance: float = TOLERANCE,
+) -> FitResult:
+    """Find the most probable unknowns of a model with effects, band by band; its errors are not assessed.
+
+    Modes are all fitted at once, first with larger deviations than they have.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    effects : sequence of Effect
+    starts : sequence of dict
+        For each of them the parameter values to start from.
+    stages : iterable of float, optional
+        Upper ends of the bands, the last the whole [Hz]; of modes factors of their deviations, the last 1.
+    n_lines : int, optional
+    counted_as : int
+        The lines count as so many: the evidence is then that of a fit to these. 0 for those of the fit.
+    max_iterations : int
+        In each band.
+    x_from : FitResult, optional
+        Start uncertain parameters and damping there rather than at the nominal values.
+    tolerance : float
+        The end of a band's fit is where a step gains less than this [nats].
+    """
+    x: NDArray[np.float64] | None = None
+    function = solution = None
+    for stage in stages if stages is not None else problem.stages:
+        own = problem.at_stage(stage) if isinstance(problem, ModeProblem) else problem
+        lines = own.lines_up_to(stage, n_lines or own.n_lines)
+        function = with_modes(own, own.function(effects, starts, lines), stage)
+        if x is None:
+            x = function.start if x_from is None else function.moved_to(x_from)
+        solution = function.minimise(x, stage, max_iterations, counted_as=counted_as, tolerance=tolerance)
+        x = solution.x
+    assert function is not None
+    assert solution is not None
+    return with_evidence(function, solution, counted_as)
+
+
+def assessed_fit(problem: FitProblem, *effects: Any, **how: Any) -> FitResult:
+    """Return a :func:`fit` with its errors on fitted and on held-out lines."""
+    return problem.assessed(fit(problem, *effects, **how))
+
+
+def refit(problem: FitProblem | ModeProblem, result: FitResult, x_from: FitResult | None = None) -> FitResult:
+    """Fit the effects of a result again, from its values: on the whole band at once.
+
+    A part of the band would not determine all, such as the extent of a mass.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    result : FitResult
+        Its effects are fitted, from their values.
+    x_from : FitResult, optional
+        Start uncertain parameters and damping there rather than at the result's.
+    """
+    starts = [parameter_values(e) for e in result.effects]
+    return fit(problem, result.effects, starts, stages=problem.stages[-1:], x_from=x_from or result)
+
+
+def scattered(
+    problem: FitProblem | ModeProblem,
+    result: FitResult,
+    scatter: Callable[..., Scatter | None] = form_scatter,
+    *,
+    n_passes: int = N_PASSES,
+    n_lines: int = FULL_LINES,
+) -> FitResult:
+    """Return a fit that goes on with the small deviations of the form, of the modes that it has.
+
+    They begin with a size in the middle: a large one does instead of an effect.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    result : FitResult
+    scatter : callable
+        Returns the deviations at a result, of a size.
+    n_passes, n_lines : int
+    """
+    size = None
+    for _ in range(n_passes):
+        small = scatter(problem, result, size)
+        if small is None:
+            break
+        starts = [parameter_values(e) for e in result.effects]
+        way: dict[str, Any] = {"stages": problem.stages[-1:], "n_lines": n_lines, "x_from": result}
+        result = fit(replace(problem, scatter=small), result.effects, starts, **way)
+        size = result.size
+        if size is None or 0.4 < size / small.eigenvalue < 2.5:
+            break
+    return result
+
+
+def fit_given(problem: FitProblem | ModeProblem, effects: Sequence[Effect] = ()) -> FitResult:
+    """Return the most probable model with given effects, from their values and from their own starts.
+
+    The posterior has several maxima, for instance of a joint between free and rigid. Quick fits rank the
+    starts.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+        With the form among what is uncertain, if it may vary.
+    effects : sequence of Effect
+        With the values to start from first.
+    """
+    problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
+    given = [parameter_values(e) for e in effects]
+    fits = [fit(problem, effects, given, n_lines=FULL_LINES)]
+    begun = [
+        Start([*given[:k], s, *given[k + 1 :]], None)
+        for k, e in enumerate(effects)
+        for s in e.starts(problem.surroundings)
+    ]
+    for steps, kept in RANKED if begun else ():
+        quick: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": steps, "tolerance": QUICK_NATS}
+        tried = []
+        for values, near in begun:
+            with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
+                tried.append(fit(problem, effects, values, stages=problem.stages[-1:], x_from=near, **quick))
+        tried.sort(key=lambda r: -r.log_evidence)
+        begun = [Start([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
+    ways: dict[str, Any] = {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
+    fits += [fit(problem, effects, values, x_from=near, **ways) for values, near in begun]
+    return scattered(problem, max(fits, key=lambda r: r.log_evidence))
+
+
+class Start(NamedTuple):
+    """Values of effects that a fit begins at, and a result that it begins near; nominal values if None."""
+
+    values: Sequence[dict[str, float]]
+    near: FitResult | None
+
+
+def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0) -> FitResult:
+    """Return a solution with its log evidence and covariance, by Laplace's approximation."""
+    x = solution.x
+    r, J = function(x, True)
+    assert J is not None
+    scatter = function.scatter
+    member = np.unique(function.groups, return_inverse=True)[1]
+    levels = function.levels(counted_as=counted_as)
+    off, std = function.prior_at(x)
+    near = Quadratic.of(r, J, member, ROBUST, levels)
+    v, size = near.v, None
+    normal = near.normal(levels.weight(v), std)
+    if scatter is None or not scatter.sizes:
+        evidence = log_evidence(-levels.cost(v), off, std, normal)
+    else:
+        rows = len(x) - len(scatter.std) + scatter.shifts
+        factors = np.array(scatter.sizes) / scatter.eigenvalue
+        each = by_size(near, off, std, rows, factors)
+        evidence = float(np.logaddexp.reduce(each) - np.log(len(each)))
+        size = scatter.sizes[int(np.argmax(each))]
+    result = function.result(replace(solution, covariance=np.linalg.inv(normal)))
+    return replace(result, log_evidence=evidence, levels=levels, misfit=v, size=size)
+
+
+def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
+    """Return a problem with its noise reduced to what residuals of neighbouring lines differ by.
+
+    A model's residuals are smooth over frequency but near resonances, so that their second differences hold
+    the noise, and no less.
+    """
+    data = problem.data
+    ratio = data.seen(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
+    r = data.weight * np.nan_to_num(ratio)
+    there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
+    if not there.any():
+        return problem
+    seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
+    square = (data.weight * data.noise) ** 2
+    stated = data.n_parts * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+    scale = min(1.0, float(seen / stated))
+    return replace(problem, data=replace(data, noise=data.noise * np.sqrt(scale)))
