@@ -401,11 +401,13 @@ class Study(config.Study):
         found: tuple[Fault, ...] = ()
         if has_modes_alone(self):
             problem, before = mode_problem_and_model(base)
-            result, damped = fit_given(problem, effects), bool(np.isfinite(problem.targets.zeta).any())
+            problem, result = fit_given(problem, effects)
+            damped = bool(np.isfinite(problem.targets.zeta).any())
         else:
             problem, before = formed_problem_and_model(base)
             problem, _, found = calibrated(problem, checked=faults)
-            result, damped = problem.assessed(fit_given(problem, effects)), True
+            problem, result = fit_given(problem, effects)
+            result, damped = problem.assessed(result), True
         model = fitted_model(before, result)
         if damped:
             model = _damped(model, *fitted_damping(problem, result, model))

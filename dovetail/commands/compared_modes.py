@@ -76,7 +76,7 @@ def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult
     )  # fmt: skip
     problem = mode_problem(base)
     progress("fitting the uncertain parameters" + (" and the added effects" if effects else ""), 0.3)
-    return replace(problem, reduced=problem.reduced.with_forces_of(effects)), fit_given(problem, effects)
+    return fit_given(problem, effects)
 
 
 def _added(study: "Study", found: "FitResult | None") -> Any:

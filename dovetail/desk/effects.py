@@ -68,7 +68,7 @@ class EffectList:
         """Show the added effects of the present state; widgets that show them already keep their focus."""
         desk = self._page.desk
         if self._form is not None:
-            self._form.set_value(desk.live.has_form(desk.now.hypothesis))
+            self._form.set_value(desk.fits_form)
         effects = desk.now.hypothesis.effects
         now = [(e.name, parameter_values(e)) for e in effects]
         if now == self._shown:
@@ -96,10 +96,10 @@ class EffectList:
         word = "Form of sections and connections is uncertain, as in a diagnosis"
 
         def changed(e: Any) -> None:
-            if bool(e.value) != desk.live.has_form(desk.now.hypothesis):
+            if bool(e.value) != desk.fits_form:
                 page.act(lambda: desk.vary_form(bool(e.value)))
 
-        box = ui.checkbox(word, value=desk.live.has_form(desk.now.hypothesis), on_change=changed)
+        box = ui.checkbox(word, value=desk.fits_form, on_change=changed)
         box.props("dense").props["aria-label"] = word
         return box
 

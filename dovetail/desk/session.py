@@ -75,6 +75,7 @@ class Desk:
         self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.weighed: dict[str, Weighed] = {}
+        self.fits_form = self.varies_form
         self.shown = live.evaluate(self.now.hypothesis)
         self._others: dict[int, Evaluation] = {}
 
@@ -299,19 +300,25 @@ class Desk:
 
     # Longer work --------------------------------------------------------------------------------------------
 
+    @property
+    def _to_fit(self) -> Hypothesis:
+        """The present hypothesis; its form may vary as in a diagnosis, unless that was declined."""
+        h = self.now.hypothesis
+        return self.live.with_form(h) if self.fits_form else h
+
     def fit_uncertain(self) -> Job:
         """Fit the uncertain parameters and the damping."""
-        h = self.now.hypothesis
+        h = self._to_fit
         return Job("Fit uncertain parameters", lambda say: fit_uncertain(self.live, h, say)).start()
 
     def fit_this(self, name: str) -> Job:
         """Fit one added effect."""
-        h = self.now.hypothesis
+        h = self._to_fit
         return Job(f"Fit {_called(h.effect(name))}", lambda say: fit_effect(self.live, h, name, say)).start()
 
     def fit_all(self) -> Job:
         """Fit everything that may vary."""
-        h = self.now.hypothesis
+        h = self._to_fit
         return Job("Fit all", lambda say: fit_all(self.live, h, say)).start()
 
     def take_fit(self, job: Job) -> None:
@@ -380,6 +387,7 @@ class Desk:
         h = self.live.with_form(h) if self.varies_form else h
         values = {ref: float(last.values.get(ref, v)) for ref, v in h.values.items()}
         h = replace(h, effects=tuple(own), values=values, zeta=last.zeta, faults=d.faults, fit=None)
+        self.live.learn(h)
         stair = Stair.of("diagnosis taken over", self.live.evaluate(h))
         self.commit(self.now.moved("take over the diagnosis", h).with_stair(stair))
         return tuple(e.name for e in found if e.name not in self.candidates)
@@ -391,6 +399,7 @@ class Desk:
 
     def vary_form(self, on: bool) -> None:
         """Let the form of the frame vary in fits, as a diagnosis does, or take it as it is drawn."""
+        self.fits_form = on
         h = self.now.hypothesis
         h = self.live.with_form(h) if on else self.live.without_form(h)
         self.suppose(f"{'vary' if on else 'do not vary'} the form of the frame", h)

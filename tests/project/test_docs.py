@@ -130,7 +130,7 @@ def test_an_effect_is_added_by_hand_from_python(monkeypatch, tmp_path, capsys):
     names = {}
     exec(code.replace("better.toml", str(tmp_path / "better.toml")), names)
     nominal, fitted, added, better = map(float, capsys.readouterr().out.splitlines()[-1].split(" → "))
-    assert nominal > 1.5 * fitted > 3 * added > 4.5 * better
+    assert nominal > 1.5 * fitted > 2 * added > 4 * better
     assert better < 1.0  # dB
     again = names["dovetail"].load_study(tmp_path / "better.toml")
     assert again.error().fit_db == pytest.approx(better, rel=1e-3)

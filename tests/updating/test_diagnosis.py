@@ -17,8 +17,8 @@ from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior
-from updating.diagnosis.evidence.search import BASIS_SHARE
 from updating.inference import preparation
+from updating.inference.bases import BASIS_SHARE
 
 
 def run(case, **options):

@@ -35,7 +35,9 @@ def test_evidence_of_a_size_is_that_of_a_fit_with_it():
         C = sigma**2 * np.eye(40) + (A * own**2) @ A.T
         y = r - A @ off
         exact = -0.5 * y @ np.linalg.solve(C, y) - 0.5 * np.linalg.slogdet(C)[1] + 40 * np.log(sigma)
-        assert found == pytest.approx(exact, abs=1e-4)
+        assert found.log_evidence == pytest.approx(exact, abs=1e-4)
+        mean = -(own**2) * (A.T @ np.linalg.solve(C, y))  # from the prior's mean
+        np.testing.assert_allclose(off + found.change, mean, atol=1e-3)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,9 @@ def fitted():
 
 
 def test_bands_are_the_covariance_by_central_differences(fitted):
-    """Over h = 2e-5 of ln θ they miss by (h/ζ)²/6, 5e-6, and by rounding: 1e-11 at antiresonances, over h, times deviations of up to 0.4."""
+    """Over h = 2e-5 of ln θ they miss by (h/ζ)²/6, 5e-6, and by rounding: 1e-11 at antiresonances over h,
+    times deviations of up to 0.4.
+    """
     problem, fit = fitted
     lines = np.arange(0, len(problem.data.frequency), 17)
     variables = problem.function((), (), lines).variables

@@ -23,7 +23,7 @@ from fem.summary import percent
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
-from updating.diagnosis.evidence.search import BASIS_SHARE, Search
+from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.frf_states import N_BASES
 from updating.diagnosis.mode_diagnosis import (
     Calibrated,
@@ -33,6 +33,7 @@ from updating.diagnosis.mode_diagnosis import (
     formed_problem,
     searched_modes,
 )
+from updating.inference.bases import better_basis
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
@@ -63,7 +64,7 @@ def calibrate(
     )
     fitted = fit(problem)
     for _ in range(N_BASES):
-        better = ModeRanking().basis_for(problem, fitted, 0, BASIS_SHARE)
+        better = better_basis(problem, fitted)
         if better is None:
             break
         problem = replace(problem, reduced=better[1])

@@ -3,18 +3,19 @@
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from updating.correlation import log_ratio
+from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import with_modes
-from updating.inference.marginal import Quadratic, by_size, log_evidence
+from updating.inference.marginal import Quadratic, by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.scatter import Scatter, form_scatter
 from updating.inference.solve import TOLERANCE, Solution
@@ -139,11 +140,14 @@ def scattered(
     return result
 
 
-def fit_given(problem: FitProblem | ModeProblem, effects: Sequence[Effect] = ()) -> FitResult:
+Problem = TypeVar("Problem", FitProblem, ModeProblem)
+
+
+def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem, FitResult]:
     """Return the most probable model with given effects, from their values and from their own starts.
 
     The posterior has several maxima, for instance of a joint between free and rigid. Quick fits rank the
-    starts.
+    starts. The problem is returned on the basis of the fit: with its responses, where it erred without.
 
     Parameters
     ----------
@@ -170,7 +174,14 @@ def fit_given(problem: FitProblem | ModeProblem, effects: Sequence[Effect] = ())
         begun = [Start([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
     ways: dict[str, Any] = {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
     fits += [fit(problem, effects, values, x_from=near, **ways) for values, near in begun]
-    return scattered(problem, max(fits, key=lambda r: r.log_evidence))
+    result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
+    for n_better in BASIS_LINES:
+        better = better_basis(problem, result, n_better)
+        if better is None:
+            break
+        problem = replace(problem, reduced=better[1])
+        result = scattered(problem, refit(problem, result))
+    return problem, result
 
 
 class Start(NamedTuple):
@@ -191,16 +202,16 @@ def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0
     off, std = function.prior_at(x)
     near = Quadratic.of(r, J, member, ROBUST, levels)
     v, size = near.v, None
-    normal = near.normal(levels.weight(v), std)
     if scatter is None or not scatter.sizes:
-        evidence = log_evidence(-levels.cost(v), off, std, normal)
+        normal = near.normal(levels.weight(v), std)
+        evidence, covariance = log_evidence(-levels.cost(v), off, std, normal), np.linalg.inv(normal)
     else:
         rows = len(x) - len(scatter.std) + scatter.shifts
-        factors = np.array(scatter.sizes) / scatter.eigenvalue
-        each = by_size(near, off, std, rows, factors)
-        evidence = float(np.logaddexp.reduce(each) - np.log(len(each)))
-        size = scatter.sizes[int(np.argmax(each))]
-    result = function.result(replace(solution, covariance=np.linalg.inv(normal)))
+        each = by_size(near, off, std, rows, np.array(scatter.sizes) / scatter.eigenvalue)
+        evidence, mean, covariance = mixed(each)
+        size = scatter.sizes[int(np.argmax([s.log_evidence for s in each]))]
+        x = np.clip(x + mean, *function.limits().T)
+    result = function.result(replace(solution, x=x, covariance=covariance))
     return replace(result, log_evidence=evidence, levels=levels, misfit=v, size=size)
 
 

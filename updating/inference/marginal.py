@@ -1,7 +1,8 @@
 """Evidence of a model by Laplace's approximation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +86,8 @@ class Quadratic:
         """Return the second derivatives of the negative log posterior with what the groups are worth."""
         return np.tensordot(worth, self.curvature, 1) + np.diag(std**-2.0)
 
-    def log_evidence(self, deviation: Floats, std: Floats) -> float:
-        """Return the log evidence with normal priors, the unknowns at their most probable values.
+    def settled(self, deviation: Floats, std: Floats) -> "Settled":
+        """Return the posterior with normal priors at the most probable values of the unknowns.
 
         Parameters
         ----------
@@ -113,7 +114,15 @@ class Quadratic:
             now = then
         v = self.at(d)
         A = self.normal(self.levels.weight(v), std)
-        return log_evidence(-self.levels.cost(v), deviation + d, std, A)
+        return Settled(log_evidence(-self.levels.cost(v), deviation + d, std, A), d, A)
+
+
+class Settled(NamedTuple):
+    """A posterior by its quadratic model: log evidence, change to its optimum, second derivatives."""
+
+    log_evidence: float
+    change: Floats
+    curvature: Floats
 
 
 def _shortened(cost: Callable[[float], float], now: float) -> tuple[float, float]:
@@ -129,14 +138,14 @@ def _shortened(cost: Callable[[float], float], now: float) -> tuple[float, float
 
 def by_size(
     near: Quadratic, deviation: Floats, std: Floats, rows: NDArray[np.int64], factors: Floats
-) -> Floats:
-    """Return the log evidences with some priors' standard deviations at multiples of theirs, (n_factors,).
+) -> list[Settled]:
+    """Return the posteriors with some priors' standard deviations at multiples of theirs.
 
     Parameters
     ----------
     near : Quadratic
     deviation, std : ndarray (n,)
-        As of :meth:`Quadratic.log_evidence`.
+        As of :meth:`Quadratic.settled`.
     rows : ndarray of int
         Unknowns whose priors have one size in common.
     factors : ndarray (n_factors,)
@@ -145,5 +154,18 @@ def by_size(
     for factor in factors:
         own = std.copy()
         own[rows] *= factor
-        out.append(near.log_evidence(deviation, own))
-    return np.array(out)
+        out.append(near.settled(deviation, own))
+    return out
+
+
+def mixed(each: Sequence[Settled]) -> tuple[float, Floats, Floats]:
+    """Return the log evidence of equally probable models, and mean change and covariance of their unknowns.
+
+    Of the mixture of their normal approximations: Σ p d, and Σ p (A⁻¹ + (d - d̄) (d - d̄)ᵀ).
+    """
+    evidence = np.array([s.log_evidence for s in each])
+    total = float(np.logaddexp.reduce(evidence))
+    p = np.exp(evidence - total)
+    mean = p @ np.array([s.change for s in each])
+    parts = [np.linalg.inv(s.curvature) + np.outer(s.change - mean, s.change - mean) for s in each]
+    return total - float(np.log(len(each))), mean, np.tensordot(p, np.array(parts), axes=1)

@@ -48,7 +48,7 @@ class Solution:
     converged : bool
         False if the iterations ran out first.
     covariance : ndarray (n, n)
-        Of x by a normal approximation; empty until :func:`updating.inference.fitting.assessed`.
+        Of x by a normal approximation; empty until :func:`updating.inference.fitting.with_evidence`.
     """
 
     x: NDArray[np.float64]

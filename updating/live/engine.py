@@ -15,6 +15,7 @@ from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import Comparison, compare
+from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
@@ -175,6 +176,23 @@ class LiveModel:
         problem = self._problem(h)
         apart = replace(problem.reduced).with_forces_of(h.effects)
         return replace(problem, reduced=apart, data=self.data_of(h))
+
+    def learn(self, h: Hypothesis) -> None:
+        """Let the basis have the responses of a hypothesis, where it errs without."""
+        known = self.evaluate(h).result
+        for n_lines in BASIS_LINES:
+            problem = self._problem(h)
+            own = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
+            better = better_basis(own, known, n_lines)
+            if better is None:
+                return
+            with self._lock:
+                problem = replace(problem, reduced=better[1])
+                if self.has_form(h):
+                    self.formed = problem
+                else:
+                    self.problem = problem
+                self._engines = Recent(KEPT)
 
     def evaluate(self, h: Hypothesis) -> Evaluation:
         """Return the FRFs of a hypothesis and their errors."""

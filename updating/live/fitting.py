@@ -119,10 +119,10 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
     if not h.effects:
         watch = Watch(progress, "fitting uncertain parameters", len(problem.stages) + 3)
         _, result, faults = begin_fitted(_watched(problem, watch))
-        return replace(h, faults=(*h.faults, *faults)).at(result)
+        return _learnt(live, replace(h, faults=(*h.faults, *faults)).at(result))
     watch = Watch(progress, "fitting uncertain parameters", 2)
     held = _watched(problem, watch, frozenset({""}))
-    return h.at(held.assessed(_better(held, h)))
+    return _learnt(live, h.at(held.assessed(_better(held, h))))
 
 
 def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) -> Hypothesis:
@@ -137,7 +137,7 @@ def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) ->
         fit(held, h.effects, _starts(h, effect, start), stages=whole, n_lines=QUICK_LINES, x_from=now)
         for start in starts
     ]
-    return h.at(held.assessed(refit(held, max(fits, key=lambda r: r.log_evidence))))
+    return _learnt(live, h.at(held.assessed(refit(held, max(fits, key=lambda r: r.log_evidence)))))
 
 
 def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
@@ -148,8 +148,14 @@ def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
     n_starts = sum(len(e.starts(problem.surroundings)) for e in h.effects)
     watch = Watch(progress, "fitting all", 2 + n_starts + len(problem.stages))
     every = _watched(problem, watch)
-    here, anew = _better(every, h), fit_given(every, h.effects)
-    return h.at(every.assessed(max(here, anew, key=lambda r: r.log_evidence)))
+    here, anew = _better(every, h), fit_given(every, h.effects)[1]
+    return _learnt(live, h.at(every.assessed(max(here, anew, key=lambda r: r.log_evidence))))
+
+
+def _learnt(live: LiveModel, h: Hypothesis) -> Hypothesis:
+    """Return a fitted hypothesis, whose responses the basis has."""
+    live.learn(h)
+    return h
 
 
 def _better(problem: _WatchedProblem, h: Hypothesis) -> FitResult:

@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt
-from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term, motions_of
-from fem.system import assemble
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
@@ -28,7 +25,6 @@ from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
-from updating.inference.preparation import fitted_model
 from updating.inference.scatter import Scatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
@@ -425,33 +421,6 @@ class ModeRanking:
     def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return nothing: the discrepancy of damping ratios stands for it."""
         return None
-
-    def basis_for(
-        self, problem: ModeProblem, result: FitResult, n_lines: int, share: float
-    ) -> tuple[float, ReducedModel] | None:
-        """Return a basis with the modes of the fitted model."""
-        model = fitted_model(problem.reduced.model, result)
-        top = 1.2 * float(problem.targets.frequency[-1])
-        try:
-            system = assemble(model, reciprocal=False)
-            pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
-            f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
-            if (f <= 0).any():  # unstable beyond the basis: its shapes would make fits unstable, too
-                return None
-            refs = list(result.values)
-            at = problem.parametric(problem.targets.fitted, refs, result.effects).at(
-                np.array([result.values[r] for r in refs]),
-                problem.damping.ratio(problem.targets.frequency[problem.targets.fitted], result.zeta),
-            )
-            own = at.pairs(0)
-            g = own.frequency[own.n_rigid :]
-            n = min(len(f), len(g))
-            error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
-            if error <= share * 10 * problem.data.noise_level:
-                return None
-            return error, problem.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
-        except (np.linalg.LinAlgError, ValueError):
-            return None
 
     def left(self, problem: ModeProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""

@@ -7,7 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from fem.model import Effect
-from fem.reduction.reduced_model import ReducedModel
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
@@ -16,14 +15,10 @@ from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlis
 from updating.inference.belief import FORM_LEFT
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.preparation import direct_responses
 from updating.inference.scatter import Scatter, form_scatter
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
-
-LEAST_SHAPE = 1e-4
-"""What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
 
 MayWin = Callable[[Effect, float], bool]
 """Whether an effect that raises the log likelihood by so much may make a hypothesis more probable."""
@@ -78,12 +73,6 @@ class Ranking(Protocol):
 
         ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
         """
-        ...
-
-    def basis_for(
-        self, problem: Any, result: FitResult, n_lines: int, share: float
-    ) -> tuple[float, ReducedModel] | None:
-        """Return the error of the basis and a better one; None where it is small beside the level."""
         ...
 
     def left(self, problem: Any) -> Any:
@@ -159,15 +148,6 @@ class FrfRanking:
     def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
         return form_scatter(problem, result, size, self.form_share)
-
-    def basis_for(
-        self, problem: FitProblem, result: FitResult, n_lines: int, share: float
-    ) -> tuple[float, ReducedModel] | None:
-        """Return a basis with responses at some lines."""
-        error, responses = direct_responses(problem, result, n_lines)
-        if error <= share * result.level / np.sqrt(2):
-            return None
-        return error, problem.reduced.with_shapes(responses, LEAST_SHAPE)
 
     def left(self, problem: FitProblem) -> Any:
         """Return the square of the level that beams and the mesh leave."""

@@ -37,6 +37,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
+from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -56,9 +57,6 @@ BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 AMID = 0.4
 """Springs of a connection begin at this place of their grids, from the stiffest [-]."""
-BASIS_SHARE, BASIS_LINES = 0.03, (16, 24)
-"""The basis gets responses at so many lines of what was found while it errs there by more than this share of
-the level."""
 Say = Callable[[str], None]
 
 
@@ -659,7 +657,7 @@ class Search:
         before = self.fits
         for n_lines in BASIS_LINES:
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-            better = self.fits.ranking.basis_for(problem, h.fitted, n_lines, BASIS_SHARE)
+            better = better_basis(problem, h.fitted, n_lines)
             if better is None:
                 break
             error, reduced = better
