@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from fem.effects.giving_way import GivesWay
 from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
@@ -65,7 +66,7 @@ def terms_in_series(
 
 def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
     """Whether an effect alters the member where another one gives way."""
-    return soft.gives_way and effect is not soft and effect.alters(model, soft.member)  # type: ignore[attr-defined]
+    return isinstance(soft, GivesWay) and effect is not soft and effect.alters(model, soft.member)
 
 
 def _negative(c: Contribution) -> Contribution:
