@@ -163,20 +163,17 @@ def inner_place(
     turned = np.kron(np.eye(2), g.R[0])
     F, cross = W + local @ ends, g.T[0].T @ (spread @ shapes).sum(axis=0).T
     own = (spread @ moved).sum(axis=0)
-    if cuts:
+    if cuts and (0 < np.real(x) < 1 or not g.soft.size):  # a place at a node of springs is the node
         M, rigid, S, Q = slip
         M = M - _slip_of_nodes(g) @ M
         jump = _jumps(at_cuts, M, rigid, np.array([x]), local[None])[0]
         jumps = _jumps(at_cuts, M, rigid, s, shapes)
         N, F = N + G @ jump @ S @ Q.T, F + jump @ S @ jump.T
         more = jumps @ S @ jump.T
-        heavy, light = (
-            np.swapaxes(jumps, 1, 2) * mass[:, None, :],
-            np.swapaxes(shapes, 1, 2) * mass[:, None, :],
-        )
+        heavy, light, slow = (np.swapaxes(X, 1, 2) * mass[:, None, :] for X in (jumps, shapes, more))
         cross = cross + g.T[0].T @ (light @ more).sum(axis=0) + Q @ S @ (heavy @ (moved + more)).sum(axis=0)
         both = (spread @ more).sum(axis=0)
-        own = own + both + both.T + (np.swapaxes(more, 1, 2) * mass[:, None, :] @ more).sum(axis=0)
+        own = own + both + both.T + (slow @ more).sum(axis=0)
     return InnerPlace(
         dofs, N, G @ F @ G.T, turned.T @ np.diag(np.diag(free)) @ turned, g.eta[0], cross @ G.T, G @ own @ G.T
     )

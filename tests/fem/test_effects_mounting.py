@@ -167,6 +167,7 @@ def test_a_place_in_an_element_that_gives_way_is_one_at_a_point_of_the_mesh_ther
     else:
         here = footed(coarse, 2, 0.1)
         (shift,) = FootShift.propose(here)
+        np.testing.assert_allclose(static(here.with_effect(shift)), static(here), rtol=1e-9, atol=1e-12)
         moved = here.with_effect(shift.with_values(amount=at - 0.1))
         finer = with_point(here, at)
         joint = finer.effect("foot")
