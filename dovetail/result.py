@@ -356,6 +356,7 @@ def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
         "H_model": np.stack([d.frf(k).as_kind(measured.kind).H for k in range(len(d.steps))]),
         "deviation": _deviation(d),
         "compared": np.broadcast_to(data.mask, measured.H.shape),
+        "pieces": np.array(d.problem.pieces),
         "held_out": data.held_out,
         "noise": np.broadcast_to(data.noise, measured.H.shape),
     }

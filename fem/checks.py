@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from fem.analysis.modes import MechanismError, solve_modes
 from fem.elements.frame import Frame
-from fem.mesh import Mesh, merge_names
+from fem.mesh import Mesh, merge_advice, merge_names
 from fem.model import Model, ModelError
 from fem.plausibility import suspicions
 from fem.system import assemble
@@ -184,7 +184,7 @@ def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
         yield Defect(
             "coincident points" if same else "unconnected points",
             f"points {a} ({_members_at(mesh, a)}) and {b} ({_members_at(mesh, b)}) {what} and are not "
-            "connected; merge them (merge_tolerance), or tie them with a joint",
+            f"connected; {merge_advice(max(d, 1e-6 * mesh.size))}",
             np.array([a, b]),
         )
 

@@ -492,3 +492,12 @@ def merge_names(names: Iterable[str]) -> str:
     """Join names for a message: ``a, b and c``."""
     names = list(names)
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def merge_advice(gap: float) -> str:
+    """Say what to do about points that lie up to a distance [m] apart and are not connected."""
+    tolerance = max(1.2 * gap, 1e-12)  # the digits that are left out do not make it shorter than the distance
+    return (
+        f"if they are one point, make them one (merge_tolerance = {tolerance:.2g} [m] does so in a mesh "
+        "file); if not, tie them with a joint"
+    )

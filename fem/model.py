@@ -201,7 +201,8 @@ class Effect(ABC):
     within_members : bool
         Whether it acts within members (:meth:`on_lines`), so that it does not hold the structure.
     gives_way : bool
-        Whether it is a flexibility in series with the element that other effects alter (:meth:`alters`).
+        Whether it depends on other effects of an element: is a flexibility in series with what they alter
+        (:meth:`alters`), or acts at a place within an element where others give way (:meth:`follows`).
     reduced_part : bool
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None
@@ -365,6 +366,10 @@ class Effect(ABC):
         What gives way at a member's end or within it is in series with such changes
         (`fem.effects.giving_way`).
         """
+        return False
+
+    def follows(self, other: "Effect", model: "Model") -> bool:
+        """Whether it depends on another effect of an element, if it :attr:`gives_way`."""
         return False
 
     def on_line(self, model: "Model", member: str, line: int) -> tuple[Contribution, ...]:

@@ -19,6 +19,14 @@ from updating.ambient.identification import identify_ambient
 from updating.ambient.set_ups import MergedModes, merge_set_ups
 from updating.modal.identified_modes import IdentifiedModes
 
+NULLS = {
+    "shape": "no set-up with the mode has the channel",
+    "shape_std": "no set-up with the mode has the channel",
+    "frequency_scatter": "the mode is in one set-up alone",
+    "mac_of_set_ups": "the mode is in one set-up alone, or set-ups share fewer than two channels with it",
+}
+"""Why numbers are missing."""
+
 
 def std_of(found: AmbientModes | MergedModes | IdentifiedModes) -> dict[str, np.ndarray]:
     """Return relative standard deviations as a file with modes has them [-].
@@ -60,7 +68,7 @@ def identify_ambient_modes(options: Options, study: Study, progress: Progress) -
         progress("drawing", 0.9)
         _draw(options.picture, set_ups, [path.name for path in test.paths])
     progress.close()
-    write_json(options.json, _as_json(study, found, data))
+    write_json(options.json, _as_json(study, found, data), NULLS)
     cycles = found.duration * float(found.modes.frequency.min(initial=np.inf))
     parts = "" if len(set_ups) == 1 else f"{len(set_ups)} set-ups, "
     say(

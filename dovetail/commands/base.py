@@ -111,6 +111,7 @@ def run(options: Options, progress: Progress) -> None:
             "assumptions": study.assumptions,
             "warnings": study.warnings,
         },
+        {"file": "the FRFs are written to none (--out)"},
     )
     width = max(len(p[0]) for p in peaks)
     say(

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.commands.argument_types import positive, whole_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
 from dovetail.commands.results import Results, write_motions
-from dovetail.commands.speed import add_speeds
+from dovetail.commands.speed import NO_WHIRL, add_speeds
 from dovetail.disk.output import Progress, write_json
 from dovetail.file.rotation import RPM
 from fem.analysis.campbell import Campbell, CriticalSpeed, solve_campbell
@@ -23,6 +23,15 @@ RESULTS = Results(
     motions="the shapes at the critical speeds",
     picture="the Campbell diagram",
 )
+
+_AWAY = "the branch is not among the computed modes there, or does not oscillate"
+NULLS = {
+    "damped_frequency_Hz": _AWAY,
+    "damping_ratio": _AWAY,
+    "whirl": f"{NO_WHIRL}, or {_AWAY}",
+    "likeness_to_next": f"{_AWAY}, or at the next speed",
+}
+"""Why numbers are missing."""
 
 _PRINTED = 11
 """Most speeds that are printed; --json and --out have all."""
@@ -89,6 +98,7 @@ def run(options: Options, progress: Progress) -> None:
             "assumptions": study.assumptions,
             "warnings": study.warnings,
         },
+        NULLS,
     )
     say(
         options,

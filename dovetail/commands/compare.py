@@ -23,6 +23,15 @@ if TYPE_CHECKING:
 HELP = "compare the model's FRFs, or natural frequencies, with the measured ones"
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
+NULLS = {
+    "held_out_db": "no compared line is held out",
+    "error_db": "no line of the sensor is compared",
+    "by_band_db": "no line of the sensor is compared in the band",
+    "frac": "the FRFs have no phase, or no line of the pair is compared",
+    "std": "no fit has it (--fitted), or it is at a bound",
+}
+"""Why numbers are missing."""
+
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
@@ -107,6 +116,7 @@ def run(options: Options, progress: Progress) -> None:
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
         },
+        NULLS,
     )
     say(
         options,
@@ -165,6 +175,7 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
         },
+        NULLS,
     )
     say(
         options,

@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from updating.inference.fit_result import FitResult
     from updating.inference.mode_fit import ModeProblem
 
+NULLS = {
+    "fit": "no mode that a fit sees is paired",
+    "held_out": "no mode that is held out is paired",
+    "computed_Hz": "no mode of the model has such a shape or frequency",
+    "zeta": "no damping was measured",
+    "zeta_computed": "no mode of the model is paired",
+    "mac": "no shape was measured, or no mode of the model is paired",
+    "std": "no fit has it (--fitted), or it is at a bound",
+}
+"""Why numbers are missing."""
+
 
 def compare_modes(options: Options, study: "Study", progress: Progress) -> None:
     """Print how far the model's modes are from the measured ones."""
@@ -33,14 +44,12 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> None:
             "study": study.name,
             "model": what,
             "frequency_error": {"fit": c.error, "held_out": c.held_out_error},
-            "missing": {}
-            if np.isfinite(c.held_out_error)
-            else {"held_out": "no mode that is held out is paired"},
             "modes": c.rows(),
             "added": [result.effect_dict(e, own) for e in _added(study, own)],
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
         },
+        NULLS,
     )
     held_out = c.held_out_error
     predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""

@@ -7,7 +7,7 @@ import numpy as np
 from dovetail.commands.argument_types import whole_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
 from dovetail.commands.results import MOTION_FORMATS, Results
-from dovetail.commands.speed import add_rpm, at_asked_speed
+from dovetail.commands.speed import NO_WHIRL, add_rpm, at_asked_speed
 from dovetail.disk.output import Progress, result_folder, write_json
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.whirl import whirl, whirl_name
@@ -86,6 +86,7 @@ def run(options: Options, progress: Progress) -> None:
             "assumptions": study.assumptions,
             "warnings": study.warnings,
         },
+        {"whirl": NO_WHIRL},
     )
     rows = [
         f"{k + 1:5d}  {f:12.4f}  {d:12.4f}  {100 * z:9.4f}  {c:6.3f}{_words(d, w)}"

@@ -8,6 +8,9 @@ from dovetail.commands.common import Options
 from dovetail.file.rotation import at_speed
 from dovetail.study import Study
 
+NO_WHIRL = "the mode tilts no rotor"
+"""Why the whirl of a mode is missing."""
+
 
 def add_rpm(p: argparse.ArgumentParser) -> None:
     """Add the option."""

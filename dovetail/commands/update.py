@@ -6,8 +6,6 @@ import io
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import (
     Options,
@@ -21,12 +19,24 @@ from dovetail.disk.output import Output, OutputError, Progress, result_folder, w
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
-from updating.inference.updated import Updated
 
 HELP = "update uncertain parameters to measured modes or FRFs, with their uncertainty"
 EXAMPLE = "dovetail update study.toml --out out/updated"
 STUDY, JSON = "study.toml", "update.json"
 REFITS = "bootstrap.csv"
+
+_UNDETERMINED = "the data do not determine it, or it is at a bound"
+NULLS = {
+    "std": _UNDETERMINED,
+    "interval_95": _UNDETERMINED,
+    "correlation": "a parameter has no standard deviation",
+    "prior_std": "it has no prior",
+    "from_prior": "it has no prior",
+    "frequency_error": "no modes were fitted, or none was paired",
+    "mac": "no shapes were fitted, or none was paired",
+    "frf_db": "no FRFs were fitted",
+}
+"""Why numbers are missing."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -74,12 +84,12 @@ def run(options: Options, progress: Progress) -> None:
     with result_folder(options.out, options.force) as scratch:
         progress("drawing", 0.8)
         (scratch / STUDY).write_text(text, encoding="utf-8")
-        write_json(scratch / JSON, data)
+        write_json(scratch / JSON, data, NULLS)
         write_update_report(result, unsaid, scratch, refits)
         if refits is not None:
             (scratch / REFITS).write_text(_table_of(refits), encoding="utf-8")
     progress.close()
-    write_json(options.json, data)
+    write_json(options.json, data, NULLS)
     u = result.updated
     say(
         options,
@@ -99,19 +109,6 @@ def _table_of(found: Bootstrap) -> str:
     table.writerow([f"{p.name} [{p.unit}]" for p in found.updated.parameters])
     table.writerows([f"{value:.10g}" for value in row] for row in found.values)
     return out.getvalue()
-
-
-def _missing(u: Updated) -> dict[str, str]:
-    """Return why values of the parameters and of the path are null, by their keys."""
-    reasons = (
-        ("std", [p.std for p in u.parameters], "the data do not determine it, or it is at a bound"),
-        ("prior_std", [np.nan if p.prior_std is None else 0.0 for p in u.parameters], "it has no prior"),
-        ("from_prior", [p.from_prior for p in u.parameters], "it has no prior"),
-        ("frequency_error", [s.frequency_error for s in u.path], "no modes were fitted, or none was paired"),
-        ("mac", [s.mac for s in u.path], "no shapes were fitted, or none was paired"),
-        ("frf_db", [s.frf_db for s in u.path], "no FRFs were fitted"),
-    )
-    return {key: why for key, values, why in reasons if not np.isfinite(values).all()}
 
 
 def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]:
@@ -138,7 +135,6 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
             }
             for s in u.path
         ],
-        "missing": _missing(u),
         "messages": u.messages,
         "notes": (*result.notes, *unsaid),
         "warnings": result.study.warnings,

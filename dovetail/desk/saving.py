@@ -69,6 +69,7 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
             outputs=np.array(frf.outputs, dtype=str),
             inputs=np.array(frf.inputs, dtype=str),
             compared=live.compared(h),
+            pieces=live.problem_of(h).pieces,
         )
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
@@ -155,6 +156,6 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
     return Diagnosis(
         EFFECT if h.effects else NOTHING, "effects were added by hand", findings, h.faults, tuple(steps), (),
         problem.data.noise_db, mesh_db, basis_error(problem, found, N_CHECKED),
-        max(problem.model_error, floor), floor, problem, model_of(study, live, h), (BY_HAND,),
-        seconds,
+        max(problem.model_error, floor), floor, problem, fitted_model(problem.reduced.model, found),
+        (BY_HAND,), seconds,
     )  # fmt: skip

@@ -216,23 +216,26 @@ class Desk:
             starts = effect.starts(self.live.problem.surroundings)
             known |= starts[len(starts) // 2] | values
         h = self.now.hypothesis.with_effect(effect.with_values(**known))
-        self.suppose(f"add {name}", h)
+        self.suppose(f"add {_called(effect)}", h)
 
     def remove(self, name: str) -> None:
         """Take an added effect away."""
-        self.suppose(f"remove {name}", self.now.hypothesis.without_effect(name))
+        h = self.now.hypothesis
+        self.suppose(f"remove {_called(h.effect(name))}", h.without_effect(name))
 
     def replace(self, name: str, other: Effect) -> None:
         """Put another effect in the place of an added one."""
-        h = self.now.hypothesis.without_effect(name).with_effect(other)
-        self.suppose(f"{other.name} in place of {name}", h)
+        h = self.now.hypothesis
+        label = f"{_called(other)} in place of {_called(h.effect(name))}"
+        self.suppose(label, h.without_effect(name).with_effect(other))
 
     def set_value(self, name: str, parameter: str, value: float) -> None:
         """Give a parameter of an added effect a value, at most up to its bounds."""
         before = self.now.hypothesis
         h = before.with_value(name, parameter, value)
         if parameter_values(h.effect(name)) != parameter_values(before.effect(name)):
-            self.suppose(f"{parameter} of {name}", h)
+            words = f"{parameter.replace('_', ' ')} of {_called(h.effect(name))}"
+            self.suppose(words, h)
 
     def preview(self, name: str, parameter: str, value: float) -> Evaluation:
         """Return the errors with another value, which is not kept."""

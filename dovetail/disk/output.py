@@ -6,7 +6,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -316,17 +316,40 @@ def check_writable(*paths: Path | None) -> None:
             raise OutputError(msg)
 
 
-def write_json(path: Path | None, data: Any) -> None:
-    """Write data as JSON to a file, whole or not at all; to standard output for ``-``; nowhere for None."""
+def write_json(path: Path | None, data: Any, nulls: Mapping[str, str] | None = None) -> None:
+    """Write data as JSON to a file, whole or not at all; to standard output for ``-``; nowhere for None.
+
+    Parameters
+    ----------
+    path : Path or None
+    data : dict
+    nulls : mapping, optional
+        Why a number may be missing, by its key: ``missing`` then has the reasons of those that are null.
+    """
     if path is None:
         return
-    text = json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    plain = _plain(data)
+    if nulls is not None:
+        plain["missing"] = {key: nulls[key] for key in nulls if key in set(null_keys(plain))}
+    text = json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if str(path) == "-":
         sys.stdout.write(text)
         return
     check_writable(path)
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
+
+
+def null_keys(value: Any, key: str = "") -> Iterator[str]:
+    """Yield the nearest keys above the nulls in plain data."""
+    if value is None:
+        yield key
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            yield from null_keys(part, name)
+    elif isinstance(value, list):
+        for part in value:
+            yield from null_keys(part, key)
 
 
 def _plain(value: Any) -> Any:

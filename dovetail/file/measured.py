@@ -19,6 +19,7 @@ from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
+from updating.inference.preparation import MOST_SPLITS
 from updating.measurement.measurement import at_values_of
 from updating.measurement.noise import noise_from_repeats
 from updating.quality.phase import phase_evidence
@@ -317,6 +318,15 @@ def array_for(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
     at = np.ix_([frf.outputs.index(n) for n in outputs], [frf.inputs.index(n) for n in inputs])
     out[:, at[0], at[1]] = at_values_of(values, of, here)
     return out if np.isfinite(out).any() else None
+
+
+def pieces_of(path: Path) -> int:
+    """Return into how many pieces elements were cut when values were chosen; 0 where a file does not say."""
+    pieces = np.asarray(named_arrays(path).get("pieces", 0))
+    if pieces.shape or pieces.dtype.kind not in "iu" or not 0 <= pieces <= MOST_SPLITS:
+        msg = f"{path.name}: pieces must be a whole number from 0 to {MOST_SPLITS}"
+        raise ValueError(msg)
+    return int(pieces)
 
 
 def read_band(t: Table) -> tuple[float, float] | None:

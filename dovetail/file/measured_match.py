@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.measured import RawMeasurement, array_for
+from dovetail.file.measured import RawMeasurement, array_for, pieces_of
 from dovetail.file.sensors import Channel
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF
@@ -76,9 +76,8 @@ def match(
             measurement = set_right(measurement, faults) if faults else measurement
         if r.compared is not None:
             with r.table.at("compared"):
-                measurement = replace(
-                    measurement, compared=array_for(r.compared, measurement.frf, "compared")
-                )
+                choice, pieces = array_for(r.compared, measurement.frf, "compared"), pieces_of(r.compared)
+                measurement = replace(measurement, compared=choice, pieces=pieces)
         out.append(measurement)
     for mark, channels in (("s", sensors), ("e", excitations)):
         for c in channels:

@@ -11,6 +11,7 @@ from fem.effects.held_frame import HoldsFrame
 from fem.effects.places import OnMember, elements_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
 from fem.elements.cut import cut
+from fem.elements.inner_place import InnerPlace, inner_place
 from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.recent import Unsent
 
@@ -83,6 +84,10 @@ class GivesWay(OnMember):
         """Whether it is on the line."""
         return member == self.member and line in (None, self.line(model))
 
+    def follows(self, other: Effect, model: Model) -> bool:
+        """Whether another effect alters the member."""
+        return other.alters(model, self.member)
+
     def _beside(self, model: Model, line: int | None) -> Iterator[Effect]:
         """Yield the effects that alter the element: all, but of those that give way the ones before it."""
         first = True
@@ -92,3 +97,24 @@ class GivesWay(OnMember):
                 continue  # the frame's elements have these shear coefficients already
             if (first or not effect.gives_way) and effect.alters(model, self.member, line):
                 yield effect
+
+
+def cuts_of(model: Model, member: str, position: Any) -> tuple[GivesWay, ...]:
+    """Return what gives way in the element at an arc length of a member."""
+    every = [e for e in model.effects if isinstance(e, GivesWay) and e.member == member]
+    if not every:
+        return ()
+    line = model.mesh.locate(member, float(np.real(position))).line
+    return tuple(e for e in every if e.line(model) == line)
+
+
+def place_at(model: Model, member: str, position: Any) -> InnerPlace:
+    """Return the place at an arc length of a member, within an element that may give way."""
+    cuts = [(member, e.place(model), e.direction, e.compliance) for e in cuts_of(model, member, position)]
+    return inner_place(sheared_frame(model), model.mesh, member, position, cuts)
+
+
+def cut_parameters(model: Model, member: str) -> tuple[ParameterRef, ...]:
+    """Return the parameters of all that gives way in a member."""
+    every = (e for e in model.effects if isinstance(e, GivesWay) and e.member == member)
+    return tuple(ref for e in every for ref in (*parameters_of(e), *e.refers_to(model)))

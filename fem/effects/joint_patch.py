@@ -47,6 +47,9 @@ class JointPatch(Spread):
     interpolating (RBE3) element in programs for solids. A member that ends in a joint is as if shorter
     by up to a third of half the stretch, in bending and in torsion.
 
+    The motion is that of elements as the frame has them: what gives way within a stretch, as cracks and end
+    releases do, does not change it.
+
     In their plane flats turn about a patch that is smaller than they are broad: a rigid disc of radius a in a
     large plate of thickness h turns by T / 4πGa²h (Lamé's solution, u_φ ~ 1/r). Where a joint is rigid about
     the normal of its flats, ``twist`` times that of both flats in series, with half the other's breadth for

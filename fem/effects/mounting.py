@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.effects.giving_way import GivesWay, cut_parameters, place_at
 from fem.effects.joint import Joint
-from fem.effects.places import elements_of, frame_of, parameters_of, sheared_frame
+from fem.effects.places import elements_of, frame_of, parameters_of
 from fem.elements.frame import Frame
-from fem.elements.inner_place import InnerPlace, energy, inner_place
+from fem.elements.inner_place import InnerPlace, energy
 from fem.model import (
     Array,
     Contribution,
@@ -143,6 +144,7 @@ class OnSide(Effect):
 class AlongMember(OnSide):
     """A side that acts further along its member, or less far."""
 
+    gives_way: ClassVar[bool] = True
     of_feet: ClassVar[bool]
 
     @property
@@ -152,11 +154,16 @@ class AlongMember(OnSide):
 
     def place(self, model: Model) -> InnerPlace:
         """Return the place further along."""
-        return inner_place(sheared_frame(model), model.mesh, self.member, self.at + self.amount)
+        return place_at(model, self.member, self.at + self.amount)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters of the joint and of the member's elements."""
-        return (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
+        own = (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
+        return (*own, *cut_parameters(model, self.member))
+
+    def follows(self, other: Effect, model: Model) -> bool:
+        """Whether another effect gives way in the member."""
+        return isinstance(other, GivesWay) and other.member == self.member
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
+from fem.effects.giving_way import GivesWay, cut_parameters, place_at
 from fem.effects.mounting import REACH, members_at, shifts
-from fem.effects.places import elements_of, frame_of, sheared_frame
+from fem.effects.places import elements_of, frame_of
 from fem.effects.support import Support
 from fem.elements.frame import Frame
-from fem.elements.inner_place import inner_place
 from fem.model import (
     DIRECTIONS,
     Contribution,
@@ -50,6 +50,7 @@ class SupportShift(Effect):
         meaning="a clamp that holds its member at another place",
         places="each support that holds all directions",
     )
+    gives_way: ClassVar[bool] = True
     support: str
     member: str
     at: float
@@ -68,12 +69,16 @@ class SupportShift(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the elements' change that holds the new place."""
-        place = inner_place(sheared_frame(model), model.mesh, self.member, self.at + self.amount)
+        place = place_at(model, self.member, self.at + self.amount)
         return (place.clamp(),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters of the member's elements."""
-        return elements_of(model, self.member, "E", "rho")
+        return (*elements_of(model, self.member, "E", "rho"), *cut_parameters(model, self.member))
+
+    def follows(self, other: Effect, model: Model) -> bool:
+        """Whether another effect gives way in the member."""
+        return isinstance(other, GivesWay) and other.member == self.member
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the support's constraints."""

@@ -12,6 +12,9 @@ from fem.elements.matrices import local_mass, local_stiffness, to_global
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Array, Contribution, Model, lever_matrix
 
+Slip = tuple[str, Any, str, Any]
+"""Member, arc length [m], direction and compliance of a cut."""
+
 RIGID = 1e-9
 """Relative force up to which an element resists no rigid-body motion: rounding [-]."""
 
@@ -64,20 +67,7 @@ def cut(
     g, K0, whole = frame.kept.get(("uncut", mesh, at.line), lambda: _uncut_line(frame, mesh, at.line))
     xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
     x = flexible_fraction(g, np.atleast_1d(xi))[0]
-    i = DIRECTIONS.index(direction)
-    m = np.zeros(12, dtype=np.result_type(x))
-    m[6 + i] = 1.0
-    arm = (1 - x) * g.L[0]
-    if direction == "ry":
-        m[8] = -arm
-    if direction == "rz":
-        m[7] = arm
-    rigid = m.copy()
-    rigid[i] = 1.0
-    if direction == "ry":
-        rigid[2] = x * g.L[0]
-    if direction == "rz":
-        rigid[1] = -x * g.L[0]
+    m, rigid = slipped(g, x, direction)
     # a slip at the first end turns that end alone: the same strains, without the turn of the whole element
     turned = m - rigid if x == 0.0 else m
     at_end = x in (0.0, 1.0)
@@ -104,6 +94,56 @@ def cut(
         change = to_global((moved.T @ excess @ moved - excess)[None], g.T_nodes)
         D = change if D is None else D + change
     return Contribution(g.dofs, K, M, D=D)
+
+
+def slipped(g: Lines, x: Any, direction: str) -> tuple[Array, Array]:
+    """Return the local motion (12,) of the second end by a unit slip, and the rigid one beyond the cut."""
+    i = DIRECTIONS.index(direction)
+    m = np.zeros(12, dtype=np.result_type(x))
+    m[6 + i] = 1.0
+    arm = (1 - x) * g.L[0]
+    if direction == "ry":
+        m[8] = -arm
+    if direction == "rz":
+        m[7] = arm
+    rigid = m.copy()
+    rigid[i] = 1.0
+    if direction == "ry":
+        rigid[2] = x * g.L[0]
+    if direction == "rz":
+        rigid[1] = -x * g.L[0]
+    return m, rigid
+
+
+def slips(
+    frame: Frame, mesh: Mesh, line: int, cuts: Sequence[Slip]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return what cuts of one line do to motion within it, as parts of a common slip vector s.
+
+    With the nodes' motion u and a force f at a place that moves by Ψ s, s = S (Qᵀ u + Ψᵀ f),
+    S = (C⁻¹ + Mᵀ K M)⁻¹; C the compliances, M the motions m of :func:`cut`, Q = K M.
+
+    Returns
+    -------
+    x : ndarray (n,)
+        Places of the cuts, as fractions of the flexible part.
+    M, rigid : ndarray (12, n)
+        Local.
+    S : ndarray (n, n)
+    Q : ndarray (12, n)
+        Global.
+    """
+    g, K, _ = frame.kept.get(("uncut", mesh, line), lambda: _uncut_line(frame, mesh, line))
+    places = [mesh.locate(member, float(np.real(at))).xi for member, at, *_ in cuts]
+    steps = [1j * np.imag(at) / mesh.lengths()[line] if np.iscomplexobj(at) else 0.0 for _, at, *_ in cuts]
+    x = np.array([flexible_fraction(g, np.atleast_1d(a + b))[0] for a, b in zip(places, steps, strict=True)])
+    M, rigid = (
+        np.stack(part, axis=1)
+        for part in zip(*(slipped(g, own, d) for own, (_, _, d, _) in zip(x, cuts, strict=True)), strict=True)
+    )
+    Q, c = K @ M, np.array([slip[3] for slip in cuts])
+    S = np.linalg.solve(np.eye(len(c)) + c[:, None] * (M.T @ Q), np.diag(c))
+    return x, M, rigid, S, g.T_nodes[0].T @ Q
 
 
 def _changes(

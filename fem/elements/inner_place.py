@@ -4,13 +4,16 @@ An element with a node at the place, condensed statically, moves there as its sh
 flexibility times the force that it passes on.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.elements.connections import with_rigid_ends
+from fem.elements.cut import Slip, slips
 from fem.elements.frame import Frame
 from fem.elements.interpolation import carried, shape_matrix
 from fem.elements.lines import Lines, flexible_fraction, inertias, n_gauss, some_lines
@@ -115,7 +118,9 @@ def node_place(point: int) -> InnerPlace:
     return InnerPlace(dofs_of(point), np.eye(6), zero, zero, 0.0, zero, zero)
 
 
-def inner_place(frame: Frame, mesh: Mesh, member: str, position: Any) -> InnerPlace:
+def inner_place(
+    frame: Frame, mesh: Mesh, member: str, position: Any, cuts: Sequence[Slip] = ()
+) -> InnerPlace:
     """Return the place at an arc length of a member.
 
     With F₁ and F₂ the flexibilities of the element's parts before and beyond the place, both for forces at
@@ -130,6 +135,8 @@ def inner_place(frame: Frame, mesh: Mesh, member: str, position: Any) -> InnerPl
     member : str
     position : float
         Arc length [m]; complex for derivatives.
+    cuts : sequence of (str, float, str, float)
+        Of its element, where this gives way: see :func:`fem.elements.cut.slips`.
     """
     real = float(np.real(position))
     at = mesh.locate(member, real)
@@ -143,8 +150,10 @@ def inner_place(frame: Frame, mesh: Mesh, member: str, position: Any) -> InnerPl
     W = _by_force(g, x, np.array([x]))[0]
     ends = _slips(g, x)
     first, weight = gauss_points(n_gauss(g, 4))
-    s = np.concatenate([x * first, x + (1 - x) * first])
-    weights = np.concatenate([x * weight, (1 - x) * weight])
+    at_cuts, *slip = slips(frame, mesh, at.line, cuts) if cuts else (np.zeros(0),)
+    breaks = sorted([0.0, x, 1.0, *at_cuts], key=np.real)
+    s = np.concatenate([a + (b - a) * first for a, b in pairwise(breaks)])
+    weights = np.concatenate([(b - a) * weight for a, b in pairwise(breaks)])
     shapes = shape_matrix(some_lines(g, np.zeros(len(s), dtype=np.int64)), s)
     moved = _by_force(g, x, s) + shapes @ ends
     mass = (weights * g.L[0] * (1 - g.lumped[0]))[:, None] * inertias(g, s[:, None])[:, 0]
@@ -152,15 +161,29 @@ def inner_place(frame: Frame, mesh: Mesh, member: str, position: Any) -> InnerPl
     local = shape_matrix(g, np.array([x]))[0]
     (free,) = end_flexibility(g, np.zeros(1), np.ones(1))
     turned = np.kron(np.eye(2), g.R[0])
+    F, cross = W + local @ ends, g.T[0].T @ (spread @ shapes).sum(axis=0).T
+    own = (spread @ moved).sum(axis=0)
+    if cuts and (0 < np.real(x) < 1 or not g.soft.size):  # a place at a node of springs is the node
+        M, rigid, S, Q = slip
+        M = M - _slip_of_nodes(g) @ M
+        jump = _jumps(at_cuts, M, rigid, np.array([x]), local[None])[0]
+        jumps = _jumps(at_cuts, M, rigid, s, shapes)
+        N, F = N + G @ jump @ S @ Q.T, F + jump @ S @ jump.T
+        more = jumps @ S @ jump.T
+        heavy, light, slow = (np.swapaxes(X, 1, 2) * mass[:, None, :] for X in (jumps, shapes, more))
+        cross = cross + g.T[0].T @ (light @ more).sum(axis=0) + Q @ S @ (heavy @ (moved + more)).sum(axis=0)
+        both = (spread @ more).sum(axis=0)
+        own = own + both + both.T + (slow @ more).sum(axis=0)
     return InnerPlace(
-        dofs,
-        N,
-        G @ (W + local @ ends) @ G.T,
-        turned.T @ np.diag(np.diag(free)) @ turned,
-        g.eta[0],
-        g.T[0].T @ (spread @ shapes).sum(axis=0).T @ G.T,
-        G @ (spread @ moved).sum(axis=0) @ G.T,
+        dofs, N, G @ F @ G.T, turned.T @ np.diag(np.diag(free)) @ turned, g.eta[0], cross @ G.T, G @ own @ G.T
     )
+
+
+def _jumps(at: Array, M: Array, rigid: Array, s: Array, shapes: Array) -> Array:
+    """Return the local motion (n, 6, n_cuts) of places s of a line by unit slips of its cuts, nodes held."""
+    beyond = (np.real(s)[:, None] > np.real(at)) | (np.real(s)[:, None] >= 1)
+    along = s[:, None, None]
+    return beyond[:, None, :] * ((1 - along) * rigid[:6] + along * rigid[6:]) - shapes @ M
 
 
 def _by_force(g: Lines, x: Any, s: Array) -> Array:
@@ -188,9 +211,21 @@ def _from_end(g: Lines, s: Array) -> Array:
 def _slips(g: Lines, x: Any) -> Array:
     """Return the local motion (12, 6) of a line's ends by forces at x, where connections let them slip."""
     local = shape_matrix(g, np.array([x]))[0]
-    out = np.zeros((12, 6), dtype=local.dtype)
-    if g.soft.size and 0 < np.real(x) < 1:
+    if 0 < np.real(x) < 1:
+        return _slip_by(g, local.T)
+    return np.zeros((12, 6), dtype=local.dtype)
+
+
+def _slip_of_nodes(g: Lines) -> Array:
+    """Return the slips (12, 12) of a line's ends in their connections by the motion of its nodes."""
+    return _slip_by(g, local_stiffness(with_rigid_ends(g))[0])
+
+
+def _slip_by(g: Lines, force: Array) -> Array:
+    """Return the slips (12, n) of a line's ends in their connections by forces on the ends."""
+    out = np.zeros_like(force)
+    if g.soft.size:
         slip = ~g.held[0]
         K = local_stiffness(with_rigid_ends(g))[0][np.ix_(slip, slip)] + np.diag(g.ends[0][slip])
-        out[slip] = np.linalg.solve(K, local[:, slip].T)
+        out[slip] = np.linalg.solve(K, force[slip])
     return out

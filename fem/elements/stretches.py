@@ -41,20 +41,27 @@ def stiffness_of_stretch(
     factors : array_like (6,)
         Weights of the axial, shear y, shear z, torsion, bending y and bending z parts [-].
     """
-    lines, first, last = _fractions(model.mesh, member, start, stop)
-    g = frame.lines(model.mesh, lines)
-    K = to_global(_local_part(g, first, last, np.asarray(factors)), g.T)
+    g, part = _local_part(frame, model, member, start, stop, np.asarray(factors))
+    return _damped(g, to_global(part, g.T))
+
+
+def _damped(g: Lines, K: Array) -> Contribution:
+    """Return stiffnesses of lines with their structural damping."""
     return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
 
 
-def _local_part(g: Lines, first: Array, last: Array, factors: NDArray[Any]) -> Array:
-    """Return the local stiffness (b, 12, 12) of the parts of lines between two fractions of them."""
+def _local_part(
+    frame: Frame, model: Model, member: str, start: Any, stop: Any, factors: NDArray[Any]
+) -> tuple[Lines, Array]:
+    """Return the lines of a member between two arc lengths, and the local stiffness there (b, 12, 12)."""
+    lines, first, last = _fractions(model.mesh, member, start, stop)
+    g = frame.lines(model.mesh, lines)
     lo, hi = flexible_fraction(g, first), flexible_fraction(g, last)
     x, weight = (each[:, None] for each in gauss_points(n_gauss(g, 3)))
     at = lo + x * (hi - lo)
     B = strain_matrix(g, at)
     scale = (weight * (hi - lo) * g.L)[..., None] * rigidities(g, at) * factors
-    return (np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0)
+    return g, (np.swapaxes(B, -1, -2) @ (scale[..., None] * B)).sum(axis=0)
 
 
 def loss_of_stretch(
@@ -75,16 +82,14 @@ def loss_of_stretch(
     loss : float
         Lost fraction of the stiffness [-].
     """
-    lines, first, last = _fractions(model.mesh, member, start, stop)
-    g = frame.lines(model.mesh, lines)
-    part = _local_part(g, first, last, np.ones(6))
+    g, part = _local_part(frame, model, member, start, stop, np.ones(6))
     if g.soft.size:
         whole = local_stiffness(with_rigid_ends(g))
         change = with_connections(g, whole - loss * part) - with_connections(g, whole)
         K = to_global(change, g.T_nodes)
     else:
         K = -loss * to_global(part, g.T)
-    return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+    return _damped(g, K)
 
 
 def mass_of_stretch(
@@ -166,7 +171,7 @@ def stiffening(
     before = with_connections(g, _stiffness_from_flexibility(g, F))
     np.subtract.at(F, each, less)
     K = to_global(with_connections(g, _stiffness_from_flexibility(g, F)) - before, g.T_nodes)
-    return Contribution(g.dofs, K, D=g.eta[:, None, None] * K if np.any(g.eta != 0) else None)
+    return _damped(g, K)
 
 
 def at_least(length: Any, least: float) -> Any:

@@ -4,14 +4,8 @@ import re
 from dataclasses import dataclass
 
 from fem.analysis.frf import FRFKind
-from fem.io.uff_units import FREQUENCY, abscissa_factor, force_factor, motion_factor, powers_of
-
-_PER_MASS = {
-    (("kg", -1),): FRFKind.ACCELERANCE,
-    (("kg", -1), ("s", 1)): FRFKind.MOBILITY,
-    (("kg", -1), ("s", 2)): FRFKind.RECEPTANCE,
-}
-"""Units of FRFs that are written with the kilogram: m/(s² N) = 1/kg."""
+from fem.io.uff_units import FREQUENCY, abscissa_factor
+from fem.io.units import MOMENT, quotient_of, size_of
 
 _DECIBEL = re.compile(r"^\s*dB\b\s*(?:\(?\s*(?:re|rel|ref)\.?:?\s*)?(?P<rest>.*?)\)?\s*$", re.IGNORECASE)
 _REFERENCE = re.compile(r"^(?P<size>[0-9.]+(?:[eE][+-]?\d+)?)?\s*\*?\s*(?P<unit>.*)$")
@@ -42,17 +36,11 @@ class Unit:
 
 
 def frf_unit(label: str) -> Unit | None:
-    """Return kind and size of the unit of a translational FRF, such as ``g/N``; None for any other label."""
-    powers = powers_of(label) or {}
-    known = _PER_MASS.get(tuple(sorted(powers.items())))
-    if known is not None:
-        return Unit(known, 1.0)
-    forces = [s for s, p in powers.items() if p == -1 and force_factor(s, moment=False) is not None]
-    for kind in FRFKind:
-        motion = motion_factor(label, kind, turned=False)
-        if motion is not None and len(forces) == 1:
-            return Unit(kind, motion / (force_factor(forces[0], moment=False) or 1.0))
-    return None
+    """Return kind and size of the unit of a translation for a force or moment, such as ``g/N``, or None."""
+    size, powers = size_of(label) or (0.0, None)
+    _, (_, under) = quotient_of(label)
+    kinds = (kind for kind in FRFKind if powers == (-1, under != MOMENT, -kind.derivatives, 0))
+    return next((Unit(kind, size) for kind in kinds), None)
 
 
 def decibel_reference(label: str) -> tuple[float, str] | None:

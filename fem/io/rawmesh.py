@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fem.io.rawsets import LineSets, distinct, listed
-from fem.mesh import Mesh, MeshError, MeshWarning
+from fem.mesh import Mesh, MeshError, MeshWarning, merge_advice
 
 MOST_NAMED = 50
 """Point sets with more points than this give no point names."""
@@ -261,9 +261,8 @@ def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list
     if not n:
         return []
     return [
-        f"{n} point{'s lie' if n > 1 else ' lies'} at the place of another, so that the lines there "
-        "are not connected; "
-        f"if they should be, give merge_tolerance, such as {max(reach, 1e-12):.1g} [m]"
+        f"{n} point{'s lie' if n > 1 else ' lies'} at the place of another and {'are' if n > 1 else 'is'} "
+        f"not connected with it; {merge_advice(reach)}"
     ]
 
 

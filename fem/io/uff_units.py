@@ -4,7 +4,6 @@ The writing program has shown the label to its user; a known label takes precede
 """
 
 import re
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,80 +11,17 @@ from fem.analysis.frf import FRFKind
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
 from fem.io.uff_types import MOTIONS, Function, Units
-
-G0 = 9.80665
-"""Standard gravity [m/s²]."""
-
-POUND_FORCE = 4.4482216152605
-"""[N]."""
-
-LENGTHS = {
-    "m": 1.0, "meter": 1.0, "metre": 1.0, "km": 1e3, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
-    "µm": 1e-6, "μm": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
-    "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "mil": 2.54e-5, "mils": 2.54e-5,
-}  # fmt: skip
-GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0}
-ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
-FORCES = {
-    "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
-    "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
-    "kp": G0, "gf": 1e-3 * G0, "dyn": 1e-5,
-}  # fmt: skip
+from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of
 
 _FREQUENCIES = {
-    "hz": 1.0, "hertz": 1.0, "cps": 1.0, "cycles/s": 1.0, "khz": 1e3, "rad/s": 0.5 / np.pi,
-    "rads": 0.5 / np.pi, "radians/s": 0.5 / np.pi, "krad/s": 500 / np.pi, "rpm": 1 / 60, "cpm": 1 / 60,
-    "r/min": 1 / 60, "rev/min": 1 / 60, "cycles/min": 1 / 60, "1/min": 1 / 60, "krpm": 1e3 / 60,
-    "rps": 1.0, "rev/s": 1.0, "r/s": 1.0, "deg/s": 1 / 360, "°/s": 1 / 360,
+    "hz": 1.0, "hertz": 1.0, "cps": 1.0, "cycles/s": 1.0, "khz": 1e3, "rads": 0.5 / np.pi, "rpm": 1 / 60,
+    "cpm": 1 / 60, "r/min": 1 / 60, "rev/min": 1 / 60, "cycles/min": 1 / 60, "1/min": 1 / 60,
+    "krpm": 1e3 / 60, "rps": 1.0, "rev/s": 1.0, "r/s": 1.0,
 }  # fmt: skip
-CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
-"""Labels in which capitals matter."""
-
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "ns": 1e-9}
+"""Labels [Hz], without blanks and brackets; others are in rad/s. 1/s is none: it may be either."""
 
 FREQUENCY, TIME = 18, 17
 """Specific data types of an abscissa."""
-
-
-_TOKEN = re.compile(r"([()/*.·-])|(1)|([A-Za-zµμ°]+)(?:\^|\*\*)?(-?[1-9])?")
-_LONGEST_LABEL = 60
-
-
-def plain(label: str) -> str:
-    """Return a label in small letters, without blanks and brackets, and with s for sec."""
-    return re.sub(r"[\s()\[\]]", "", label.strip().lower()).replace("sec", "s")
-
-
-def powers_of(label: str) -> dict[str, int] | None:
-    """Return the units of a label with their powers: ``{"mm": 1, "s": -2}``; None where it is no product.
-
-    Capitals are kept. Products and quotients are taken from the left, as in m/s/s.
-    """
-    text = label.replace("[", "(").replace("]", ")").replace("²", "^2").replace("−", "-").replace(" ", "")
-    if len(text) > _LONGEST_LABEL:
-        return None
-    out: dict[str, int] = {}
-    signs, sign, at = [1], 1, 0
-    while at < len(text):
-        found = _TOKEN.match(text, at)
-        if found is None:
-            return None
-        at = found.end()
-        mark, _, symbol, power = found.groups()
-        if mark == "(":
-            signs.append(signs[-1] * sign)
-            sign = 1
-        elif mark == ")":
-            if len(signs) == 1:
-                return None
-            signs.pop()
-            sign = 1
-        elif mark:
-            sign = -1 if mark == "/" else 1
-        elif symbol:
-            symbol = "s" if symbol.lower() in ("sec", "s") else symbol
-            out[symbol] = out.get(symbol, 0) + signs[-1] * sign * int(power or 1)
-    return {symbol: power for symbol, power in out.items() if power} if len(signs) == 1 else None
 
 
 def abscissa_factor(x_type: int, label: str) -> tuple[float, str, str]:
@@ -98,16 +34,17 @@ def abscissa_factor(x_type: int, label: str) -> tuple[float, str, str]:
     label : str
         Of its unit; empty where there is none.
     """
-    name = plain(label)
+    name = re.sub(r"[\s()\[\]]", "", label.lower()).replace("sec", "s")
     if x_type == TIME:
-        known = TIMES.get(name) if name else 1.0
+        known = conversion(label, "s") if name else 1.0
         return (known, "", "") if known else (1.0, f"the time label '{label}' is not known; s is taken", "")
     if x_type not in (0, 1, FREQUENCY):
         return 1.0, "", f"its abscissa has data type {x_type}, not 18 (frequency)"
     known = CAPITALS.get(label.strip()) or _FREQUENCIES.get(name)
+    known = known or (conversion(label, "rad/s") or 0.0) / (2 * np.pi)
     if known:
         return known, "", ""
-    if name in TIMES or name.startswith("order") or name in LENGTHS:
+    if name.startswith("order") or conversion(label, "s") or conversion(label, "m"):
         return 1.0, "", f"its abscissa is in '{label}', which is no frequency"
     if name:
         return 1.0, f"the label '{label}' of the abscissa is not known; Hz is taken", ""
@@ -136,64 +73,22 @@ def units_of(block: Block) -> Units:
 def motion_factor(label: str, kind: FRFKind, turned: bool) -> float | None:
     """Return the SI value of one unit of a response; None where the label is not known for such a motion.
 
-    A force that the label divides by, as in (m/s^2)/N, does not count.
+    A force or moment that the label divides by, as in (m/s^2)/N, does not count.
     """
-    powers = powers_of(label)
-    if not powers:
-        return None
-    found = [
-        (factor, powers.get("s", 0), symbol)
-        for symbol, power in powers.items()
-        if power == 1 and (factor := _known(symbol, ANGLES if turned else LENGTHS)) is not None
-    ]
-    if not turned and kind == FRFKind.ACCELERANCE and "s" not in powers:
-        found += [
-            (factor, -2, symbol)
-            for symbol, power in powers.items()
-            if power == 1 and (factor := _known(symbol, GRAVITIES)) is not None
-        ]
-    if len(found) != 1 or found[0][1] != -kind.derivatives:
-        return None
-    factor, _, unit = found[0]
-    return factor if all(p == -1 for s, p in powers.items() if s not in ("s", unit)) else None
+    (size, powers), (_, under) = quotient_of(label)
+    found = powers == (0, not turned, -kind.derivatives, turned) and under in (NUMBER, FORCE, MOMENT)
+    return size if found else None
 
 
 def force_factor(label: str, moment: bool) -> float | None:
     """Return the SI value of one unit of a force or moment; None where the label is not known."""
-    return _force_of(powers_of(label), moment)
-
-
-def _force_of(powers: dict[str, int] | None, moment: bool) -> float | None:
-    if not powers or any(power != 1 for power in powers.values()):
-        return None
-    symbols = list(powers)
-    forces = [f for s in symbols if (f := _force(s)) is not None]
-    lengths = [f for s in symbols if (f := _known(s, LENGTHS)) is not None]
-    if not moment:
-        return forces[0] if len(symbols) == len(forces) == 1 else None
-    if len(symbols) == 2 and len(forces) == len(lengths) == 1:
-        return forces[0] * lengths[0]
-    if len(symbols) == 1:  # Nm, lbfin, inlb
-        for k in range(1, len(symbols[0])):
-            for force, length in ((symbols[0][:k], symbols[0][k:]), (symbols[0][k:], symbols[0][:k])):
-                f, arm = _force(force), _known(length, LENGTHS)
-                if f is not None and arm is not None:
-                    return f * arm
-    return None
-
-
-def _known(symbol: str, table: Mapping[str, float]) -> float | None:
-    return table.get(symbol.lower())
-
-
-def _force(symbol: str) -> float | None:
-    return 1e6 if symbol == "MN" else _known(symbol, FORCES)
+    return conversion(label, "N m" if moment else "N") or (moment_of(label.strip()) if moment else None)
 
 
 def _force_in(label: str, moment: bool) -> float | None:
     """Return the SI value of the force that a quotient such as (m/s^2)/N divides by; None without one."""
-    powers = powers_of(label) or {}
-    return _force_of({s: 1 for s, p in powers.items() if p == -1 and s != "s"}, moment)
+    _, (size, powers) = quotient_of(label)
+    return size if powers == (MOMENT if moment else FORCE) else None
 
 
 def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -> tuple[float, float, str]:

@@ -1,13 +1,35 @@
 """Units of quantities: labels such as ``(cm/s^2)^2/Hz`` or ``milliseconds``, and headings that have one."""
 
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.io.uff_units import ANGLES, CAPITALS, FORCES, GRAVITIES, LENGTHS, TIMES
+G0 = 9.80665
+"""Standard gravity [m/s²]."""
+
+POUND_FORCE = 4.4482216152605
+"""[N]."""
+
+_LENGTHS = {
+    "m": 1.0, "meter": 1.0, "metre": 1.0, "km": 1e3, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
+    "µm": 1e-6, "μm": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
+    "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "mil": 2.54e-5, "mils": 2.54e-5,
+}  # fmt: skip
+_GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
+_FORCES = {
+    "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
+    "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
+    "kp": G0, "gf": 1e-3 * G0, "dyn": 1e-5,
+}  # fmt: skip
+
+CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
+"""Frequencies in which capitals matter [Hz]."""
+
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 TIME_NAMES = (
     "time", "t", "zeit", "temps", "times", "timestamp", "elapsed", "elapsedtime", "timeelapsed", "timevector",
@@ -18,19 +40,28 @@ TIME_NAMES = (
 Dimension = tuple[int, int, int, int]
 """Powers of force, length, time and angle."""
 
+Size = tuple[float, Dimension]
+"""Of a unit, in SI (N, m, s, rad)."""
+
+Factor = tuple[float, Dimension, int]
+"""Size, dimension and power of a symbol."""
+
+NUMBER, FORCE, LENGTH, MOMENT = (0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (1, 1, 0, 0)
+
 _DIMENSIONS: tuple[tuple[dict[str, float], Dimension], ...] = (
-    (FORCES, (1, 0, 0, 0)),
-    (LENGTHS, (0, 1, 0, 0)),
-    (GRAVITIES | {"gal": 1e-2}, (0, 1, -2, 0)),
-    (TIMES | {"h": 3600.0}, (0, 0, 1, 0)),
+    (_FORCES, FORCE),
+    (_LENGTHS, LENGTH),
+    (_GRAVITIES, (0, 1, -2, 0)),
+    (_TIMES, (0, 0, 1, 0)),
     ({"hz": 1.0, "khz": 1e3}, (0, 0, -1, 0)),
-    (ANGLES, (0, 0, 0, 1)),
+    (_ANGLES, (0, 0, 0, 1)),
     ({"kg": 1.0}, (1, -1, 2, 0)),
-    ({"%": 0.01}, (0, 0, 0, 0)),
+    ({"%": 0.01}, NUMBER),
 )
-_CASES: dict[str, tuple[float, Dimension]] = {
-    "MN": (1e6, (1, 0, 0, 0)),
-    **{label: (size, (0, 0, -1, 0)) for label, size in CAPITALS.items()},
+_CASES: dict[str, Size] = {
+    "MN": (1e6, FORCE),
+    "Nm": (1.0, MOMENT),  # in small letters nanometres
+    **{label: (hertz, (0, 0, -1, 0)) for label, hertz in CAPITALS.items()},
 }
 """Symbols in which capitals matter."""
 
@@ -50,7 +81,6 @@ _OTHER_WORDS = (
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμ°%]+))")
 _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
-_MOMENT = re.compile(r"([kMm]?N)(m|cm|mm)")
 _LONGEST = 60
 """Characters of a label."""
 
@@ -59,19 +89,36 @@ _BETWEEN = re.compile(r"[\s_,/]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
-def size_of(label: str) -> tuple[float, Dimension] | None:
+def size_of(label: str) -> Size | None:
     """Return the size of a unit in SI (N, m, s, rad) and its dimension; None for a label that is no unit.
 
     Symbols are multiplied and divided from the left, as in m/s/s; a bracket may have a power. ``g`` is
     standard gravity, ``-`` and ``1`` are the unit of numbers.
     """
-    text = _in_symbols(label)
-    if not text or len(text) > _LONGEST:
-        return None
-    if text in ("-", "1"):
-        return 1.0, (0, 0, 0, 0)
-    found = _product(text, 0, nested=False)
-    return None if found is None else (found[0], found[1])
+    factors = _factors(label)
+    return None if factors is None else _product(factors)
+
+
+def quotient_of(label: str) -> tuple[Size, Size]:
+    """Return a unit without the force or moment that it divides by, and that one: m/s² and N of m/(s² N).
+
+    Each is a number where there is none, both for a label that is no unit.
+    """
+    factors = _factors(label) or []
+    under = [f for f in factors if min(f[2] * f[1][0], f[2] * f[1][1]) < 0]
+    over = [f for f in factors if f not in under]
+    if under == [(1e-9, LENGTH, -1)]:  # no motion is divided by nanometres: N m in small letters
+        under = [(1.0, MOMENT, -1)]
+    return _product(over), _product([(size, powers, -n) for size, powers, n in under])
+
+
+def moment_of(symbol: str) -> float | None:
+    """Return the size of a moment [N m] in one word, such as ``Nm``, ``lbfin``, ``inlb``; None for others."""
+    for k in range(1, len(symbol)):
+        (one, its), (other, of_other) = _simple(symbol[:k]), _simple(symbol[k:])
+        if {its, of_other} == {FORCE, LENGTH}:
+            return one * other
+    return None
 
 
 def conversion(label: str, unit: str) -> float | None:
@@ -182,9 +229,21 @@ def _in_symbols(label: str) -> str:
     return text.strip()
 
 
-def _product(text: str, at: int, nested: bool) -> tuple[float, Dimension, int] | None:
-    """Return size and dimension of a product from a place on, and the place behind it."""
-    size, powers, sign, empty = 1.0, np.zeros(4, dtype=int), 1, True
+def _factors(label: str) -> list[Factor] | None:
+    """Return the symbols of a label; None where one is unknown."""
+    text = _in_symbols(label)
+    if not text or len(text) > _LONGEST:
+        return None
+    if text in ("-", "1"):
+        return []
+    found = _symbols(text, 0, nested=False)
+    return None if found is None else found[0]
+
+
+def _symbols(text: str, at: int, nested: bool) -> tuple[list[Factor], int] | None:
+    """Return the symbols of a product from a place on, and the place behind it."""
+    out: list[Factor] = []
+    sign, empty = 1, True
     while at < len(text):
         found = _TOKEN.match(text, at)
         if found is None:
@@ -192,41 +251,46 @@ def _product(text: str, at: int, nested: bool) -> tuple[float, Dimension, int] |
         mark, one, symbol = found.groups()
         at = found.end()
         if mark == ")":
-            return (size, _powers(powers), at) if nested and not empty else None
+            return (out, at) if nested and not empty else None
         if mark and mark != "(":
             sign = -1 if mark == "/" else 1
             continue
-        known: tuple[float, Dimension] | None = (1.0, (0, 0, 0, 0))
+        inner: list[Factor] = []
         if mark == "(":
-            inner = _product(text, at, nested=True)
-            if inner is None:
+            bracket = _symbols(text, at, nested=True)
+            if bracket is None:
                 return None
-            known, at = inner[:2], inner[2]
+            inner, at = bracket
         elif not one:
             known = _symbol(symbol)
-        if known is None:
-            return None
+            if known is None:
+                return None
+            inner = [(*known, 1)]
         raised = None if one else _POWER.match(text, at)
         n = sign
         if raised is not None:
             n *= int(raised[1] or raised[2])
             at = raised.end()
-        size *= known[0] ** n
-        powers = powers + n * np.array(known[1])
+        out += [(size, powers, n * m) for size, powers, m in inner]
         empty = False
-    return None if nested or empty else (size, _powers(powers), at)
+    return None if nested or empty else (out, at)
 
 
-def _powers(powers: NDArray[np.int64]) -> Dimension:
-    force, length, time, angle = (int(p) for p in powers)
-    return force, length, time, angle
+def _product(factors: Sequence[Factor]) -> Size:
+    size = math.prod(own**n for own, _, n in factors)
+    force, length, time, angle = (sum(n * powers[i] for _, powers, n in factors) for i in range(4))
+    return size, (force, length, time, angle)
 
 
-def _symbol(symbol: str) -> tuple[float, Dimension] | None:
+def _symbol(symbol: str) -> Size | None:
+    size, powers = _simple(symbol)
+    if powers is None:
+        moment = moment_of(symbol)
+        return None if moment is None else (moment, MOMENT)
+    return size, powers
+
+
+def _simple(symbol: str) -> Size | tuple[float, None]:
     if symbol in _CASES:
         return _CASES[symbol]
-    moment = _MOMENT.fullmatch(symbol)  # in small letters Nm would be nanometres
-    if moment is not None:
-        force, arm = _symbol(moment[1]), _symbol(moment[2])
-        return (force[0] * arm[0], (1, 1, 0, 0)) if force and arm else None
-    return next(((t[symbol.lower()], d) for t, d in _DIMENSIONS if symbol.lower() in t), None)
+    return next(((t[symbol.lower()], d) for t, d in _DIMENSIONS if symbol.lower() in t), (0.0, None))

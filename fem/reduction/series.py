@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from fem.effects.giving_way import GivesWay
 from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
@@ -49,7 +50,9 @@ def terms_in_series(
     """
     effect = effects[0]
     model = with_series(reduced.model, candidates, (effect,))
-    soft = () if effect.gives_way else [e for e in model.effects if _alters(effect, e, model)]
+    # of what gives way, each is in series with those before it
+    others = [e for e in model.effects if not (isinstance(effect, GivesWay) and isinstance(e, GivesWay))]
+    soft = [e for e in others if _alters(effect, e, model)]
     if not soft and not any(_alters(e, effect, model) for e in model.effects):
         return None
     known = model.values()
@@ -64,8 +67,8 @@ def terms_in_series(
 
 
 def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
-    """Whether an effect alters the member where another one gives way."""
-    return soft.gives_way and effect is not soft and effect.alters(model, soft.member)  # type: ignore[attr-defined]
+    """Whether an effect changes what another one does."""
+    return soft.gives_way and effect is not soft and soft.follows(effect, model)
 
 
 def _negative(c: Contribution) -> Contribution:

@@ -7,6 +7,7 @@ import pytest
 
 import dovetail
 from dovetail.cli import main
+from dovetail.disk.output import null_keys
 from dovetail.notebook.candidates import places_of
 from fem.io import read_npz, write_npz
 from fem.model import ModelError
@@ -35,7 +36,9 @@ def study(file):
 def compared(capsys, path, *words):
     """Return what ``dovetail compare`` writes as JSON."""
     assert main(["compare", str(path), *words, "--json", "-"]) == 0
-    return json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)
+    assert set(null_keys(found)) == found["missing"].keys()
+    return found
 
 
 def test_three_ways_to_add_an_effect_give_the_same_error(file, study, capsys):

@@ -229,6 +229,20 @@ def test_sensors_and_hypotheses_are_states_too(desk):
     assert desk.second() is None
 
 
+def test_actions_name_effects_in_the_words_of_the_page(desk):
+    other = desk.candidates[TURNING]
+    desk.add(MASS, mass=0.1)
+    desk.set_value(MASS, "position", 0.1)
+    desk.replace(MASS, other)
+    desk.remove(TURNING)
+    assert [s.label for s in desk.history.states[1:]] == [
+        "add point mass: member U at 0.400 m",
+        "position of point mass: member U at 0.100 m",
+        "joint stiffness: joint J, about x in place of point mass: member U at 0.100 m",
+        "remove joint stiffness: joint J, about x",
+    ]
+
+
 def test_a_value_that_changes_nothing_and_a_gain_that_is_none_make_no_state(desk):
     desk.add(MASS, mass=0.1)
     bounds = {p.name: p.upper for p in desk.now.hypothesis.effect(MASS).parameters()}
@@ -347,7 +361,7 @@ def test_a_desk_killed_while_it_saves_opens_one_state_earlier(tmp_path):
     here = tmp_path / STUDY.name
     done = subprocess.run([sys.executable, "-c", KILLED, str(here)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
-    assert Desk.open(here).history.undoes == f"add {MASS}"
+    assert Desk.open(here).history.undoes == "add point mass: member U at 0.400 m"
 
 
 def test_the_staircase_and_jobs_name_effects_in_words(desk):
@@ -437,7 +451,10 @@ def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
     one.undo()
     again = Desk.open(here)
     assert again.shown.result.fit_db == one.shown.result.fit_db
-    assert (again.history.undoes, again.history.redoes) == (f"add {MASS}", "leave out sensor D3z")
+    assert (again.history.undoes, again.history.redoes) == (
+        "add point mass: member U at 0.400 m",
+        "leave out sensor D3z",
+    )
     here.write_text(here.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
     fresh = Desk.open(here)
     assert fresh.history.undoes == ""

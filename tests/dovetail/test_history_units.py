@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail.cli import main
-from fem.io.uff_units import G0
+from fem.io.units import G0
 
 STUDY = """
 [mesh]

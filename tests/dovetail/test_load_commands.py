@@ -7,6 +7,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from dovetail.disk.output import null_keys
 from dovetail.file.rotation import at_speed
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.campbell import solve_campbell
@@ -78,7 +79,9 @@ def with_shape(text):
 
 def printed(capsys, *arguments):
     assert main([str(a) for a in arguments]) == 0
-    return json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)
+    assert set(null_keys(found)) == found.get("missing", {}).keys()
+    return found
 
 
 def refused(capsys, *arguments):
@@ -401,6 +404,16 @@ def test_base(column, tmp_path, capsys):
     assert np.array(found["real"]) == pytest.approx(np.real(direct.H))
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert "the base moves in 'w'; allowed are x, y" in refused(capsys, "base", column, "--motion", "w")
+
+
+def test_numbers_that_are_missing_have_a_reason(column, rotor, capsys):
+    base = printed(capsys, "base", column, "--start", "10", "--stop", "20", "--step", "10", "--json", "-")
+    assert base["file"] is None
+    assert "--out" in base["missing"]["file"]
+    still = printed(capsys, "complex", column, "--number", "2", "--json", "-")
+    assert still["missing"] == {"whirl": "the mode tilts no rotor"}
+    fast = printed(capsys, "campbell", rotor, "--speeds", "0:60000:9", "--number", "3", "--json", "-")
+    assert fast["missing"].keys() == {"whirl"}
 
 
 def test_responses_need_sensors(column, capsys):

@@ -257,6 +257,7 @@ def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load,
     # the noise of 2 % in each part is one of 2 % in amplitude, 0.17 dB, and more in antiresonances
     assert 0.15 < found["error_db"] < 0.5
     assert found["sensors"][0]["frac"] == [None]
+    assert "no phase" in found["missing"]["frac"]
     capsys.readouterr()
     assert main(["identify-modes", str(path)]) == 2
     assert "in n.npz amplitudes without phase, which are not used as FRFs" in capsys.readouterr().err

@@ -5,27 +5,8 @@ import pytest
 from dovetail import load_study
 from dovetail.file.table import StudyError
 from fem.effects.support import Support
+from tests.fuzz.decks import GMSH_FRAME, GMSH_NAMES
 
-MESH = """$MeshFormat
-2.2 0 8
-$EndMeshFormat
-{names}$Nodes
-4
-1 0 0 0
-2 0 0 1
-3 1 0 1
-4 1 0 0
-$EndNodes
-$Elements
-5
-1 15 2 7 1 1
-2 15 2 7 4 4
-3 1 2 {one} 1 1 2
-4 1 2 {one} 2 2 3
-5 1 2 {one} 3 3 4
-$EndElements
-"""
-NAMES = '$PhysicalNames\n2\n0 7 "feet"\n1 1 "frame"\n$EndPhysicalNames\n'
 STUDY = """[mesh]
 file = "m.msh"
 [materials.steel]
@@ -40,13 +21,13 @@ fixed = "translations"
 
 
 def write(folder, **words):
-    (folder / "m.msh").write_text(MESH.format(**words))
+    (folder / "m.msh").write_text(GMSH_FRAME.format(**words))
     (folder / "study.toml").write_text(STUDY)
     return folder / "study.toml"
 
 
 def test_a_support_at_a_group_of_points_is_at_each_of_them(tmp_path):
-    model = load_study(write(tmp_path, names=NAMES, one=1), needs=()).model
+    model = load_study(write(tmp_path, names=GMSH_NAMES, one=1), needs=()).model
     supports = [e for e in model.effects if isinstance(e, Support)]
     assert [e.name for e in supports] == ["feet.1", "feet.2"]
     assert sorted(model.mesh.points[e.point].tolist() for e in supports) == [[0, 0, 0], [1, 0, 0]]

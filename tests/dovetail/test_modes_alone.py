@@ -11,6 +11,7 @@ import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
+from dovetail.disk.output import null_keys
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_value
 from dovetail.found import mode_found_text
@@ -317,6 +318,7 @@ def test_a_study_of_modes_is_compared_fitted_and_saved_from_python(tmp_path, cap
     assert main(["compare", str(path), "--json", str(tmp_path / "c.json")]) == 0
     compared = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     assert before.error == pytest.approx(compared["frequency_error"]["fit"])
+    assert set(null_keys(compared)) == {"mac"} == compared["missing"].keys()
     better = study.add("point_mass:mast", mass=0.1, position=0.68).fit()
     assert better.model.effect("point_mass:mast").mass == pytest.approx(0.3, rel=0.01)
     assert better.model.damping.ratio_at(np.array(measured)) == pytest.approx(0.01, rel=0.05)

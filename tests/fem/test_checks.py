@@ -55,7 +55,7 @@ def test_coincident_and_nearly_coincident_points():
     loose, near = check_mesh(mesh)
     assert (loose.kind, near.kind) == ("loose part", "coincident points")
     assert near.points.tolist() == [2, 4]
-    assert "lie at the same place and are not connected; merge them" in near.message
+    assert "lie at the same place and are not connected; if they are one point, make them one" in near.message
     moved = Mesh.from_lines([*SQUARE, [1, 1, 1e-3], [2, 1, 0]], [*RING, [4, 5]])
     assert "are 0.001 m apart" in check_mesh(moved)[1].message
     assert kinds(check_mesh(moved, tolerance=5e-4)) == ["loose part"]

@@ -7,12 +7,16 @@ import pytest
 
 from fem import assemble, solve_modes
 from fem.analysis.frf_solver import compute_frf
+from fem.effects.crack import Crack, EndRelease
 from fem.effects.foot_shift import FootShift
 from fem.effects.joint import Joint
 from fem.effects.joint_complex_stiffness import JointComplexStiffness
 from fem.effects.joint_hole import JointHole
 from fem.effects.part_shift import PartShift
 from fem.effects.support_shift import SupportShift
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.reduced_model import reduce_model
 from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix
 
@@ -124,6 +128,87 @@ def test_a_foot_within_an_element_is_one_at_a_point_of_the_mesh_there(options, a
     there = finer.without_effect("foot").with_effect(new)
     np.testing.assert_allclose(static(moved), static(there), rtol=1e-7, atol=1e-9 * abs(static(there)).max())
     np.testing.assert_allclose(frequencies(moved, 4), frequencies(there, 4), rtol=1e-4)
+
+
+def giving_way(*places, end=0, compliance=3e-3):
+    """Return cracks at places, both ways, and releases at an end of the beam."""
+    cracks = [
+        Crack(
+            name=f"crack {s} {d}", member="beam", position=s, direction=d, compliance=compliance, length=1.0,
+            reference=1.0,
+        )
+        for s in places
+        for d in ("ry", "rz")
+    ]  # fmt: skip
+    if end:
+        cracks.append(
+            EndRelease(
+                name="end", member="beam", end=end, direction="ry", compliance=compliance, reference=1.0
+            )
+        )
+    return cracks
+
+
+@pytest.mark.parametrize("options", [*OPTIONS, SPRUNG])
+@pytest.mark.parametrize("cuts", [((0.04,), 0), ((0.07,), 0), ((), 1), ((0.03, 0.08), 1)], ids=str)
+@pytest.mark.parametrize("kind", [SupportShift, FootShift])
+def test_a_place_in_an_element_that_gives_way_is_one_at_a_point_of_the_mesh_there(options, cuts, kind):
+    """There the cracks are in other elements than the place, or at the ends of theirs."""
+    at, (places, end) = 0.055, cuts
+    coarse, loose = clamped(10, **options), giving_way(*places, end=end)
+    coarse = coarse.with_effect(*loose)
+    if kind is SupportShift:
+        if options is SPRUNG:
+            pytest.skip("it is proposed for members without springs at their ends")
+        (shift,) = SupportShift.propose(coarse)
+        moved = coarse.with_effect(shift.with_values(amount=at))
+        finer = with_point(coarse, at)
+        there = finer.without_effect("clamp").with_effect(fix(finer.mesh.n_points - 1))
+    else:
+        here = footed(coarse, 2, 0.1)
+        (shift,) = FootShift.propose(here)
+        np.testing.assert_allclose(static(here.with_effect(shift)), static(here), rtol=1e-9, atol=1e-12)
+        moved = here.with_effect(shift.with_values(amount=at - 0.1))
+        finer = with_point(here, at)
+        joint = finer.effect("foot")
+        new = replace(joint, point1=finer.mesh.n_points - 1, location=joint.location + (at - 0.1) * AXIS)
+        there = finer.without_effect("foot").with_effect(new)
+    expected = static(there)
+    np.testing.assert_allclose(static(moved), expected, rtol=1e-6, atol=1e-8 * abs(expected).max())
+    # the mass that follows springs at the ends does not follow what gives way behind them
+    np.testing.assert_allclose(frequencies(moved, 4), frequencies(there, 4), rtol=3e-4)
+
+
+@pytest.mark.parametrize("kind", [SupportShift, FootShift])
+@pytest.mark.parametrize("tried", ["crack 0.07 ry", "shift"])
+def test_a_place_and_what_gives_way_beside_it_are_one_in_reduced_models(kind, tried):
+    """Whichever of the two is added to a state that has the other, and by all derivatives."""
+    model = clamped(10) if kind is SupportShift else footed(clamped(10), 2, 0.1)
+    (shift,) = kind.propose(model)
+    shift = replace(shift, name="shift", lower=-1.0, upper=1.0)
+    crack = giving_way(0.07)[0]
+    amount = 0.055 if kind is SupportShift else -0.045
+    values = {("crack 0.07 ry", "compliance"): 3e-3, ("shift", "amount"): amount}
+    every = {"shift": shift.with_values(amount=amount / 3), crack.name: crack.with_values(compliance=1e-3)}
+    f, rows = np.linspace(5.0, 200.0, 12), [(1, "z"), (6, "z")]
+    ends = np.eye(model.n_dof)[:, [6 * 1 + 2, 6 * 6 + 2]]
+    small = reduce_model(model, np.eye(model.n_dof)[:, np.diff(assemble(model).Q.tocsr().indptr) > 0], 400.0)
+    both = ParametricFRF(small, ends, ends, f, list(values), tuple(every.values()))
+    at, zeta = np.array(list(values.values())), np.zeros(len(f))
+    H, slopes, _ = both.evaluate(at, zeta)
+    direct = model.with_effect(*every.values()).with_values(values)
+    exact = compute_frf(assemble(direct), f, rows, rows, kind="receptance").H
+    assert abs(H - exact).max() <= 2e-3 * abs(exact).max()
+    for k, ref in enumerate(values):
+        step = 1e-4 * abs(at[k]) * np.eye(2)[k]
+        up, down = (both.evaluate(at + sign * step, zeta, gradient=False)[0] for sign in (1, -1))
+        rough = (up - down) / (2e-4 * abs(at[k]))
+        assert abs(slopes[k] - rough).max() <= 1e-3 * abs(rough).max(), ref
+    refs = [ref for ref in values if ref[0] != tried]
+    one = ParametricFRF(small, ends, ends, f, refs, [e for n, e in every.items() if n != tried])
+    now = every[tried].with_values(**{p: v for (n, p), v in values.items() if n == tried})
+    (found,) = LocalChanges.of(one, np.array([values[ref] for ref in refs]), zeta).receptances([now])
+    assert abs(found - H).max() <= 1e-3 * abs(H).max()
 
 
 @pytest.mark.parametrize("node", [0.1, 0.2])

@@ -6,7 +6,7 @@ import pytest
 from fem.io import Asked, TableError, read_csv, read_frf, read_frfs
 from fem.io.columns import cut_number
 from fem.io.frf_labels import decibel_reference, frf_unit
-from fem.io.uff_units import G0
+from fem.io.units import G0
 
 F = [1.0, 1.5, 2.0]
 H = np.array([3 + 4j, -1 + 2j, 0.5 - 6j])
@@ -238,7 +238,9 @@ def test_unit_labels_do_not_count_where_the_user_scales(tmp_path):
     [
         ("g/N", "accelerance", G0), ("(m/s²)/N", "accelerance", 1), ("m/s^2/N", "accelerance", 1),
         ("mm/s/N", "mobility", 1e-3), ("m/N", "receptance", 1), ("µm/kN", "receptance", 1e-9),
-        ("1/kg", "accelerance", 1), ("in/lbf", "receptance", 0.0254 / 4.4482216152605),
+        ("1/kg", "accelerance", 1), ("s/kg", "mobility", 1), ("s^2/kg", "receptance", 1),
+        ("m/(N m)", "receptance", 1), ("mm/s/(N mm)", "mobility", 1),
+        ("in/lbf", "receptance", 0.0254 / 4.4482216152605),
     ],
 )  # fmt: skip
 def test_units_of_frfs(label, kind, factor):

@@ -8,9 +8,10 @@ import meshio
 import numpy as np
 import pytest
 
+from fem.checks import check_mesh
 from fem.io import read_mesh, write_mesh, write_uff
 from fem.io.meshio_mesh import _by_number, quiet
-from fem.mesh import Mesh, MeshError, MeshWarning
+from fem.mesh import Mesh, MeshError, MeshWarning, merge_advice
 
 
 def write(path, text):
@@ -449,11 +450,14 @@ TWO_PARTS = INP.replace("3, 3, 4", "3, 5, 4").replace(
 
 def test_coinciding_points_are_named_and_merged_only_on_request(tmp_path):
     path = write(tmp_path / "a.inp", TWO_PARTS)
-    with pytest.warns(
-        UserWarning, match=r"1 point lies at the place of another.*merge_tolerance, such as 2e-06"
-    ):
+    with pytest.warns(UserWarning, match="1 point lies at the place of another and is not") as said:
         mesh = read_mesh(path, scale=0.001)
     assert mesh.n_points == 5
+    advice = merge_advice(2e-6)
+    assert advice in str(said[0].message)
+    assert any(advice in defect.message for defect in check_mesh(mesh))
+    with pytest.warns(UserWarning, match="1 points merged"):
+        read_mesh(path, scale=0.001, merge_tolerance=float(advice.split("= ")[1].split()[0]))
     with pytest.warns(UserWarning, match=r"1 points merged with others within 1e-05 m; 1 point on no line"):
         mesh = read_mesh(path, scale=0.001, merge_tolerance=1e-5)
     assert (mesh.n_points, mesh.n_lines) == (4, 3)

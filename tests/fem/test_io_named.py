@@ -12,7 +12,7 @@ from scipy.io import savemat
 from fem.io import Asked, TableError, read_frf, read_frfs
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.trial import end_of_trial
-from fem.io.uff_units import G0
+from fem.io.units import G0
 
 RNG = np.random.default_rng(4)
 F = np.linspace(1.0, 40.0, 12)

@@ -11,7 +11,7 @@ from scipy.io import savemat, wavfile
 from fem.io import TableError
 from fem.io.time_data import force_unit, motion_unit, read_time_data
 from fem.io.uff import Function, write_uff
-from fem.io.uff_units import G0
+from fem.io.units import G0
 
 RATE = 512.0
 T = np.arange(40) / RATE

@@ -6,9 +6,11 @@ import warnings
 import numpy as np
 import pytest
 
+from fem.analysis.frf import FRFKind
 from fem.io import read_frf, read_mesh
 from fem.io.uff import Function, Points, TraceLine, UffError, read_uff, write_uff
-from fem.io.uff_units import force_factor, motion_factor, powers_of
+from fem.io.uff_units import force_factor, motion_factor
+from fem.io.units import FORCE, MOMENT, quotient_of
 from fem.mesh import Mesh
 
 VALUES = np.array([1 + 2j, -3 + 0.5j, 0.25 - 1j])
@@ -412,13 +414,35 @@ def test_a_unit_label_that_is_not_known_is_in_skipped(path, label):
     )
 
 
-def test_powers_of_a_label_end_for_any_text():
-    assert powers_of("(1/N)*(m/s²)") == {"N": -1, "m": 1, "s": -2}
-    assert powers_of("m/s/s") == {"m": 1, "s": -2}
-    assert powers_of("((m") is None
-    assert powers_of("m" * 10**6) is None
-    assert motion_factor("", "accelerance", False) is None
-    assert force_factor("", False) is None
+@pytest.mark.parametrize(
+    ("label", "motion", "force"),
+    [
+        ("m/s^2/N", 1.0, 1.0), ("(cm/s²)/kN", 0.01, 1e3), ("(1/N)*(m/s²)", 1.0, 1.0),
+        ("[g]/mN", 9.80665, 1e-3),
+        ("mm/s/s/MN", 1e-3, 1e6), ("in / sec^2 / lbf", 0.0254, 4.4482216152605), ("g", 9.80665, 0.0),
+        ("meters per second squared/newton", 1.0, 1.0), ("m s^-2/(N)", 1.0, 1.0), ("mm/ms^2/N", 1e3, 1.0),
+        ("m/s^2/V", None, 0.0), ("m/s^2/m", None, 0.0), ("m/s/N", None, 1.0), ("1/N", None, 1.0),
+    ],
+)  # fmt: skip
+def test_a_label_states_a_motion_and_the_force_below_it(label, motion, force):
+    assert motion_factor(label, FRFKind.ACCELERANCE, turned=False) == motion
+    _, (size, powers) = quotient_of(label)
+    assert (size if powers == FORCE else 0.0) == pytest.approx(force, rel=1e-14)
+
+
+@pytest.mark.parametrize("divided", ["N m", "Nm", "N*m", "nm", "NM", "N·m", "kNmm", "lbfin", "in-lb"])
+def test_moments_below_a_rotation(divided):
+    size = 4.4482216152605 * 0.0254 if "lb" in divided else 1.0
+    label = f"rad/s^2/({divided})"
+    assert motion_factor(label, FRFKind.ACCELERANCE, turned=True) == 1.0
+    assert quotient_of(label)[1] == (pytest.approx(size, rel=1e-14), MOMENT)
+    assert force_factor(divided, moment=True) == pytest.approx(size, rel=1e-14)
+
+
+def test_reading_a_label_ends_for_any_text():
+    for text in ("", "((m", "m" * 10**6, "(" * 10**5):
+        assert motion_factor(text, FRFKind.ACCELERANCE, False) is None
+        assert force_factor(text, False) is None
 
 
 # Elements -------------------------------------------------------------------------------------------------

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fem.io.uff_units import G0
-from fem.io.units import conversion, density_conversion, heading_of, named_unit, size_of, split_heading
+from fem.io.units import G0, conversion, density_conversion, heading_of, named_unit, size_of, split_heading
 
+LBF = 4.4482216152605
 TIMES = ("time", "t", "timestamp", "elapsedtime")
 
 
@@ -19,6 +19,10 @@ TIMES = ("time", "t", "timestamp", "elapsedtime")
         ("MN", "N", 1e6), ("mN", "N", 1e-3), ("kN·m", "N m", 1e3),
         ("Nm", "N m", 1.0), ("nm", "m", 1e-9), ("kNmm", "N m", 1.0),
         ("milli seconds", "s", 1e-3), ("millis", "s", 1e-3), ("deg/s^2", "rad/s^2", np.pi / 180),
+        ("NM", "m", 1e-9), ("lbfin", "N m", LBF * 0.0254), ("inlb", "N m", LBF * 0.0254),
+        ("ftlb", "N m", LBF * 0.3048),
+        ("kgfm", "N m", G0), ("mNm", "N m", 1e-3), ("MNm", "N m", 1e6), ("°/S²", "rad/s^2", np.pi / 180),
+        ("rad/s", "rad s^-1", 1.0), ("kHz", "1/s", 1e3), ("MHz", "Hz", 1e6), ("mHz", "Hz", 1e-3),
         ("%", "1", 0.01), ("-", "1", 1.0),
     ],
 )  # fmt: skip

@@ -112,16 +112,10 @@ ENDDATA
 """,
 ]
 
-GMSH = [
-    """$MeshFormat
+GMSH_FRAME = """$MeshFormat
 2.2 0 8
 $EndMeshFormat
-$PhysicalNames
-2
-1 1 "columns"
-1 2 "beam"
-$EndPhysicalNames
-$Nodes
+{names}$Nodes
 4
 1 0 0 0
 2 0 0 1
@@ -129,13 +123,18 @@ $Nodes
 4 1 0 0
 $EndNodes
 $Elements
-4
-1 15 2 3 1 1
-2 1 2 1 1 1 2
-3 1 2 1 2 3 4
-4 1 2 2 3 2 3
+5
+1 15 2 7 1 1
+2 15 2 7 4 4
+3 1 2 {one} 1 1 2
+4 1 2 {one} 2 2 3
+5 1 2 {one} 3 3 4
 $EndElements
-""",
+"""
+GMSH_NAMES = '$PhysicalNames\n2\n0 7 "feet"\n1 1 "frame"\n$EndPhysicalNames\n'
+
+GMSH = [
+    GMSH_FRAME.format(names=GMSH_NAMES, one=1),
     """$MeshFormat
 4.1 0 8
 $EndMeshFormat

@@ -65,6 +65,8 @@ class FitProblem:
     decay : float
         σ of the complex frequencies ω - iσ at which the data are (:func:`updating.inference.damped.damped`)
         [rad/s].
+    pieces : int
+        Into how many each element of the model was cut for the data; 0 where that was not asked.
     """
 
     reduced: ReducedModel
@@ -79,6 +81,7 @@ class FitProblem:
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
+    pieces: int = 0
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""

@@ -309,6 +309,9 @@ def build_fine(
 ) -> tuple[FitProblem, Model, int, tuple[float, float], float]:
     """Return the problem of a model whose elements are short enough for the data.
 
+    Those of a measurement that an earlier fit has chosen values of are cut as that fit did: what it has found
+    may need others, and its error would not come back.
+
     Parameters
     ----------
     build : callable
@@ -330,12 +333,14 @@ def build_fine(
     """
     problem = build(model)
     left = before = discretisation_error(problem)
-    n = splits(left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR))
+    n = problem.data.measurement.pieces or splits(
+        left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR)
+    )
     if n > 1:
         model = split(model, n)
         problem = build(model)
         left = discretisation_error(problem)
-    return problem, model, n, left, before[0]
+    return replace(problem, pieces=n), model, n, left, before[0]
 
 
 def finer_receptances(

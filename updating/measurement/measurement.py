@@ -90,6 +90,8 @@ class Measurement:
     compared : ndarray (n_freq, n_out, n_in) or None
         1 for values that count in a comparison and 0 for others, as an earlier one has chosen; NaN for those
         of which it has said nothing.
+    pieces : int
+        Into how many each element is cut that is compared with them; 0 where the data decide.
     phase : bool
         Whether the FRFs have phases; without, they are amplitudes.
     held_out : tuple of (float, float)
@@ -105,6 +107,7 @@ class Measurement:
     averages: int | None = None
     scatter: NDArray[np.float64] | None = None
     compared: NDArray[np.float64] | None = None
+    pieces: int = 0
     phase: bool = True
     held_out: tuple[tuple[float, float], ...] = ()
 
