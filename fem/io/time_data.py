@@ -208,6 +208,9 @@ def _rate_of(path: Path, time: Floats) -> float:
     """Return the sample rate of times that follow evenly."""
     if time.size < 2:
         _refuse(path, "it has fewer than two samples")
+    if not np.isfinite(time).all():
+        k = int(np.argmin(np.isfinite(time)))
+        _refuse(path, f"the time of sample {k + 1} is {time[k]:g}; finite times are needed")
     step = np.diff(time)
     usual = float(np.median(step))
     off = np.flatnonzero(~(np.abs(step - usual) <= UNEVEN * abs(usual)))

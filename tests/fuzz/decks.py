@@ -310,9 +310,8 @@ modal = 0.01
 point = "foot"
 [[excitations]]
 sensor = "t"
-[[load_cases]]
-name = "wind"
-[[load_cases.forces]]
+[[loads]]
+case = "wind"
 point = "tip"
 force = [1.0, 0.0, 0.0]
 [frequency]
@@ -322,9 +321,9 @@ step = 1.0
 """A study that names tables beside it; it may end with one more."""
 
 SENSORS = [
-    "name,point,direction,label,gain\nt,tip,x,1Z+,1.0\nu,tip,y,2X-,-1\n",
-    "Name;x [mm];y [mm];z [mm];dx;dy;dz;kind;mass\nt;0;0;1200;1,0;0;0;acceleration;0,01\nu;0;0;600;0;1;0;;\n",
-    "name,member,position,direction,sign,phase,conjugate\nt,mast,0.6,xyz,1,0,no\nu,mast,1.2,-x,-1,90,yes\n",
+    "name,point,direction,label,gain\nt,tip,x,1Z+,1.0\nu,tip,y,2X-,2.5\n",
+    "Name;x [mm];y [mm];z [mm];dx;dy;dz;kind;mass\nt;0;0;1200;1,0;0;0;accelerance;0,01\nu;0;0;600;0;1;0;;\n",
+    "name,member,position,direction,sign,phase,conjugate\nt,mast,0.6,x,1,0,no\nv,mast,0.6,xyz,,,\nu,mast,1.2,-x,-1,90,yes\n",
 ]
 
 SECTIONS = [
@@ -335,7 +334,7 @@ SECTIONS = [
 ]
 
 MODES = [
-    "frequency [Hz],zeta [%],frequency_std,t,u\n9.3,1.0,0.001,0.3,1\n58.1,1.2,0.002,0.3-0.1j,\n",
+    "frequency [Hz],zeta [%],frequency_std,t,u\n9.3,1.0,0.001,0.3,1\n58.1,1.2,0.002,0.3-0.1j,-1\n9.4,,0.01,1,1\n",
     "f;t;u\n9,3;1;0,5\n58,1;-1;0,2\n",
 ]
 

@@ -116,6 +116,10 @@ def _npz_seeds(folder: Path) -> list[bytes]:
     )
 
 
+def _saved(arrays: drawing.Arrays) -> Callable[[Path], list[bytes]]:
+    return lambda folder: _written(folder, ".npz", lambda p: np.savez(p, allow_pickle=False, **arrays))
+
+
 def _read_matrix_market(path: Path) -> None:
     other = path.with_name("f.M.mtx")
     other.write_text(decks.MATRIX_MARKET[0])
@@ -384,8 +388,8 @@ TARGETS: dict[str, Target] = {
         Target("sensors", "sensors.csv", _texts(decks.SENSORS), _in_study()),
         Target("sections", "sections.csv", _texts(decks.SECTIONS), _in_study()),
         Target("modes", "modes.csv", _texts(decks.MODES), _in_study('[modes]\nfile = "modes.csv"\n')),
-        Target("modenpz", "f.npz", _npz_seeds, _in_study('[modes]\nfile = "f.npz"\n'), drawing.npz),
-        Target("frfnpz", "f.npz", _npz_seeds, _in_study('[[measurements]]\nfile = "f.npz"\n'), drawing.npz),
+        Target("modenpz", "f.npz", _saved(drawing.VALID[3]), _in_study('[modes]\nfile = "f.npz"\n'), drawing.npz),
+        Target("frfnpz", "f.npz", _saved(drawing.VALID[0]), _in_study('[[measurements]]\nfile = "f.npz"\n'), drawing.npz),
         Target("toml", "f.toml", _study_seeds, _study),
         Target("mtx", "f.K.mtx", _texts(decks.MATRIX_MARKET), _read_matrix_market),
         Target("dofs", "f.dofs.csv", _texts(decks.DOFS), _read_dofs),
