@@ -414,7 +414,7 @@ def _tdms_starts(
             0.0 if date is None else float((np.datetime64(date, "us") - min(dated)) / np.timedelta64(1, "s"))
         )
         # a date in microseconds may be off by one of these
-        whole = round(since * rate)
+        whole = float(np.round(since * rate))
         out.append(offset + (whole / rate if abs(since - whole / rate) <= min(1e-6, 0.25 / rate) else since))
     return out
 
@@ -453,10 +453,11 @@ def _together(
     """
     shift = np.zeros(len(curves)) if starts is None else np.asarray(starts, dtype=float)
     shift = (shift - shift.min()) * (own_rate or rate)
-    whole = np.round(shift).astype(np.int64)
-    off = np.abs(shift - whole)
-    if (off > OFF_GRID).any():
-        k = int(np.argmax(off))
+    with np.errstate(invalid="ignore"):
+        whole = np.round(shift).astype(np.int64)
+    bad = ~(np.abs(shift - whole) <= OFF_GRID)  # starts that are no number among them
+    if bad.any():
+        k = int(np.argmax(bad))
         _refuse(
             path,
             f"channel '{channels[k]}' starts {shift[k]:.6g} samples after the first one; channels that share "

@@ -102,6 +102,7 @@ def draw_array(rng: random.Random) -> NDArray[Any]:
 _EXTREME = (np.nan, np.inf, -np.inf, -1.0, 1e308, 5e-324, 0.0, 2.0**63, 2.0**31)
 
 
+@np.errstate(all="ignore")
 def draw_arrays(rng: random.Random, valid: tuple[Arrays, ...] = VALID) -> Arrays:
     """Return valid arrays, some of them changed, left out or exchanged; at times arrays of any kind."""
     if rng.random() < 0.2:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -47,8 +48,6 @@ from fem.io.time_data import read_time_data
 from fem.mesh import Mesh
 from tests.fuzz import decks, drawing
 from tests.fuzz.worker import OURS, Target
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def _portal() -> Mesh:
@@ -284,13 +283,19 @@ def _read_columns(path: Path) -> None:
 _BESIDE = {"sensors.csv": decks.SENSORS[0], "sections.csv": decks.SECTIONS[0], "modes.csv": decks.MODES[0]}
 
 
+def _beside(folder: Path, but: str = "") -> Path:
+    """Write the tables that the study names, but for one; return the folder."""
+    for name, text in _BESIDE.items():
+        if name != but:
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
 def _in_study(end: str = "") -> Callable[[Path], None]:
     """Return the reader of a table, or of measured FRFs and modes, that a study names."""
 
     def read(path: Path) -> None:
-        for name, text in _BESIDE.items():
-            if name != path.name:
-                path.with_name(name).write_text(text, encoding="utf-8")
+        _beside(path.parent, path.name)
         study = read_study(decks.MAST + end, path.with_name("study.toml"))
         check_model(study.model)
 
@@ -298,14 +303,13 @@ def _in_study(end: str = "") -> Callable[[Path], None]:
 
 
 @cache
-def _mast(folder: Path) -> Study:
-    for name, text in _BESIDE.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    return read_study(decks.MAST, folder / "study.toml")
+def _mast() -> Study:
+    with TemporaryDirectory() as scratch:
+        return read_study(decks.MAST, _beside(Path(scratch)) / "study.toml")
 
 
 def _read_excitation(path: Path) -> None:
-    study = _mast(path.parent)
+    study = _mast()
     _each(
         path,
         lambda p: _finite(driven_by(study, read_columns(p, ("time",)))),
@@ -330,14 +334,23 @@ def _read_records(path: Path) -> None:
 @cache
 def _desk() -> Desk:
     """Return a desk with a history of all that a journal may hold."""
-    desk = Desk.open(EXAMPLES / "cross-beam" / "study.toml")
+    f = np.linspace(1, 100, 60)
+    H = f**2 / (12.0**2 - f**2 + 0.3j * f)
+    frf = FRF.from_arrays(f, np.stack([H, 0.5 * H], 1)[:, :, None], "accelerance", ["1Z+", "2X-"], ["1Z+"])
+    with TemporaryDirectory() as scratch:
+        study = _beside(Path(scratch)) / "study.toml"
+        write_npz(study.with_name("f.npz"), frf)
+        end = '[[measurements]]\nfile = "f.npz"\n[uncertain]\nE = 0.02\n'
+        study.write_text(decks.MAST + end, encoding="utf-8")
+        desk = Desk.open(study)
     desk._journal = None
-    desk.add("point_mass:U", mass=0.05)
-    desk.switch("U5z")
-    desk.turn("U3z")
-    desk.set_gain("D3z", 1.1)
+    desk.add("point_mass:mast", mass=0.05)
+    desk.turn("u")
+    desk.set_gain("t", 1.1)
     desk.keep()
-    desk.hold_out("sensor U7z")
+    desk.hold_out("band 20-40 Hz")
+    desk.vary_form(True)
+    desk.switch("u")
     return desk
 
 
@@ -353,6 +366,7 @@ def _read_journal(path: Path) -> None:
     """Open the desk beside a journal, and go through all of its states."""
     desk = _desk()
     again = Desk(desk.study, desk.live, desk.history, path)
+    again.candidates = desk.candidates
     again._go_on()
     again._journal = None
     again.second()
@@ -388,8 +402,16 @@ TARGETS: dict[str, Target] = {
         Target("sensors", "sensors.csv", _texts(decks.SENSORS), _in_study()),
         Target("sections", "sections.csv", _texts(decks.SECTIONS), _in_study()),
         Target("modes", "modes.csv", _texts(decks.MODES), _in_study('[modes]\nfile = "modes.csv"\n')),
-        Target("modenpz", "f.npz", _saved(drawing.VALID[3]), _in_study('[modes]\nfile = "f.npz"\n'), drawing.npz),
-        Target("frfnpz", "f.npz", _saved(drawing.VALID[0]), _in_study('[[measurements]]\nfile = "f.npz"\n'), drawing.npz),
+        Target(
+            "modenpz", "f.npz", _saved(drawing.VALID[3]), _in_study('[modes]\nfile = "f.npz"\n'), drawing.npz
+        ),
+        Target(
+            "frfnpz",
+            "f.npz",
+            _saved(drawing.VALID[0]),
+            _in_study('[[measurements]]\nfile = "f.npz"\n'),
+            drawing.npz,
+        ),
         Target("toml", "f.toml", _study_seeds, _study),
         Target("mtx", "f.K.mtx", _texts(decks.MATRIX_MARKET), _read_matrix_market),
         Target("dofs", "f.dofs.csv", _texts(decks.DOFS), _read_dofs),
