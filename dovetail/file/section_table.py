@@ -29,7 +29,7 @@ POWERS = {
 
 Reader = Callable[[Table, str], Section]
 
-_UNIT = re.compile(r"\s*[\[(]\s*([a-z]+)\s*\^?\s*([234²³⁴]?)\s*[\])]\s*$")
+_UNIT = re.compile(r"[\[(]\s*([a-z]+)\s*\^?\s*([234²³⁴]?)\s*[\])]\s*$")
 _SUPERSCRIPTS = {"²": 2, "³": 3, "⁴": 4, "": 1}
 
 

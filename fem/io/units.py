@@ -54,7 +54,9 @@ _MOMENT = re.compile(r"([kMm]?N)(m|cm|mm)")
 _LONGEST = 60
 """Characters of a label."""
 
-_BRACKETS = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_BRACKETS = re.compile(r"(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+LONGEST_HEADING = 200
+"""Characters of a heading that is looked into; a longer one is no name with a unit."""
 _BETWEEN = re.compile(r"[\s_,/]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -110,7 +112,7 @@ class Heading:
 
 def split_heading(text: str) -> Heading:
     """Return name and unit of a heading whose unit is in square or round brackets at its end."""
-    found = _BRACKETS.search(text)
+    found = _BRACKETS.search(text) if len(text) <= LONGEST_HEADING else None
     if found is None:
         return Heading(text.strip())
     inside = found[1] if found[1] is not None else found[2]
@@ -131,6 +133,8 @@ def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Hea
     digits : bool
         Whether a number at the end of the name does not count, as in ``time2``.
     """
+    if len(text) > LONGEST_HEADING:
+        return None
     plain = split_heading(text)
     for words in (_BETWEEN.split(plain.name), _CAMEL.split(plain.name)):
         found = _named(Heading("", plain.unit), [word for word in words if word], names, digits)
@@ -163,7 +167,7 @@ def named_unit(text: str, names: Collection[str]) -> Heading:
     if text.strip() in names:
         return Heading(text.strip())
     plain = split_heading(text)
-    if plain.unit:
+    if plain.unit or len(text) > LONGEST_HEADING:
         return plain
     for found in re.finditer(r"[_\s]+", plain.name):
         name, unit = plain.name[: found.start()], plain.name[found.end() :]
