@@ -117,7 +117,7 @@ class Columns:
                 f"{place} has the unit '{label}', which is none of {of} that is known; allowed are {allowed}"
             )
             raise StudyError(msg)
-        return _finite(self.file, f"the column '{self.names[k]}'", factor * self.values[:, k])
+        return _scaled(self.file, f"the column '{self.names[k]}'", factor, self.values[:, k])
 
 
 def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
@@ -179,7 +179,7 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
         )
         raise StudyError(msg)
     factor = 1.0 if stamped else _abscissa_factor(path.name, rows[0][0], quantity, head)
-    x = _finite(path.name, "the first column", factor * numbers[:, 0])
+    x = _scaled(path.name, "the first column", factor, numbers[:, 0])
     return Columns(
         path.name, quantity, x, tuple(headings[1:]), numbers[:, 1:],
         tuple(split_heading(h).unit for h in headings[1:]), rows[0][0],
@@ -203,12 +203,14 @@ def _abscissa_factor(file: str, line: int, quantity: str, heading: Heading) -> f
     return factor
 
 
-def _finite(file: str, what: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scaled(file: str, what: str, factor: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values in SI; refuse those beyond the largest number there is."""
-    if not np.isfinite(values).all():
+    with np.errstate(over="ignore"):
+        out = factor * values
+    if not np.isfinite(out).all():
         msg = f"{file}: {what} has values that are not finite in SI"
         raise StudyError(msg)
-    return values
+    return out
 
 
 def _refuse_twice(file: str, line: int, names: Sequence[str]) -> None:

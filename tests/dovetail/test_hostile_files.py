@@ -1,6 +1,7 @@
 """Files that are damaged or absurd end in one line of our own error, and nothing of the user's is lost."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -8,10 +9,15 @@ import pytest
 from dovetail.cli import main
 from dovetail.desk.journal import journal_of
 from dovetail.desk.session import Desk
+from dovetail.file.histories import read_columns
 from dovetail.file.mode_table import read_mode_table
+from dovetail.file.section_table import section_rows
 from dovetail.file.table import StudyError
+from dovetail.units.folder import FolderError, read_records
+from dovetail.validation import calibration
+from dovetail.validation.calibration import RecordsError
 from fem.analysis.frf import FRF
-from fem.io import TableError, read_uff, write_npz
+from fem.io import TableError, read_matrices, read_uff, write_npz
 from fem.io.mat5 import read_mat5
 from fem.io.time_data import read_time_data
 
@@ -183,3 +189,85 @@ def test_a_damaged_journal_is_set_aside(desk_study, old, new):
         assert kept in fresh.notes[0]
         assert (desk_study.parent / kept).read_text(encoding="utf-8") == damaged
         assert np.isfinite(fresh.shown.result.fit_db)
+
+
+@pytest.mark.parametrize("scales", [{"NI_Number_Of_Scales": 50}, {"NI_Scale[49]_Scale_Type": "Linear"}])
+def test_more_scales_than_properties_are_refused(tmp_path, capfd, scales):
+    """A number of 2³¹ would be counted to its end."""
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("g", "a", np.arange(9.0), {"wf_increment": 0.1, **scales})]
+        )
+    with pytest.raises(TableError, match=r"r\.tdms: channel 'a' would have 50 scales"):
+        read_time_data(tmp_path / "r.tdms")
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("offset", [np.nan, np.inf, 1e300])
+def test_starts_that_are_no_times_are_refused(tmp_path, offset):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        for name, more in (("a", {}), ("b", {"wf_start_offset": offset})):
+            channel = nptdms.ChannelObject("g", name, np.arange(9.0), {"wf_increment": 0.1, **more})
+            writer.write_segment([channel])
+    with pytest.raises(TableError, match=r"r\.tdms: channel '[ab]' starts \S+ samples after the first one"):
+        read_time_data(tmp_path / "r.tdms")
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf])
+def test_times_that_are_not_finite_are_refused(tmp_path, time):
+    t = np.arange(9.0)
+    t[3] = time
+    np.savez(tmp_path / "r.npz", time=t, force=np.ones(9))
+    with pytest.raises(
+        TableError, match=r"r\.npz: the time of sample 4 is (nan|inf); finite times are needed"
+    ):
+        read_time_data(tmp_path / "r.npz")
+
+
+@pytest.mark.parametrize(
+    "table", [b"\xf8\xff\x00", b"1,1X,1,X,0,0,0\n2,1Y,2,Y,0,0\n", b'"' + 200_000 * b"x" + b'"\n']
+)
+def test_tables_of_rows_of_matrices(tmp_path, table):
+    for key in "KM":
+        text = "%%MatrixMarket matrix array real symmetric\n2 2\n1\n0\n1\n"
+        (tmp_path / f"f.{key}.mtx").write_text(text, encoding="ascii")
+    (tmp_path / "f.dofs.csv").write_bytes(b"row,label,node,direction,x_m,y_m,z_m\n" + table)
+    with pytest.raises(ValueError, match=r"f\.dofs\.csv: ") as caught:
+        read_matrices(tmp_path / "f.mtx")
+    assert type(caught.value).__module__.startswith("fem.")
+
+
+@pytest.mark.parametrize("line", [b"\xf8", b"[1]", b"7", b"{", 3000 * b"[", b'{"a": ' + 5000 * b"1" + b"}"])
+def test_lines_of_records_that_are_none_are_named(tmp_path, line):
+    file = tmp_path / "records.jsonl"
+    file.write_bytes(b'{"settings": {"a": 1}}\n\n' + line + b"\n")
+    for read, error in (
+        (lambda f: read_records(f, {"a": 1}), FolderError),
+        (calibration.read_records, RecordsError),
+    ):
+        with pytest.raises(error, match=r"records\.jsonl: line 3 is not"):
+            read(file)
+
+
+def test_values_beyond_the_largest_number_are_refused(tmp_path, capsys):
+    (tmp_path / "h.csv").write_text("time [s],base z [g]\n0,0\n1,1e308\n2,0\n", encoding="utf-8")
+    said = refused(capsys, "transient", written(tmp_path), "--excitation", tmp_path / "h.csv")
+    assert "h.csv: the column 'base z' has values that are not finite in SI" in said
+
+
+@pytest.mark.parametrize("piece", ["- ", "a_", " ", "("])
+def test_long_headings_take_no_time(tmp_path, piece):
+    long = f"frequency {16_000 * piece}x"
+    (tmp_path / "t.csv").write_text(f"{long};b\n1;2\n2;3\n3;4\n", encoding="utf-8")
+    begun = time.process_time()
+    for read in (
+        read_time_data,
+        read_mode_table,
+        lambda p: section_rows(p, []),
+        lambda p: read_columns(p, ("time",)),
+    ):
+        with pytest.raises(ValueError, match=r"^t\.csv"):
+            read(tmp_path / "t.csv")
+    assert time.process_time() - begun < 1
