@@ -365,11 +365,11 @@ def _table(file: Path, n: int) -> dict[str, Any]:
                     raise MatricesError(msg)
                 labels[int(row) - 1] = name
             if node and x:
-                place[int(node)] = [float(v) for v in (x, y, z)]
+                place[int(np.int64(int(node)))] = [float(v) for v in (x, y, z)]
         except MatricesError:
             raise
-        except (ValueError, IndexError):
-            msg = f"{file.name}: line {k} is {','.join(cells)!r}; seven cells are expected"
+        except (ValueError, OverflowError):
+            msg = f"{file.name}: line {k} is {','.join(cells)[:80]!r}; seven cells are expected"
             raise MatricesError(msg) from None
     if "" in labels:
         msg = f"{file.name}: there is no line about row {labels.index('') + 1} of {n}"

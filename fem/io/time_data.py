@@ -279,7 +279,7 @@ def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     logs.set_level(logging.CRITICAL)
     try:
         file = nptdms.TdmsFile.read(path)
-        found = []
+        found: list[tuple[Any, ...]] = []
         for group in file.groups():
             for channel in group.channels():
                 for properties in (file.properties, group.properties, channel.properties):

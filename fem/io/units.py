@@ -67,7 +67,7 @@ def size_of(label: str) -> tuple[float, Dimension] | None:
     Symbols are multiplied and divided from the left, as in m/s/s; a bracket may have a power. ``g`` is
     standard gravity, ``-`` and ``1`` are the unit of numbers.
     """
-    text = _in_symbols(label)
+    text = _in_symbols(label) if len(label) <= LONGEST_HEADING else ""
     if not text or len(text) > _LONGEST:
         return None
     if text in ("-", "1"):

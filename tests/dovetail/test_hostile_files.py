@@ -2,6 +2,7 @@
 
 import re
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,12 @@ from dovetail.units.folder import FolderError, read_records
 from dovetail.validation import calibration
 from dovetail.validation.calibration import RecordsError
 from fem.analysis.frf import FRF
-from fem.io import TableError, read_matrices, read_uff, write_npz
+from fem.io import TableError, read_matrices, read_mesh, read_uff, write_npz
 from fem.io.mat5 import read_mat5
 from fem.io.time_data import read_time_data
+from fem.io.uff_types import Function
+from fem.io.units import size_of
+from fem.mesh import MeshError
 
 STUDY = """\
 [points]
@@ -227,7 +231,13 @@ def test_times_that_are_not_finite_are_refused(tmp_path, time):
 
 
 @pytest.mark.parametrize(
-    "table", [b"\xf8\xff\x00", b"1,1X,1,X,0,0,0\n2,1Y,2,Y,0,0\n", b'"' + 200_000 * b"x" + b'"\n']
+    "table",
+    [
+        b"\xf8\xff\x00",
+        b"1,1X,1,X,0,0,0\n2,1Y,2,Y,0,0\n",
+        b"1,1X,1,X,0,0,0\n2,1Y,9223372036854775808,Y,0,0,0\n",
+        b'"' + 200_000 * b"x" + b'"\n',
+    ],
 )
 def test_tables_of_rows_of_matrices(tmp_path, table):
     for key in "KM":
@@ -271,3 +281,27 @@ def test_long_headings_take_no_time(tmp_path, piece):
         with pytest.raises(ValueError, match=r"^t\.csv"):
             read(tmp_path / "t.csv")
     assert time.process_time() - begun < 1
+
+
+def test_long_labels_of_units_take_no_time():
+    begun = time.process_time()
+    for piece in ("per ", " ", "s", "-1", "("):
+        assert size_of("m" + 16_000 * piece + "x") is None
+    assert time.process_time() - begun < 1
+
+
+def test_a_function_type_below_zero_has_no_name_of_another():
+    one = Function(-1, "1Z+", "0S", "", "", np.arange(3.0), np.ones(3), 12, 13, 0, "Hz", "", "", (), 0, 0, "")
+    assert replace(one, function_type=-400).type_name == "function of type -400"
+    assert one.type_name == "function of type -1"
+
+
+def test_names_of_arrays_that_are_no_text_are_refused(tmp_path, monkeypatch):
+    import meshio
+
+    found = meshio.Mesh(np.eye(3), [("line", np.array([[0, 1], [1, 2]]))])
+    found.cell_data = {b"\xff": [np.ones(2)]}
+    monkeypatch.setattr(meshio, "read", lambda file: found)
+    (tmp_path / "f.med").write_bytes(b"")
+    with pytest.raises(MeshError, match=r"f\.med: the array b'.xff' has a name that is no text"):
+        read_mesh(tmp_path / "f.med")
