@@ -106,10 +106,10 @@ class Desk:
 
     def _evaluated(self, history: History) -> Evaluation:
         """Return what a history of the journal shows."""
+        nominal = Hypothesis.nominal(self.live.problem)
         for state in history.states:
-            for h in (state.hypothesis, *([state.other] if state.other else [])):
-                first = Hypothesis.nominal(self.live.problem)
-                first = self.live.with_form(first) if self.live.has_form(h) else first
+            for h in filter(None, (state.hypothesis, state.other)):
+                first = self.live.with_form(nominal) if self.live.has_form(h) else nominal
                 if h.values.keys() != first.values.keys() or h.zeta.shape != first.zeta.shape:
                     msg = f"{self._journal}: the state '{state.label}' has not the parameters of the study"
                     raise JournalError(msg)
