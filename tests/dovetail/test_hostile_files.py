@@ -305,3 +305,13 @@ def test_names_of_arrays_that_are_no_text_are_refused(tmp_path, monkeypatch):
     (tmp_path / "f.med").write_bytes(b"")
     with pytest.raises(MeshError, match=r"f\.med: the array b'.xff' has a name that is no text"):
         read_mesh(tmp_path / "f.med")
+
+
+@pytest.mark.parametrize("dtype", [">f8", "f2", ">i4", "u1"])
+def test_matrices_of_any_type_of_number_are_read(tmp_path, dtype):
+    entries = {f"{key}_{part}": np.arange(2) for key in "KM" for part in ("row", "column")}
+    values = {f"{key}_value": np.array([2, 3], dtype=dtype) for key in "KM"}
+    shapes = {f"{key}_shape": np.array([2, 2]) for key in "KM"}
+    np.savez(tmp_path / "m.npz", **entries, **values, **shapes, labels=np.array(["1X", "1Y"]))
+    found = read_matrices(tmp_path / "m.npz")
+    np.testing.assert_array_equal(found.K.toarray(), np.diag([2.0, 3.0]))
