@@ -283,6 +283,14 @@ def test_long_headings_take_no_time(tmp_path, piece):
     assert time.process_time() - begun < 1
 
 
+@pytest.mark.parametrize("piece", [" ", "a", "(a", "^", "2"])
+def test_long_units_of_sections_take_no_time(tmp_path, piece):
+    (tmp_path / "t.csv").write_text(f"name;A (cm{4000 * piece}x\nS;1\n", encoding="utf-8")
+    begun = time.process_time()
+    section_rows(tmp_path / "t.csv", [])
+    assert time.process_time() - begun < 1
+
+
 def test_long_labels_of_units_take_no_time():
     begun = time.process_time()
     for piece in ("per ", " ", "s", "-1", "("):
