@@ -365,7 +365,9 @@ def _table(file: Path, n: int) -> dict[str, Any]:
                     raise MatricesError(msg)
                 labels[int(row) - 1] = name
             if node and x:
-                place[int(np.int64(int(node)))] = [float(v) for v in (x, y, z)]
+                place[int(np.int64(int(node)))] = xyz = [float(v) for v in (x, y, z)]
+                if not np.isfinite(xyz).all():
+                    raise ValueError
         except MatricesError:
             raise
         except (ValueError, OverflowError):

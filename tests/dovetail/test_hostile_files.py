@@ -236,6 +236,7 @@ def test_times_that_are_not_finite_are_refused(tmp_path, time):
         b"\xf8\xff\x00",
         b"1,1X,1,X,0,0,0\n2,1Y,2,Y,0,0\n",
         b"1,1X,1,X,0,0,0\n2,1Y,9223372036854775808,Y,0,0,0\n",
+        b"1,1X,1,X,0,0,0\n2,1Y,1,Y,0,inf,0\n",
         b'"' + 200_000 * b"x" + b'"\n',
     ],
 )
