@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.desk.state import History, Stair, State
+from dovetail.file.faults import UNITS
 from fem.io.atomic import replacing
 from fem.model import Effect, parameter_values
 from updating.live.hypothesis import Hypothesis
@@ -118,16 +119,24 @@ def _state(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> State:
     return State(
         str(d["label"]),
         _hypothesis(d["hypothesis"], candidates),
-        tuple(Stair(**x) for x in d["stairs"]),
+        _stairs(d["stairs"]),
         None if other is None else _hypothesis(other, candidates),
-        tuple(Stair(**x) for x in d["other_stairs"]),
+        _stairs(d["other_stairs"]),
     )
+
+
+def _stairs(steps: Sequence[Mapping[str, Any]]) -> tuple[Stair, ...]:
+    return tuple(Stair(str(x["label"]), float(x["fit_db"]), float(x["held_out_db"])) for x in steps)
 
 
 def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypothesis:
     numbers = [v for e in d["effects"] for v in e["values"].values()] + [v for _, _, v in d["values"]]
+    numbers += [v for f in d["faults"] for v in (f["value"], f["std"], f["span"], *f["direction"])]
     if not np.isfinite(np.array([*numbers, *d["zeta"]], dtype=float)).all():
-        msg = "a value of the model is not finite"
+        msg = "a value of the model or of a fault is not finite"
+        raise ValueError(msg)
+    if unknown := {f["kind"] for f in d["faults"]} - set(UNITS):
+        msg = f"there is no fault of the kind '{unknown.pop()}'; there are {', '.join(UNITS)}"
         raise ValueError(msg)
     return Hypothesis(
         tuple(candidates[e["name"]].with_values(**e["values"]) for e in d["effects"]),

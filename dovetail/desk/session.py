@@ -107,6 +107,13 @@ class Desk:
 
     def _evaluated(self, history: History) -> Evaluation:
         """Return what a history of the journal shows."""
+        nominal = Hypothesis.nominal(self.live.problem)
+        for state in history.states:
+            for h in filter(None, (state.hypothesis, state.other)):
+                first = self.live.with_form(nominal) if self.live.has_form(h) else nominal
+                if h.values.keys() != first.values.keys() or h.zeta.shape != first.zeta.shape:
+                    msg = f"{self._journal}: the state '{state.label}' has not the parameters of the study"
+                    raise JournalError(msg)
         try:
             return self.live.evaluate(history.now.hypothesis)
         except (ValueError, ArithmeticError) as reason:  # values that no model can have

@@ -117,7 +117,7 @@ class Columns:
                 f"{place} has the unit '{label}', which is none of {of} that is known; allowed are {allowed}"
             )
             raise StudyError(msg)
-        return factor * self.values[:, k]
+        return _scaled(self.file, f"the column '{self.names[k]}'", factor, self.values[:, k])
 
 
 def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
@@ -179,8 +179,9 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
         )
         raise StudyError(msg)
     factor = 1.0 if stamped else _abscissa_factor(path.name, rows[0][0], quantity, head)
+    x = _scaled(path.name, "the first column", factor, numbers[:, 0])
     return Columns(
-        path.name, quantity, factor * numbers[:, 0], tuple(headings[1:]), numbers[:, 1:],
+        path.name, quantity, x, tuple(headings[1:]), numbers[:, 1:],
         tuple(split_heading(h).unit for h in headings[1:]), rows[0][0],
         conversion(head.unit, "rad/s") is not None,
     )  # fmt: skip
@@ -200,6 +201,16 @@ def _abscissa_factor(file: str, line: int, quantity: str, heading: Heading) -> f
         )
         raise StudyError(msg)
     return factor
+
+
+def _scaled(file: str, what: str, factor: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values in SI; refuse those beyond the largest number there is."""
+    with np.errstate(over="ignore"):
+        out = factor * values
+    if not np.isfinite(out).all():
+        msg = f"{file}: {what} has values that are not finite in SI"
+        raise StudyError(msg)
+    return out
 
 
 def _refuse_twice(file: str, line: int, names: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from fem.io.frf_labels import frequency_factor
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv")
 LONGEST_CELL = 40
 """Characters of a cell that a message repeats."""
-_UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
+_UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 _KEYS = {
     "frequency": "frequency", "natural frequency": "frequency", "f": "frequency",
     "zeta": "zeta", "damping": "zeta", "damping ratio": "zeta",

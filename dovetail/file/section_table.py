@@ -29,7 +29,7 @@ POWERS = {
 
 Reader = Callable[[Table, str], Section]
 
-_UNIT = re.compile(r"\s*[\[(]\s*([a-z]+)\s*\^?\s*([234²³⁴]?)\s*[\])]\s*$")
+_UNIT = re.compile(r"[\[(]\s*([a-z]+)(?:\s*\^)?(?:\s*([234²³⁴]))?\s*[\])]\s*$")
 _SUPERSCRIPTS = {"²": 2, "³": 3, "⁴": 4, "": 1}
 
 
@@ -147,7 +147,8 @@ def _column(file: str, title: str) -> tuple[str, float | None]:
         return "", None
     if unit is None:
         return key, 1.0
-    power = int(unit[2]) if unit[2].isdecimal() else _SUPERSCRIPTS[unit[2]]
+    raised = unit[2] or ""
+    power = int(raised) if raised.isdecimal() else _SUPERSCRIPTS[raised]
     if unit[1] not in SCALES or power != POWERS[key]:
         needed = f"a length to the power {POWERS[key]}" if POWERS[key] else "a number without unit"
         msg = f"{file}, column {title}: {key} is {needed}; units of length are {', '.join(SCALES)}"

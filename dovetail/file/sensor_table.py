@@ -25,7 +25,7 @@ COLUMNS: dict[str, str] = {
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR = ("x", "y", "z"), ("dx", "dy", "dz")
-_UNIT = re.compile(r"\s*[\[(]\s*(\w+)\s*[\])]\s*$")
+_UNIT = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
 _REAL = r"\d+(,\d+)?([eE][+-]?\d+)?"
 _COMMA_NUMBER = re.compile(rf"[+-]?{_REAL}(\s*[+-]\s*{_REAL}[ij])?")
 """A number with decimal commas, which may be complex."""

@@ -42,6 +42,28 @@ def alone_in(folder: Path, command: str) -> Iterator[None]:
         lock.release()
 
 
+def json_lines(raw: bytes) -> list[Record]:
+    """Return the records of lines of JSON, one each; empty lines are passed over.
+
+    Raises
+    ------
+    ValueError
+        For a line that is no record, by its number.
+    """
+    out = []
+    for k, line in enumerate(raw.split(b"\n"), 1):
+        try:
+            record = json.loads(line) if line.strip() else {}
+        except (ValueError, RecursionError) as reason:
+            msg = f"line {k} is not JSON ({getattr(reason, 'msg', reason)})"
+            raise ValueError(msg) from None
+        if not isinstance(record, dict):
+            msg = f"line {k} is not a record of JSON, such as {{...}}"
+            raise ValueError(msg)
+        out += [record] if record else []
+    return out
+
+
 def read_records(file: Path, settings: Mapping[str, Any]) -> list[Record]:
     """Return the records of a file, and cut off a line that was not written to its end.
 
@@ -54,15 +76,15 @@ def read_records(file: Path, settings: Mapping[str, Any]) -> list[Record]:
     """
     if not file.exists():
         return []
-    text = file.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
+    raw = file.read_bytes()
+    whole = raw[: raw.rfind(b"\n") + 1]
+    if whole != raw:
         with replacing(file) as scratch:
-            scratch.write_text(whole, encoding="utf-8")
+            scratch.write_bytes(whole)
     try:
-        lines = [json.loads(line) for line in whole.splitlines()]
-    except json.JSONDecodeError as reason:
-        msg = f"{file}: line {reason.lineno} is not JSON ({reason.msg}); it is not a file of this command"
+        lines = json_lines(whole)
+    except ValueError as reason:
+        msg = f"{file}: {reason}; it is not a file of this command"
         raise FolderError(msg) from None
     if not lines:
         return []

@@ -1,6 +1,5 @@
 """How far stated probabilities can be trusted, over the records of any number of sets."""
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.units.folder import json_lines
 from dovetail.validation.evidence import (
     CREDIBLE,
     LOST_BY_DATA,
@@ -111,9 +111,8 @@ def read_records(path: Path) -> list[Record]:
             raise RecordsError(msg)
         path = found[0]
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        records = [json.loads(line) for line in lines if line.strip()]
-    except (OSError, json.JSONDecodeError) as reason:
+        records = json_lines(path.read_bytes())
+    except (OSError, ValueError) as reason:
         msg = f"{path}: {getattr(reason, 'strerror', None) or reason}"
         raise RecordsError(msg) from None
     return [r for r in records if "settings" not in r]

@@ -222,7 +222,8 @@ def typed(
         raise error(msg)
     if what == "text":
         return np.char.decode(array, "latin-1") if array.dtype.kind == "S" else array
-    return array.astype(np.int64) if what == "whole" else array
+    # in double precision and this machine's byte order, as sparse matrices are in no other
+    return array.astype(np.int64 if what == "whole" else np.result_type(array, float), copy=False)
 
 
 def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

@@ -14,6 +14,7 @@ from fem.io.arrays import TableError
 from fem.io.columns import Columns, read_columns
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
+from fem.io.units import LONGEST_HEADING
 
 _PARTS: dict[str, str] = {
     "real": r"re|real|realteil|realpart",
@@ -36,8 +37,6 @@ _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*(?:\([^()]*\)[^()]*)*)\)")
 _DEGREES = ("deg", "degree", "degrees", "°")
 _RADIANS = ("rad", "radian", "radians")
 _OWN = re.compile(r"(re|im)\((.+)/([^/]+)\)")
-_LONGEST_CELL = 200
-"""Characters of a cell of the header that is looked into."""
 _KIND = re.compile(r"^kind:\s*([A-Za-z]+)")
 
 
@@ -216,7 +215,7 @@ class _Table:
 
     def _with_cell(self, column: _Column, cell: str, unit_row: bool) -> _Column:
         """Return a column with the statements of one cell above it; cells nearer to the data go before."""
-        if not cell or len(cell) > _LONGEST_CELL:
+        if not cell or len(cell) > LONGEST_HEADING:
             return column
         if unit_row or self._is_unit(cell):
             return replace(

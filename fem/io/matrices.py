@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.io.abaqus import read_abaqus_nodes
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
-from fem.io.columns import cut_number
+from fem.io.columns import cut_number, text_of
 from fem.io.matrix_market import MOST_ROWS, read_matrix_market
 from fem.matrices import Matrices, MatricesError
 from fem.system import System, sum_contributions
@@ -347,26 +347,31 @@ def _matrix_market(path: Path) -> dict[str, Any]:
 
 
 def _table(file: Path, n: int) -> dict[str, Any]:
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        lines = list(csv.reader(stream))
+    try:
+        lines = list(csv.reader(text_of(file).splitlines()))
+    except csv.Error as reason:
+        msg = f"{file.name}: it is no table ({reason})"
+        raise MatricesError(msg) from None
     if not lines or lines[0] != ["row", "label", "node", "direction", "x_m", "y_m", "z_m"]:
         msg = f"{file.name}: its first line is not row,label,node,direction,x_m,y_m,z_m"
         raise MatricesError(msg)
     labels, place = [""] * n, {}
     for k, cells in enumerate(lines[1:], start=2):
         try:
-            row, name, node, _, *xyz = cells
+            row, name, node, _, x, y, z = cells
             if row:
                 if not 1 <= int(row) <= n:
                     msg = f"{file.name}: line {k} is about row {row}; the matrices have rows 1 to {n}"
                     raise MatricesError(msg)
                 labels[int(row) - 1] = name
-            if node and xyz[0]:
-                place[int(node)] = [float(v) for v in xyz]
+            if node and x:
+                place[int(np.int64(int(node)))] = xyz = [float(v) for v in (x, y, z)]
+                if not np.isfinite(xyz).all():
+                    raise ValueError
         except MatricesError:
             raise
-        except (ValueError, IndexError):
-            msg = f"{file.name}: line {k} is {','.join(cells)!r}; seven cells are expected"
+        except (ValueError, OverflowError):
+            msg = f"{file.name}: line {k} is {','.join(cells)[:80]!r}; seven cells are expected"
             raise MatricesError(msg) from None
     if "" in labels:
         msg = f"{file.name}: there is no line about row {labels.index('') + 1} of {n}"

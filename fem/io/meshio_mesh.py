@@ -98,6 +98,10 @@ def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
             "coordinates each are expected"
         )
         raise MeshError(msg)
+    for name in (*found.cell_data, *found.cell_sets, *found.point_sets):
+        if not isinstance(name, str):
+            msg = f"{file}: the array {name!r} has a name that is no text"
+            raise MeshError(msg)
     raw = RawMesh(np.column_stack([points.astype(float), np.zeros((len(points), 3 - points.shape[1]))]))
     lines: list[NDArray[np.int64]] = [np.zeros((0, 3), dtype=np.int64)]
     counts: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]

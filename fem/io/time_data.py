@@ -208,6 +208,9 @@ def _rate_of(path: Path, time: Floats) -> float:
     """Return the sample rate of times that follow evenly."""
     if time.size < 2:
         _refuse(path, "it has fewer than two samples")
+    if not np.isfinite(time).all():
+        k = int(np.argmin(np.isfinite(time)))
+        _refuse(path, f"the time of sample {k + 1} is {time[k]:g}; finite times are needed")
     step = np.diff(time)
     usual = float(np.median(step))
     off = np.flatnonzero(~(np.abs(step - usual) <= UNEVEN * abs(usual)))
@@ -271,23 +274,25 @@ def _tdms(path: Path, sample_rate: float | None) -> TimeData:
     nptdms = optional("nptdms", "tdms", path.name)
     _refuse_cut_tdms(path)
     # it writes about damaged files to standard error, which are refused below
-    logs = [logging.getLogger(f"nptdms.{part}") for part in ("reader", "types", "tdms_segment", "tdms")]
-    levels = [log.level for log in logs]
-    for log in logs:
-        log.setLevel(logging.CRITICAL)
+    logs: Any = optional("nptdms.log", "tdms", path.name).log_manager
+    level = logs.log_level
+    logs.set_level(logging.CRITICAL)
     try:
         file = nptdms.TdmsFile.read(path)
-        found = [
-            (group.name, channel.name, file.properties | group.properties | channel.properties, channel[:])
-            for group in file.groups()
-            for channel in group.channels()
-        ]
+        found: list[tuple[Any, ...]] = []
+        for group in file.groups():
+            for channel in group.channels():
+                for properties in (file.properties, group.properties, channel.properties):
+                    _refuse_number_of_scales(path, channel.name, properties)
+                merged = file.properties | group.properties | channel.properties
+                found.append((group.name, channel.name, merged, channel[:]))
+    except TableError:
+        raise
     except Exception as reason:  # damaged files raise whatever the library comes upon
         msg = f"{path.name}: it cannot be read as TDMS ({' '.join(str(reason).split())[:100]})"
         raise TableError(msg) from reason
     finally:
-        for log, level in zip(logs, levels, strict=True):
-            log.setLevel(level)
+        logs.set_level(level)
     if file.file_status.incomplete_final_segment:
         _refuse(path, "it is cut short: its last segment is not complete")
     found = [(*f[:3], np.asarray(f[3])) for f in found]
@@ -333,6 +338,18 @@ def _refuse_cut_tdms(path: Path) -> None:
                     path, f"it is cut short: its segment from byte {at} on is not complete ({size} bytes)"
                 )
             at = after
+
+
+def _refuse_number_of_scales(path: Path, name: str, properties: Mapping[str, Any]) -> None:
+    """Refuse more scales than there are properties, which nptdms would count to the end."""
+    known = [int(found[1]) + 1 for key in properties if (found := re.match(r"NI_Scale\[(\d+)\]", key))]
+    number = max([int(properties.get("NI_Number_Of_Scales", 0)), *known])
+    if number > len(properties):
+        _refuse(
+            path,
+            f"channel '{name}' would have {number} scales (NI_Number_Of_Scales), and {len(properties)} "
+            "properties in all; each scale has one at least",
+        )
 
 
 def _refuse_unknown_scale(path: Path, name: str, properties: Mapping[str, Any]) -> None:
@@ -397,7 +414,7 @@ def _tdms_starts(
             0.0 if date is None else float((np.datetime64(date, "us") - min(dated)) / np.timedelta64(1, "s"))
         )
         # a date in microseconds may be off by one of these
-        whole = round(since * rate)
+        whole = float(np.round(since * rate))
         out.append(offset + (whole / rate if abs(since - whole / rate) <= min(1e-6, 0.25 / rate) else since))
     return out
 
@@ -436,10 +453,11 @@ def _together(
     """
     shift = np.zeros(len(curves)) if starts is None else np.asarray(starts, dtype=float)
     shift = (shift - shift.min()) * (own_rate or rate)
-    whole = np.round(shift).astype(np.int64)
-    off = np.abs(shift - whole)
-    if (off > OFF_GRID).any():
-        k = int(np.argmax(off))
+    with np.errstate(invalid="ignore"):
+        whole = np.round(shift).astype(np.int64)
+    bad = ~(np.abs(shift - whole) <= OFF_GRID)  # starts that are no number among them
+    if bad.any():
+        k = int(np.argmax(bad))
         _refuse(
             path,
             f"channel '{channels[k]}' starts {shift[k]:.6g} samples after the first one; channels that share "

@@ -196,7 +196,7 @@ def shape_in_si(shape: Shape, units: Units) -> Shape:
     values[:, 3:] *= units.length
     if shape.modal_mass > 0:
         values /= np.sqrt(shape.modal_mass * units.mass)
-    damped = 2 * np.pi * shape.frequency * np.sqrt(max(0.0, 1 - shape.zeta**2))
+    damped = 2 * np.pi * shape.frequency * np.sqrt(max(0.0, 1 - min(abs(shape.zeta), 1.0) ** 2))
     if shape.modal_a and np.isfinite(shape.modal_a) and damped > 0 and np.iscomplexobj(values):
         values *= np.sqrt(2j * damped / (shape.modal_a * units.mass))
     return replace(shape, values=values)

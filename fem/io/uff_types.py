@@ -125,7 +125,7 @@ class Function:
     @property
     def type_name(self) -> str:
         """The function type in words."""
-        known = self.function_type < len(FUNCTION_TYPES)
+        known = 0 <= self.function_type < len(FUNCTION_TYPES)
         return FUNCTION_TYPES[self.function_type] if known else f"function of type {self.function_type}"
 
     @property

@@ -84,7 +84,9 @@ _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
 _LONGEST = 60
 """Characters of a label."""
 
-_BRACKETS = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_BRACKETS = re.compile(r"(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+LONGEST_HEADING = 200
+"""Characters of a heading that is looked into; a longer one is no name with a unit."""
 _BETWEEN = re.compile(r"[\s_,/]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -95,6 +97,7 @@ def size_of(label: str) -> Size | None:
     Symbols are multiplied and divided from the left, as in m/s/s; a bracket may have a power. ``g`` is
     standard gravity, ``-`` and ``1`` are the unit of numbers.
     """
+<<<<<<< HEAD
     factors = _factors(label)
     return None if factors is None else _product(factors)
 
@@ -119,6 +122,15 @@ def moment_of(symbol: str) -> float | None:
         if {its, of_other} == {FORCE, LENGTH}:
             return one * other
     return None
+=======
+    text = _in_symbols(label) if len(label) <= LONGEST_HEADING else ""
+    if not text or len(text) > _LONGEST:
+        return None
+    if text in ("-", "1"):
+        return 1.0, (0, 0, 0, 0)
+    found = _product(text, 0, nested=False)
+    return None if found is None else (found[0], found[1])
+>>>>>>> fuzz
 
 
 def conversion(label: str, unit: str) -> float | None:
@@ -157,7 +169,7 @@ class Heading:
 
 def split_heading(text: str) -> Heading:
     """Return name and unit of a heading whose unit is in square or round brackets at its end."""
-    found = _BRACKETS.search(text)
+    found = _BRACKETS.search(text) if len(text) <= LONGEST_HEADING else None
     if found is None:
         return Heading(text.strip())
     inside = found[1] if found[1] is not None else found[2]
@@ -178,6 +190,8 @@ def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Hea
     digits : bool
         Whether a number at the end of the name does not count, as in ``time2``.
     """
+    if len(text) > LONGEST_HEADING:
+        return None
     plain = split_heading(text)
     for words in (_BETWEEN.split(plain.name), _CAMEL.split(plain.name)):
         found = _named(Heading("", plain.unit), [word for word in words if word], names, digits)
@@ -210,7 +224,7 @@ def named_unit(text: str, names: Collection[str]) -> Heading:
     if text.strip() in names:
         return Heading(text.strip())
     plain = split_heading(text)
-    if plain.unit:
+    if plain.unit or len(text) > LONGEST_HEADING:
         return plain
     for found in re.finditer(r"[_\s]+", plain.name):
         name, unit = plain.name[: found.start()], plain.name[found.end() :]

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -99,6 +100,31 @@ def test_a_journal_of_another_study_is_refused(tmp_path, live, candidates):
         path.write_text(text)
         with pytest.raises(JournalError):
             read_journal(path, "text", candidates)
+
+
+def damaged(h, change):
+    """Return a hypothesis that a journal may hold after damage to its file."""
+    return {
+        "kind": replace(h, faults=(Fault("steel", "U3z", 1.0, 0.0),)),
+        "value": replace(h, faults=(Fault("sensor_gain", "U3z", np.nan, 0.0),)),
+        "missing": replace(h, values=dict(list(h.values.items())[1:])),
+        "other": replace(h, values={**h.values, ("frame", "E:gold"): 1.0}),
+        "zeta": replace(h, zeta=h.zeta[1:]),
+    }[change]
+
+
+@pytest.mark.parametrize("change", ["kind", "value", "missing", "other", "zeta"])
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_journal_with_parameters_of_no_model_is_set_aside(tmp_path, study, live, supposed, change, at):
+    first = State("open", Hypothesis.nominal(live.problem), ())
+    desk = Desk(study, live, History((first,)), tmp_path / "j.json")
+    states = [first, first.moved("add", supposed)]
+    states[1 - at] = states[1 - at].moved("add", damaged(states[1 - at].hypothesis, change))
+    write_journal(tmp_path / "j.json", History(tuple(states), at), study.text)
+    desk._go_on()
+    assert desk.now is first
+    assert "it is kept as j.old.json" in desk.notes[-1]
+    assert (tmp_path / "j.old.json").is_file()
 
 
 @pytest.mark.parametrize("name", [TURNING, MASS])

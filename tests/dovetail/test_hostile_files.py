@@ -1,6 +1,8 @@
 """Files that are damaged or absurd end in one line of our own error, and nothing of the user's is lost."""
 
 import re
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,12 +10,20 @@ import pytest
 from dovetail.cli import main
 from dovetail.desk.journal import journal_of
 from dovetail.desk.session import Desk
+from dovetail.file.histories import read_columns
 from dovetail.file.mode_table import read_mode_table
+from dovetail.file.section_table import section_rows
 from dovetail.file.table import StudyError
+from dovetail.units.folder import FolderError, read_records
+from dovetail.validation import calibration
+from dovetail.validation.calibration import RecordsError
 from fem.analysis.frf import FRF
-from fem.io import TableError, read_uff, write_npz
+from fem.io import TableError, read_matrices, read_mesh, read_uff, write_npz
 from fem.io.mat5 import read_mat5
 from fem.io.time_data import read_time_data
+from fem.io.uff_types import Function
+from fem.io.units import size_of
+from fem.mesh import MeshError
 
 STUDY = """\
 [points]
@@ -183,3 +193,134 @@ def test_a_damaged_journal_is_set_aside(desk_study, old, new):
         assert kept in fresh.notes[0]
         assert (desk_study.parent / kept).read_text(encoding="utf-8") == damaged
         assert np.isfinite(fresh.shown.result.fit_db)
+
+
+@pytest.mark.parametrize("scales", [{"NI_Number_Of_Scales": 50}, {"NI_Scale[49]_Scale_Type": "Linear"}])
+def test_more_scales_than_properties_are_refused(tmp_path, capfd, scales):
+    """A number of 2³¹ would be counted to its end."""
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("g", "a", np.arange(9.0), {"wf_increment": 0.1, **scales})]
+        )
+    with pytest.raises(TableError, match=r"r\.tdms: channel 'a' would have 50 scales"):
+        read_time_data(tmp_path / "r.tdms")
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("offset", [np.nan, np.inf, 1e300])
+def test_starts_that_are_no_times_are_refused(tmp_path, offset):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        for name, more in (("a", {}), ("b", {"wf_start_offset": offset})):
+            channel = nptdms.ChannelObject("g", name, np.arange(9.0), {"wf_increment": 0.1, **more})
+            writer.write_segment([channel])
+    with pytest.raises(TableError, match=r"r\.tdms: channel '[ab]' starts \S+ samples after the first one"):
+        read_time_data(tmp_path / "r.tdms")
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf])
+def test_times_that_are_not_finite_are_refused(tmp_path, time):
+    t = np.arange(9.0)
+    t[3] = time
+    np.savez(tmp_path / "r.npz", time=t, force=np.ones(9))
+    with pytest.raises(
+        TableError, match=r"r\.npz: the time of sample 4 is (nan|inf); finite times are needed"
+    ):
+        read_time_data(tmp_path / "r.npz")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        b"\xf8\xff\x00",
+        b"1,1X,1,X,0,0,0\n2,1Y,2,Y,0,0\n",
+        b"1,1X,1,X,0,0,0\n2,1Y,9223372036854775808,Y,0,0,0\n",
+        b"1,1X,1,X,0,0,0\n2,1Y,1,Y,0,inf,0\n",
+        b'"' + 200_000 * b"x" + b'"\n',
+    ],
+)
+def test_tables_of_rows_of_matrices(tmp_path, table):
+    for key in "KM":
+        text = "%%MatrixMarket matrix array real symmetric\n2 2\n1\n0\n1\n"
+        (tmp_path / f"f.{key}.mtx").write_text(text, encoding="ascii")
+    (tmp_path / "f.dofs.csv").write_bytes(b"row,label,node,direction,x_m,y_m,z_m\n" + table)
+    with pytest.raises(ValueError, match=r"f\.dofs\.csv: ") as caught:
+        read_matrices(tmp_path / "f.mtx")
+    assert type(caught.value).__module__.startswith("fem.")
+
+
+@pytest.mark.parametrize("line", [b"\xf8", b"[1]", b"7", b"{", 3000 * b"[", b'{"a": ' + 5000 * b"1" + b"}"])
+def test_lines_of_records_that_are_none_are_named(tmp_path, line):
+    file = tmp_path / "records.jsonl"
+    file.write_bytes(b'{"settings": {"a": 1}}\n\n' + line + b"\n")
+    for read, error in (
+        (lambda f: read_records(f, {"a": 1}), FolderError),
+        (calibration.read_records, RecordsError),
+    ):
+        with pytest.raises(error, match=r"records\.jsonl: line 3 is not"):
+            read(file)
+
+
+def test_values_beyond_the_largest_number_are_refused(tmp_path, capsys):
+    (tmp_path / "h.csv").write_text("time [s],base z [g]\n0,0\n1,1e308\n2,0\n", encoding="utf-8")
+    said = refused(capsys, "transient", written(tmp_path), "--excitation", tmp_path / "h.csv")
+    assert "h.csv: the column 'base z' has values that are not finite in SI" in said
+
+
+@pytest.mark.parametrize("piece", ["- ", "a_", " ", "("])
+def test_long_headings_take_no_time(tmp_path, piece):
+    long = f"frequency {16_000 * piece}x"
+    (tmp_path / "t.csv").write_text(f"{long};b\n1;2\n2;3\n3;4\n", encoding="utf-8")
+    begun = time.process_time()
+    for read in (
+        read_time_data,
+        read_mode_table,
+        lambda p: section_rows(p, []),
+        lambda p: read_columns(p, ("time",)),
+    ):
+        with pytest.raises(ValueError, match=r"^t\.csv"):
+            read(tmp_path / "t.csv")
+    assert time.process_time() - begun < 1
+
+
+@pytest.mark.parametrize("piece", [" ", "a", "(a", "^", "2"])
+def test_long_units_of_sections_take_no_time(tmp_path, piece):
+    (tmp_path / "t.csv").write_text(f"name;A (cm{4000 * piece}x\nS;1\n", encoding="utf-8")
+    begun = time.process_time()
+    section_rows(tmp_path / "t.csv", [])
+    assert time.process_time() - begun < 1
+
+
+def test_long_labels_of_units_take_no_time():
+    begun = time.process_time()
+    for piece in ("per ", " ", "s", "-1", "("):
+        assert size_of("m" + 16_000 * piece + "x") is None
+    assert time.process_time() - begun < 1
+
+
+def test_a_function_type_below_zero_has_no_name_of_another():
+    one = Function(-1, "1Z+", "0S", "", "", np.arange(3.0), np.ones(3), 12, 13, 0, "Hz", "", "", (), 0, 0, "")
+    assert replace(one, function_type=-400).type_name == "function of type -400"
+    assert one.type_name == "function of type -1"
+
+
+def test_names_of_arrays_that_are_no_text_are_refused(tmp_path, monkeypatch):
+    import meshio
+
+    found = meshio.Mesh(np.eye(3), [("line", np.array([[0, 1], [1, 2]]))])
+    found.cell_data = {b"\xff": [np.ones(2)]}
+    monkeypatch.setattr(meshio, "read", lambda file: found)
+    (tmp_path / "f.med").write_bytes(b"")
+    with pytest.raises(MeshError, match=r"f\.med: the array b'.xff' has a name that is no text"):
+        read_mesh(tmp_path / "f.med")
+
+
+@pytest.mark.parametrize("dtype", [">f8", "f2", ">i4", "u1"])
+def test_matrices_of_any_type_of_number_are_read(tmp_path, dtype):
+    entries = {f"{key}_{part}": np.arange(2) for key in "KM" for part in ("row", "column")}
+    values = {f"{key}_value": np.array([2, 3], dtype=dtype) for key in "KM"}
+    shapes = {f"{key}_shape": np.array([2, 2]) for key in "KM"}
+    np.savez(tmp_path / "m.npz", **entries, **values, **shapes, labels=np.array(["1X", "1Y"]))
+    found = read_matrices(tmp_path / "m.npz")
+    np.testing.assert_array_equal(found.K.toarray(), np.diag([2.0, 3.0]))

@@ -292,3 +292,77 @@ COLUMNS = [
     "f,Mag a/b [dB],Phase a/b [deg],Coh a/b\n1,2,3,1\n2,3,4,.9\n",
     "1 2+3j 4-5j\n2 3+4j 1j\n",
 ]
+
+MAST = """sensors = "sensors.csv"
+sections = "sections.csv"
+[points]
+foot = [0.0, 0.0, 0.0]
+tip = [0.0, 0.0, 1.2]
+[members]
+mast = { from = "foot", to = "tip", section = "S1" }
+[materials.steel]
+E = 210e9
+rho = 7850.0
+[damping]
+modal = 0.01
+[[supports]]
+point = "foot"
+[[excitations]]
+sensor = "t"
+[[loads]]
+case = "wind"
+point = "tip"
+force = [1.0, 0.0, 0.0]
+[frequency]
+stop = 100.0
+step = 1.0
+"""
+"""A study that names tables beside it; it may end with one more."""
+
+SENSORS = [
+    "name,point,direction,label,gain\nt,tip,x,1Z+,1.0\nu,tip,y,2X-,2.5\n",
+    "Name;x [mm];y [mm];z [mm];dx;dy;dz;kind;mass\nt;0;0;1200;1,0;0;0;accelerance;0,01\nu;0;0;600;0;1;0;;\n",
+    "name,member,position,direction,sign,phase,conjugate\nt,mast,0.6,x,1,0,no\nv,mast,0.6,xyz,,,\nu,mast,1.2,-x,-1,90,yes\n",
+]
+
+SECTIONS = [
+    "name,shape,d [mm],b,h,t\nS1,circle,20,,,\nS2,rectangle,,0.03,0.01,\n",
+    "name;A [cm^2];Iy [cm4];Iz [cm4];J [cm4]\nS1;10,3;171;15,9;1,2\nS2;1;1;1;1\n",
+    "Type,EDI_Std_Nomenclature,AISC_Manual_Label,A,d,bf,tw,tf,Ix,Iy,J,AISC_Manual_Label_SI\n"
+    "W,S1,S1,10,8,8,.3,.4,110,37,.5,S1\n",
+]
+
+MODES = [
+    "frequency [Hz],zeta [%],frequency_std,t,u\n9.3,1.0,0.001,0.3,1\n"
+    "58.1,1.2,0.002,0.3-0.1j,-1\n9.4,,0.01,1,1\n",
+    "f;t;u\n9,3;1;0,5\n58,1;-1;0,2\n",
+]
+
+TIMES = [
+    "time [s],force [N],acc [g]\n" + "".join(f"{k / 512:.6f},{k % 3},{k % 5}.5\n" for k in range(12)),
+    "t;a;b\n" + "".join(f"0,{k:02d};{k % 3},1;{k % 5}\n" for k in range(12)),
+    "2026-01-01T00:00:00.{:03d},1\n".join(["stamp,a\n", *[""] * 5]).format(0, 1, 2, 3, 4),
+    "Time ms\tacc_g\tTime ms\tN\nms\tg\tms\tN\n" + "".join(f"{k}\t1\t{k + 2}\t2\n" for k in range(9)),
+]
+
+EXCITATIONS = [
+    "time [s],t [N],base x [g],wind\n0.0,0,1,0\n0.01,1,0.5,1\n0.02,0.5,0.1,0\n",
+    "frequency [Hz],t [N^2/Hz],base x [g^2/Hz]\n1,1e-3,2\n10,1e-3,3\n100,1e-4,1\n",
+    "period;x [g];rz\n0;0,3;0\n0,1;0,9;1\n1;0,2;1\n",
+    "omega [rad/s]\tx\n1\t2\n2\t3\n",
+]
+
+POINTS = ["name,x,y,z\n1,0,0,0\nA2,0.0,0.5,1\n", '"a b",1,2,3\n']
+
+DOFS = [
+    "row,label,node,direction,x_m,y_m,z_m\n"
+    + "".join(
+        f"{6 * n - 5 + k},{n}{d},{n},{d},0,0,{n}\n"
+        for n in (1, 2) for k, d in enumerate(("X", "Y", "Z", "RX", "RY", "RZ"))
+    )
+]  # fmt: skip
+
+RECORDS = [
+    '{"settings": {"a": 1, "b": [2, 3.5]}}\n{"refit": 0, "values": [1.0, 2.0]}\n{"refit": 1, "values": []}\n',
+    '{"settings": {"a": 2}}\n{"refit": 0}\n{"refit": 1, "val',
+]

@@ -2,6 +2,7 @@
 
 import random
 import re
+import struct
 
 EXTREMES = (
     "0", "-0", "-1", "1", "2", "7", "1e308", "-1e308", "1e-320", "1e999", "nan", "inf", "-inf", "NaN",
@@ -13,6 +14,20 @@ EXTREMES = (
 
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eEdD][-+]?\d+)?")
 _WORD = re.compile(rb"[A-Za-z_]{2,}")
+_CELL = re.compile(rb"[^;,\t ]+|[;,\t ]+")
+"""Cells of a line and what is between them."""
+_PACKED = tuple(
+    struct.pack(order + kind, value)
+    for order in "<>"
+    for kind, values in {
+        "i": (0, 1, -1, 2, 2**31 - 1, 90_000_000),
+        "q": (-1, 2**62),
+        "f": (float("nan"), float("inf")),
+        "d": (float("nan"), float("-inf"), 1e308, -1.0, 5e-324),
+    }.items()
+    for value in values
+)
+"""Extreme numbers of binary files."""
 
 
 def mutated(rng: random.Random, seeds: list[bytes]) -> bytes:
@@ -44,6 +59,46 @@ def _number(rng: random.Random, data: bytes, _: list[bytes]) -> bytes:
 def _other_number(rng: random.Random, data: bytes, _: list[bytes]) -> bytes:
     found = _NUMBER.findall(data)
     return _replace(rng, data, _NUMBER, lambda: rng.choice(found)) if found else data
+
+
+def _near(rng: random.Random, data: bytes, _: list[bytes]) -> bytes:
+    """Change a whole number, such as a count, by a little, or its sign."""
+    spans = [m.span() for m in re.finditer(rb"\b\d{1,9}\b", data)]
+    if not spans:
+        return data
+    a, b = rng.choice(spans)
+    n = int(data[a:b])
+    return data[:a] + str(rng.choice((n - 1, n + 1, n + 1, 2 * n, -n))).encode() + data[b:]
+
+
+def _column(rng: random.Random, data: bytes, _: list[bytes]) -> bytes:
+    """Change one column of a run of lines: leave it out, double it, exchange it, fill it, or end it early."""
+    lines = [_CELL.findall(line) for line in data.split(b"\n")]
+    first = rng.randrange(len(lines))
+    last = rng.choice((len(lines), min(len(lines), first + rng.randrange(1, 9))))
+    at, other = (rng.randrange(max(1, max(map(len, lines)))) for _k in range(2))
+    action, extreme = rng.randrange(5), rng.choice(EXTREMES).encode()
+    for row in lines[rng.choice((0, first)) : last]:
+        if at >= len(row):
+            continue
+        if action == 0:
+            del row[at : at + 2]
+        elif action == 1:
+            row[at:at] = row[at : at + 2]
+        elif action == 2 and other < len(row):
+            row[at], row[other] = row[other], row[at]
+        elif action == 3:
+            row[at] = extreme
+        elif action == 4:
+            del row[at:]
+    return b"\n".join(b"".join(row) for row in lines)
+
+
+def packed(rng: random.Random, data: bytes, _: list[bytes] | None = None) -> bytes:
+    """Put an extreme number into a place where a binary file may have one."""
+    new = rng.choice(_PACKED)
+    at = rng.randrange(max(1, len(data) // 4)) * 4
+    return data[:at] + new + data[at + len(new) :]
 
 
 def _word(rng: random.Random, data: bytes, seeds: list[bytes]) -> bytes:
@@ -123,6 +178,9 @@ _MUTATIONS = (
     _number,
     _number,
     _other_number,
+    _near,
+    _column,
+    packed,
     _word,
     _lines,
     _lines,

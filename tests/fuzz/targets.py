@@ -1,15 +1,30 @@
 """The readers under test, with valid files to damage."""
 
-import io
 import random
 from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from scipy.io import savemat, wavfile
 
+from dovetail.commands.excitations import driven_by
+from dovetail.commands.match import _test_points
+from dovetail.commands.spectrum import FREQUENCY, PERIOD, TIME, _spectra
+from dovetail.desk.journal import write_journal
+from dovetail.desk.session import Desk
+from dovetail.desk.state import History
+from dovetail.file.config import load_study, read_study
+from dovetail.file.histories import read_columns
+from dovetail.file.template import write_template
+from dovetail.units import folder as units_folder
+from dovetail.validation import calibration
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
+from fem.checks import check_model
 from fem.io import (
     Asked,
     read_calculix,
@@ -18,16 +33,20 @@ from fem.io import (
     read_matrices,
     read_mesh,
     read_npz,
+    read_npz_mode_std,
     read_npz_modes,
     read_uff,
     write_mesh,
     write_npz,
     write_uff,
 )
+from fem.io.mat_hdf5 import read_hdf5
+from fem.io.named_frf import frf_of_arrays
+from fem.io.time_data import _arrays as time_of_arrays
 from fem.io.time_data import read_time_data
 from fem.mesh import Mesh
-from tests.fuzz import decks
-from tests.fuzz.worker import Target
+from tests.fuzz import decks, drawing
+from tests.fuzz.worker import OURS, Target
 
 
 def _portal() -> Mesh:
@@ -75,12 +94,13 @@ def _uff_seeds(binary: bool) -> Callable[[Path], list[bytes]]:
 
 def _read_uff(path: Path) -> None:
     file = read_uff(path, "accelerance")
-    for use in (file.frf, file.mesh):
-        try:
-            use()
-        except ValueError as reason:  # what the file does not hold
-            if type(reason).__module__.split(".")[0] != "fem":
-                raise
+    _each(
+        path,
+        lambda p: _finite(file.frf()),
+        lambda p: _finite(file.mesh()),
+        lambda p: _finite(file.one_set_of_modes()),
+        lambda p: _finite(read_time_data(p)),
+    )
 
 
 def _npz_seeds(folder: Path) -> list[bytes]:
@@ -94,68 +114,8 @@ def _npz_seeds(folder: Path) -> list[bytes]:
     )
 
 
-_ENTRIES = (f"{key}_{part}" for key in "KM" for part in ("row", "column", "value", "shape"))
-_KEYS = tuple(
-    [
-        "frequency",
-        "H",
-        "kind",
-        "outputs",
-        "inputs",
-        "shapes",
-        "zeta",
-        "labels",
-        "n_rigid",
-        "K",
-        "M",
-        "C",
-        "nodes",
-        "points",
-    ]
-)
-_KEYS = (*_KEYS, *_ENTRIES)
-
-
-def _draw_npz(rng: random.Random) -> bytes:
-    """Return an archive of arrays of all types and shapes, under the keys that readers look for."""
-    arrays = {key: _draw_array(rng) for key in rng.sample(_KEYS, rng.randrange(1, len(_KEYS)))}
-    if rng.random() < 0.5:
-        arrays["kind"] = np.array(rng.choice(("mobility", "receptance", "accelerance", "x", "")))
-    file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getvalue()
-
-
-def _draw_array(rng: random.Random) -> np.ndarray:
-    shape = tuple(rng.choice((0, 1, 2, 2, 3, 12)) for _ in range(rng.choice((0, 1, 1, 2, 2, 3, 4))))
-    n = int(np.prod(shape))
-    kind = rng.choice(
-        ("float", "float", "int", "text", "complex", "bool", "uint8", "time", "extreme", "rising")
-    )
-    if kind == "text":
-        values = np.array(
-            [rng.choice(("1Z+", "2X", "q1", "", "7RZ-", "x" * 300)) for _ in range(n)], dtype=str
-        )
-    elif kind == "extreme":
-        values = np.array([rng.choice((np.nan, np.inf, -1.0, 1e308, 5e-324, 0.0, 2.0**63)) for _ in range(n)])
-    elif kind == "rising":
-        values = np.arange(float(n))
-    elif kind == "time":
-        values = np.arange(n).astype("datetime64[s]")
-    else:
-        values = np.array(
-            [rng.choice((0, 1, 2, 3, 11, 2**40 if kind == "int" else 5)) for _ in range(n)]
-        ).astype(kind)
-    return values.reshape(shape)
-
-
-def _read_npz(path: Path) -> None:
-    for read in (read_npz, read_npz_modes, read_matrices):
-        try:
-            read(path)
-        except ValueError as reason:  # the file is of another reader's kind
-            if type(reason).__module__.split(".")[0] != "fem":
-                raise
+def _saved(arrays: drawing.Arrays) -> Callable[[Path], list[bytes]]:
+    return lambda folder: _written(folder, ".npz", lambda p: np.savez(p, allow_pickle=False, **arrays))
 
 
 def _read_matrix_market(path: Path) -> None:
@@ -178,16 +138,11 @@ def _calculix(suffix: str) -> Callable[[Path], object]:
 
 def _study_seeds(folder: Path) -> list[bytes]:
     """Return small studies, and the template with its measurement beside."""
-    from dovetail.file.template import write_template
-
     write_template(folder)
     return [*(text.encode() for text in decks.STUDY), (folder / "study.toml").read_bytes()]
 
 
 def _study(path: Path) -> None:
-    from dovetail.file.config import load_study
-    from fem.checks import check_model
-
     study = load_study(path)
     check_model(study.model)
 
@@ -263,17 +218,162 @@ def _hdf5_seeds(folder: Path) -> list[bytes]:
     return _written(folder, ".h5", labelled, compressed, matlab)
 
 
+def _tdms_seeds(folder: Path) -> list[bytes]:
+    return [data for k in range(40) if len(data := drawing.tdms(random.Random(k))) > 500]
+
+
 def _wav_seeds(folder: Path) -> list[bytes]:
     values = np.random.default_rng(2).integers(-3000, 3000, (40, 2)).astype("int16")
     return _written(folder, ".wav", lambda p: wavfile.write(p, 512, values))
 
 
 def _read_named(path: Path) -> None:
-    read_frfs(path, Asked("accelerance", ("1Z+", "2X-")))
+    """Read what may be FRFs, and what may be responses in time."""
+    _each(
+        path,
+        lambda p: _finite(read_frfs(p, Asked("accelerance", ("1Z+", "2X-"))).frfs),
+        lambda p: _finite(read_time_data(p)),
+        lambda p: _finite(read_time_data(p, 100.0)),
+    )
+
+
+def _read_hdf5(path: Path) -> None:
+    """Do as :func:`_read_named` with one reading of the file, which takes a process of its own."""
+    arrays = read_hdf5(path)
+    _each(
+        path,
+        lambda p: _finite(frf_of_arrays(arrays, p.name, Asked("accelerance", ("1Z+", "2X-"))).frfs),
+        lambda p: time_of_arrays(p, arrays, None),
+    )
+
+
+def _read_npz(path: Path) -> None:
+    _read_named(path)
+    _each(path, read_npz, read_npz_modes, read_npz_mode_std, lambda p: read_matrices(p))
+
+
+def _each(path: Path, *readers: Callable[[Path], Any]) -> None:
+    """Read a file in several ways, each of which may refuse it."""
+    for read in readers:
+        try:
+            read(path)
+        except ValueError as reason:
+            if type(reason).__module__.split(".")[0] not in OURS:
+                raise
+
+
+def _finite(found: Any) -> None:
+    """Raise for numbers that are not finite, which no reader returns."""
+    for one in found if isinstance(found, tuple) else (found,):
+        for name in ("frequency", "H", "values", "points", "sample_rate", "x"):
+            assert np.isfinite(getattr(one, name, 0.0)).all(), f"{name} is not finite"
+
+
+def _read_mesh(path: Path) -> None:
+    _finite(read_mesh(path))
 
 
 def _read_columns(path: Path) -> None:
-    read_frfs(path, Asked("accelerance"))
+    _finite(read_frfs(path, Asked("accelerance")).frfs)
+
+
+# Tables beside a study --------------------------------------------------------------------------------------
+
+_BESIDE = {"sensors.csv": decks.SENSORS[0], "sections.csv": decks.SECTIONS[0], "modes.csv": decks.MODES[0]}
+
+
+def _beside(folder: Path, but: str = "") -> Path:
+    """Write the tables that the study names, but for one; return the folder."""
+    for name, text in _BESIDE.items():
+        if name != but:
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def _in_study(end: str = "") -> Callable[[Path], None]:
+    """Return the reader of a table, or of measured FRFs and modes, that a study names."""
+
+    def read(path: Path) -> None:
+        _beside(path.parent, path.name)
+        study = read_study(decks.MAST + end, path.with_name("study.toml"))
+        if path.name == "sections.csv":
+            check_model(study.model)
+
+    return read
+
+
+@cache
+def _mast() -> Any:
+    with TemporaryDirectory() as scratch:
+        return read_study(decks.MAST, _beside(Path(scratch)) / "study.toml")
+
+
+def _read_excitation(path: Path) -> None:
+    study = _mast()
+    _each(
+        path,
+        lambda p: _finite(driven_by(study, read_columns(p, ("time",)))),
+        lambda p: _finite(driven_by(study, read_columns(p, ("frequency",)), density=True)),
+        lambda p: _finite(tuple(_spectra(read_columns(p, (FREQUENCY, PERIOD, TIME)), 0.05)[0].values())),
+    )
+
+
+def _read_dofs(path: Path) -> None:
+    for key in "KM":
+        path.with_name(f"f.{key}.mtx").write_text(decks.MATRIX_MARKET[0])
+    _finite(read_matrices(path.with_name("f.mtx")))
+
+
+def _read_records(path: Path) -> None:
+    _each(path, lambda p: units_folder.read_records(p, {"a": 1, "b": (2, 3.5)}), calibration.read_records)
+
+
+# The desk's journal -----------------------------------------------------------------------------------------
+
+
+@cache
+def _desk() -> Desk:
+    """Return a desk with a history of all that a journal may hold."""
+    f = np.linspace(1, 100, 60)
+    H = f**2 / (12.0**2 - f**2 + 0.3j * f)
+    frf = FRF.from_arrays(f, np.stack([H, 0.5 * H], 1)[:, :, None], "accelerance", ["1Z+", "2X-"], ["1Z+"])
+    with TemporaryDirectory() as scratch:
+        study = _beside(Path(scratch)) / "study.toml"
+        write_npz(study.with_name("f.npz"), frf)
+        end = '[[measurements]]\nfile = "f.npz"\n[uncertain]\nE = 0.02\n'
+        study.write_text(decks.MAST + end, encoding="utf-8")
+        desk = Desk.open(study)
+    desk._journal = None
+    desk.add("point_mass:mast", mass=0.05)
+    desk.turn("u")
+    desk.set_gain("t", 1.1)
+    desk.keep()
+    desk.hold_out("band 20-40 Hz")
+    desk.vary_form(True)
+    desk.switch("u")
+    return desk
+
+
+def _journal_seeds(folder: Path) -> list[bytes]:
+    desk = _desk()
+    some = History(desk.history.states[1:3], 0)
+    return _written(
+        folder, ".json", *(lambda p, h=h: write_journal(p, h, desk.study.text) for h in (desk.history, some))
+    )
+
+
+def _read_journal(path: Path) -> None:
+    """Open the desk beside a journal, and go through all of its states."""
+    desk = _desk()
+    again = Desk(desk.study, desk.live, desk.history, path)
+    again.candidates = desk.candidates
+    again._go_on()
+    again._journal = None
+    again.second()
+    while again.history.at:
+        again.undo()
+    for old in path.parent.glob("*.old*.json"):
+        old.unlink()
 
 
 TARGETS: dict[str, Target] = {
@@ -281,23 +381,45 @@ TARGETS: dict[str, Target] = {
     for t in (
         Target("uff", "f.uff", _uff_seeds(False), _read_uff),
         Target("uffb", "f.uff", _uff_seeds(True), _read_uff),
-        Target("msh", "f.msh", _texts(decks.GMSH), read_mesh),
-        Target("mshb", "f.msh", _gmsh_binary, read_mesh),
-        Target("inp", "f.inp", _texts(decks.ABAQUS), read_mesh),
-        Target("bdf", "f.bdf", _texts(decks.NASTRAN), read_mesh),
-        Target("vtu", "f.vtu", _mesh_seeds(".vtu"), read_mesh),
-        Target("vtk", "f.vtk", _vtk_seeds, read_mesh),
-        Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), read_mesh),
-        Target("npz", "f.npz", _npz_seeds, _read_npz, _draw_npz),
-        Target("mat", "f.mat", _mat_seeds, _read_named),
-        Target("hdf5", "f.h5", _hdf5_seeds, _read_named),
-        Target("wav", "f.wav", _wav_seeds, read_time_data),
+        Target("msh", "f.msh", _texts(decks.GMSH), _read_mesh),
+        Target("mshb", "f.msh", _gmsh_binary, _read_mesh),
+        Target("inp", "f.inp", _texts(decks.ABAQUS), _read_mesh),
+        Target("bdf", "f.bdf", _texts(decks.NASTRAN), _read_mesh),
+        Target("vtu", "f.vtu", _mesh_seeds(".vtu"), _read_mesh, drawing.vtu),
+        Target("vtk", "f.vtk", _vtk_seeds, _read_mesh),
+        Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), _read_mesh),
+        Target("med", "f.med", _mesh_seeds(".med"), _read_mesh),
+        Target("npz", "f.npz", _npz_seeds, _read_npz, drawing.npz),
+        Target("mat", "f.mat", _mat_seeds, _read_named, drawing.mat5),
+        Target("hdf5", "f.h5", _hdf5_seeds, _read_hdf5, drawing.hdf5),
+        Target("tdms", "f.tdms", _tdms_seeds, _read_named, drawing.tdms),
+        Target("wav", "f.wav", _wav_seeds, _read_named, drawing.wav),
         Target("columns", "f.txt", _texts(decks.COLUMNS), _read_columns),
+        Target("times", "f.csv", _texts(decks.TIMES), _read_named),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),
+        Target("excitation", "f.csv", _texts(decks.EXCITATIONS), _read_excitation),
+        Target("points", "f.csv", _texts(decks.POINTS), _test_points),
+        Target("sensors", "sensors.csv", _texts(decks.SENSORS), _in_study()),
+        Target("sections", "sections.csv", _texts(decks.SECTIONS), _in_study()),
+        Target("modes", "modes.csv", _texts(decks.MODES), _in_study('[modes]\nfile = "modes.csv"\n')),
+        Target(
+            "modenpz", "f.npz", _saved(drawing.VALID[3]), _in_study('[modes]\nfile = "f.npz"\n'), drawing.npz
+        ),
+        Target(
+            "frfnpz",
+            "f.npz",
+            _saved(drawing.VALID[0]),
+            _in_study('[[measurements]]\nfile = "f.npz"\n'),
+            drawing.npz,
+        ),
         Target("toml", "f.toml", _study_seeds, _study),
         Target("mtx", "f.K.mtx", _texts(decks.MATRIX_MARKET), _read_matrix_market),
+        Target("dofs", "f.dofs.csv", _texts(decks.DOFS), _read_dofs),
         Target("dof", "f.dof", _texts([decks.CALCULIX["dof"]]), _calculix("dof")),
         Target("sti", "f.sti", _texts([decks.CALCULIX["sti"]]), _calculix("sti")),
+        Target("journal", "f.json", _journal_seeds, _read_journal),
+        Target("records", "records.jsonl", _texts(decks.RECORDS), _read_records),
     )
+    if t.name != "tdms" or find_spec("nptdms")
 }
 """By name; the suffix of the file says the format."""
