@@ -9,8 +9,8 @@
     before a test      ─ plan_pretest → PretestPlan;  after it match_geometry → GeometryMatch
 
 Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pair_modes`, `frac`, `fdac`,
-`band_error` and others. `docs/finding-effects.md` says how a diagnosis is made and when not to believe it;
-the other steps have pages of their own beside it.
+`band_error` and others. `docs/how-dovetail-judges.md` explains a diagnosis and when not to believe it, and
+`docs/mathematics.md` has its equations; the other steps have pages of their own beside them.
 """
 
 from updating.ambient.ambient_modes import AmbientModes

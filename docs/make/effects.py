@@ -15,7 +15,7 @@ from fem.model import Effect
 
 ROOT = Path(__file__).parents[2]
 
-PAGES = ("study-file.md", "result.md", "finding-effects.md")
+PAGES = ("study-file.md", "result.md", "mathematics.md")
 """Pages of docs/ with tables of effects."""
 
 BLOCK = re.compile(r"(<!-- effects (\w+) -->\n\n).*?(\n<!-- end -->\n)", re.DOTALL)

@@ -1,7 +1,7 @@
 """What the documentation says of the program is so: constants, links, and the README's code."""
 
 import argparse
-import importlib
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -9,52 +9,33 @@ from pathlib import Path
 import pytest
 
 from dovetail.cli import build_parser
+from updating.inference import belief
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
-CONSTANT = re.compile(r"^\| `([\w.]+)\.([A-Z_]+)` \| ([\d.]+) \|", re.MULTILINE)
+CONSTANT = re.compile(r"^\| `([A-Z_]+)` \| ([^|]+) \|", re.MULTILINE)
+NUMBER = re.compile(r"(?:(\w+) )?(\d[\d.]*)")
+BELIEF = {name: value for name, value in vars(belief).items() if name.isupper()}
 
 
-def constants():
-    return CONSTANT.findall((ROOT / "docs" / "finding-effects.md").read_text(encoding="utf-8"))
+def documented():
+    return dict(CONSTANT.findall((ROOT / "docs" / "mathematics.md").read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize(("module", "name", "value"), constants())
-def test_constants_have_the_values_that_are_documented(module, name, value):
-    assert getattr(importlib.import_module(module), name) == float(value)
+def test_the_constants_of_belief_are_documented_and_no_others():
+    assert documented().keys() == BELIEF.keys()
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        "updating.diagnosis.diagnose",
-        "updating.diagnosis.diagnosis",
-        "updating.diagnosis.laws",
-        "updating.quality.fault_hypotheses",
-        "updating.quality.faults",
-        "updating.quality.sensor_faults",
-        "updating.inference.fit",
-        "updating.inference.fit_data",
-        "updating.inference.fit_function",
-        "updating.inference.parameters",
-        "updating.diagnosis.patches",
-        "updating.inference.preparation",
-        "updating.diagnosis.evidence.screening",
-        "updating.diagnosis.separation",
-    ],
-)
-def test_every_constant_of_the_search_is_documented(module):
-    there = {
-        name
-        for name, value in vars(importlib.import_module(module)).items()
-        if name.isupper()
-        and not name.startswith("_")
-        and isinstance(value, int | float)
-        and not isinstance(value, bool)
-    }
-    inherited = {"DB_PER_NEPER", "TOLERANCE"}
-    listed = {name for _, name, _ in constants()}
-    assert there - inherited - listed == set()
+@pytest.mark.parametrize("name", BELIEF)
+def test_constants_have_the_values_that_are_documented(name):
+    """Such as `0.1`, `ln 10`, `0.0005, 0.008`, and `u 1, plane 0.4` of a dictionary."""
+    found = NUMBER.findall(documented()[name])
+    numbers = [math.log(float(x)) if word == "ln" else float(x) for word, x in found]
+    value = BELIEF[name]
+    if isinstance(value, dict):
+        assert {key: x for (key, _), x in zip(found, numbers, strict=True)} == value
+    else:
+        assert numbers == pytest.approx(list(value) if isinstance(value, tuple) else [value])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
