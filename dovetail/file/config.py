@@ -331,6 +331,7 @@ class _Reader:
 
         fit = top.table("fit")
         settings = read_fit(fit)
+        self.measured_notes += settings.notes
         held_out = self._held_out(fit, sensors, excitations)
         measured_to = _highest(raw, raw_modes, settings.band)
         frequency, highest = read_frequency(top, measured_to, notes)

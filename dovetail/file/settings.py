@@ -24,14 +24,30 @@ class FitSettings:
     n_lines: int | None
     model_error: float
 
+    @property
+    def notes(self) -> list[str]:
+        """Sentences that every output repeats."""
+        as_drawn = "the form of sections and connections is taken as drawn, as [fit] says: it does not vary"
+        return [as_drawn] if self.model_error == 0 else []
+
 
 def read_fit(fit: Table) -> FitSettings:
     """Read ``[fit]`` except ``held_out``, which needs the sensors and excitations."""
     return FitSettings(
         read_band(fit),
         fit.whole("lines", None, 8, MOST_LINES),
-        fit.number("model_error", EXPLAINED_LEVEL, least=0.0, unit="neper"),
+        _model_error(fit),
     )
+
+
+def _model_error(fit: Table) -> float:
+    """Return the level that beams may leave [nepers]; 0 where the form is said to be right."""
+    stated = fit.number("model_error", None, least=0.0, unit="neper")
+    if fit.flag("form", True):
+        return EXPLAINED_LEVEL if stated is None else stated
+    if stated:
+        fit.refuse("form", f"it is false, but model_error is {stated:g}: beams may then err")
+    return 0.0
 
 
 def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple[np.ndarray, float]:

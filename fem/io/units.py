@@ -97,7 +97,6 @@ def size_of(label: str) -> Size | None:
     Symbols are multiplied and divided from the left, as in m/s/s; a bracket may have a power. ``g`` is
     standard gravity, ``-`` and ``1`` are the unit of numbers.
     """
-<<<<<<< HEAD
     factors = _factors(label)
     return None if factors is None else _product(factors)
 
@@ -122,15 +121,6 @@ def moment_of(symbol: str) -> float | None:
         if {its, of_other} == {FORCE, LENGTH}:
             return one * other
     return None
-=======
-    text = _in_symbols(label) if len(label) <= LONGEST_HEADING else ""
-    if not text or len(text) > _LONGEST:
-        return None
-    if text in ("-", "1"):
-        return 1.0, (0, 0, 0, 0)
-    found = _product(text, 0, nested=False)
-    return None if found is None else (found[0], found[1])
->>>>>>> fuzz
 
 
 def conversion(label: str, unit: str) -> float | None:
@@ -245,7 +235,7 @@ def _in_symbols(label: str) -> str:
 
 def _factors(label: str) -> list[Factor] | None:
     """Return the symbols of a label; None where one is unknown."""
-    text = _in_symbols(label)
+    text = _in_symbols(label) if len(label) <= LONGEST_HEADING else ""
     if not text or len(text) > _LONGEST:
         return None
     if text in ("-", "1"):

@@ -1,5 +1,6 @@
 """The facade: load, compare, diagnose, add, fit, save."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import dovetail
 from dovetail.disk.output import OutputError
 from fem.model import ModelError
 
-DEMO = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DEMO = EXAMPLES / "cross-beam" / "study.toml"
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +73,36 @@ def test_a_study_is_never_saved_over_what_it_reads(study):
 def test_printing_a_study_takes_one_line(study):
     assert len(repr(study)) < 200
     assert study.name in repr(study)
+
+
+def test_the_form_may_be_said_to_be_right(tmp_path):
+    """It is textbook updating then: the same as a model error of 0, and named in what is printed."""
+    text = (EXAMPLES / "first-frame" / "study.toml").read_text(encoding="utf-8")
+    for name in ("frame.msh", "test.uff"):
+        shutil.copy(EXAMPLES / "first-frame" / name, tmp_path / name)
+
+    def study(fit):
+        (tmp_path / "study.toml").write_text(f"{text}\n[fit]\n{fit}\n", encoding="utf-8")
+        return dovetail.load_study(tmp_path / "study.toml")
+
+    drawn = study("form = false")
+    assert drawn.model_error == 0
+    assert any("taken as drawn" in note for note in drawn.measured_notes)
+    assert study("form = true").model_error > 0
+    with pytest.raises(dovetail.StudyError, match="beams may then err"):
+        study("form = false\nmodel_error = 0.2")
+    soft = "support_flexibility:left foot.ry"
+    free, held = (study(f"form = {form}").add(soft, stiffness=2e4).fit() for form in ("true", "false"))
+    assert not any(e.is_form for e in held.model.effects)
+    assert held.fitted.std["frame", "E:steel"] < 0.5 * free.fitted.std["frame", "E:steel"]
+
+
+def test_a_fit_of_what_was_found_is_the_diagnosis():
+    """Values within a tenth of a standard deviation, and equal deviations to 5 %."""
+    study = dovetail.load_study(EXAMPLES / "first-frame" / "study.toml")
+    found = study.diagnose()
+    last = found.steps[-1].result
+    again = study.add(*found.findings).fit().fitted
+    for ref, value in last.values.items():
+        assert again.values[ref] == pytest.approx(value, abs=0.1 * last.std[ref])
+        assert again.std[ref] == pytest.approx(last.std[ref], rel=0.05)

@@ -14,6 +14,7 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, Pairs, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
+from updating.inference.belief import FORM_LEFT
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
@@ -34,6 +35,8 @@ MIXED = 0.003
 """Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
 LEAST_MIXED = 1e-4
 """The same for a model that is right but for its mesh [-]."""
+SPREAD = 1.25**2 - 1
+"""By how much more than stated the variance of noise may be [-]."""
 
 BEFORE_FIT = 0.01
 """Relative deviation of frequencies that a fair model has before a fit [-]."""
@@ -287,6 +290,12 @@ class ModeFunction(FitFunction):
         size = np.array(self._sizes, dtype=float)
         left = self._modes_problem.left
         return ModeLevels.up_to(n[there], size[there], variance[there], left[there])
+
+    def left(self) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        levels, there = self.levels(), np.unique(self.groups)
+        left = (FORM_LEFT * self._modes_problem.left[there]) ** 2 * levels.n / levels.size
+        return SPREAD * levels.noise + left
 
     @cached_property
     def _parametric(self) -> ParametricModes:

@@ -424,14 +424,7 @@ class ModeRanking:
 
     def left(self, problem: ModeProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        function = problem.function((), (), problem.targets.fitted)
-        levels = function.levels()
-        there = np.unique(function.groups)
-        return SPREAD * levels.noise + (0.5 * problem.left[there]) ** 2 * levels.n / levels.size
-
-
-SPREAD = 1.25**2 - 1
-"""By how much more than stated the variance of noise may be [-]."""
+        return problem.function((), (), problem.targets.fitted).left()
 
 
 @dataclass(frozen=True, slots=True)
