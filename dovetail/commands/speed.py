@@ -8,7 +8,7 @@ from dovetail.commands.common import Options
 from dovetail.file.rotation import at_speed
 from dovetail.study import Study
 
-NO_WHIRL = "the mode tilts no rotor"
+NO_WHIRL = "nothing that spins tilts in the mode"
 """Why the whirl of a mode is missing."""
 
 

@@ -411,7 +411,7 @@ def test_numbers_that_are_missing_have_a_reason(column, rotor, capsys):
     assert base["file"] is None
     assert "--out" in base["missing"]["file"]
     still = printed(capsys, "complex", column, "--number", "2", "--json", "-")
-    assert still["missing"] == {"whirl": "the mode tilts no rotor"}
+    assert still["missing"] == {"whirl": "nothing that spins tilts in the mode"}
     fast = printed(capsys, "campbell", rotor, "--speeds", "0:60000:9", "--number", "3", "--json", "-")
     assert fast["missing"].keys() == {"whirl"}
 

@@ -162,7 +162,7 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
         effects=(masses[0],),
         key=frozenset({"found"}),
         score=1.0,
-        fitted=SimpleNamespace(result=result),
+        fitted=result,
     )
     monkeypatch.setattr(Search, "explains", lambda self, best: explains)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
@@ -228,7 +228,7 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
         effects=(both, turned),
         key=frozenset({both.name, turned.name}),
         score=1.0,
-        fitted=SimpleNamespace(result=result),
+        fitted=result,
     )
     given.known = {h.key: h}
     with pytest.MonkeyPatch.context() as patch:

@@ -1,0 +1,93 @@
+"""Whether stated deviations of fits are right: z of every parameter over noisy sets whose truth is drawn.
+
+    OPENBLAS_NUM_THREADS=1 python -m benchmarks.deviations [--sets 40] [--drawn]
+
+All that is uncertain is drawn from its prior: parameters of the study, damping, and, unless ``--drawn`` takes
+the form as drawn, the form and its small deviations. FRFs of that model get noise of 1 %; then the effect is
+fitted with everything else. The root mean square of z = (fitted - true) / deviation is 1 where deviations are right.
+"""
+
+import argparse
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dovetail import load_study
+from dovetail.pipeline import formed_fit_problem
+from fem.model import Effect, ParameterRef, parameter_values
+from updating.inference.fit import FitProblem
+from updating.inference.fitting import fit_given, with_seen_noise
+from updating.inference.scatter import form_scatter
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+CASES = (
+    ("first-frame", "support_flexibility:left foot.ry", 2e4),
+    ("cross-beam", "joint_stiffness:J.rx", 200.0),
+    ("three-storeys", "", 0.0),
+)
+"""Studies, and the effect that each of their data sets has, with its value."""
+NOISE = 0.01
+"""Relative standard deviation of real and imaginary part of each FRF."""
+
+
+def measured(
+    problem: FitProblem, effects: tuple[Effect, ...], rng: np.random.Generator
+) -> tuple[FitProblem, dict]:
+    """Return a problem with the noisy FRFs of a drawn truth, and the true values of its parameters."""
+    starts = [parameter_values(e) for e in effects]
+    scatter = form_scatter(problem, problem.nominal())
+    lines = np.arange(len(problem.data.frequency))
+    function = replace(problem, scatter=scatter).function(effects, starts, lines)
+    x, prior, limits = function.start.copy(), function.prior(), function.limits()
+    own = {e.name for e in effects}
+    vary = np.ones(len(x), dtype=bool)
+    vary[: len(function.variables)] = [v.ref[0] not in own for v in function.variables]
+    x[vary] = (prior.mean + prior.std * rng.standard_normal(len(x)))[vary]
+    x = np.clip(x, *limits.T)
+    values = {v.ref: v.to_value(xi) for v, xi in zip(function.variables, x, strict=False)}
+    H = np.array(problem.data.H)
+    ratio, _ = function(x, False)  # weight · ln(computed / measured)
+    keep = problem.data.mask
+    noise = NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    H[keep] = H[keep] * np.exp(ratio / problem.data.weight[keep])
+    data = replace(problem.data, H=H * (1 + noise), noise=np.where(keep, NOISE, problem.data.noise))
+    return replace(problem, data=data), values
+
+
+def main() -> None:
+    """Print the root mean squares of z of each parameter."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--sets", type=int, default=40, help="data sets of each study (default 40)")
+    parser.add_argument("--seed", type=int, default=1, help="of truths and noise (default 1)")
+    parser.add_argument("--drawn", action="store_true", help="the form is as drawn")
+    parser.add_argument("--only", help="one of the studies")
+    options = parser.parse_args()
+    for name, effect, value in CASES:
+        if options.only not in (None, name):
+            continue
+        study = load_study(EXAMPLES / name / "study.toml")
+        problem = formed_fit_problem(replace(study, model_error=0.0) if options.drawn else study)
+        effects = tuple(
+            e.with_values(**{e.parameters()[0].name: value}) for e in study.candidates() if e.name == effect
+        )
+        rng, z = np.random.default_rng(options.seed), defaultdict(list)
+        for _ in range(options.sets):
+            own, truth = measured(problem, effects, rng)
+            own = with_seen_noise(own, fit_given(own, effects)[1])
+            _, result = fit_given(own, effects)
+            for ref, true in truth.items():
+                z[ref].append((result.values[ref] - true) / result.std[ref])
+        every = np.sqrt(np.mean([np.square(each) for each in z.values()]))
+        print(f"{name}: {options.sets} sets, all parameters {every:.2f}")
+        for ref, each in z.items():
+            print(
+                f"   {ref[0] + ' ' + ref[1]:48s} rms z {np.sqrt(np.mean(np.square(each))):5.2f}  mean {np.mean(each):+5.2f}"
+            )
+
+
+if __name__ == "__main__":
+    main()
