@@ -4,7 +4,8 @@
 
 All that is uncertain is drawn from its prior: parameters of the study, damping, and, unless ``--drawn`` takes
 the form as drawn, the form and its small deviations. FRFs of that model get noise of 1 %; then the effect is
-fitted with everything else. The root mean square of z = (fitted - true) / deviation is 1 where deviations are right.
+fitted with everything else. The root mean square of z = (fitted - true) / deviation is 1 where deviations are
+right.
 """
 
 import argparse
@@ -34,7 +35,7 @@ NOISE = 0.01
 
 def measured(
     problem: FitProblem, effects: tuple[Effect, ...], rng: np.random.Generator
-) -> tuple[FitProblem, dict]:
+) -> tuple[FitProblem, dict[ParameterRef, float]]:
     """Return a problem with the noisy FRFs of a drawn truth, and the true values of its parameters."""
     starts = [parameter_values(e) for e in effects]
     scatter = form_scatter(problem, problem.nominal())
@@ -84,9 +85,8 @@ def main() -> None:
         every = np.sqrt(np.mean([np.square(each) for each in z.values()]))
         print(f"{name}: {options.sets} sets, all parameters {every:.2f}")
         for ref, each in z.items():
-            print(
-                f"   {ref[0] + ' ' + ref[1]:48s} rms z {np.sqrt(np.mean(np.square(each))):5.2f}  mean {np.mean(each):+5.2f}"
-            )
+            rms = np.sqrt(np.mean(np.square(each)))
+            print(f"   {' '.join(ref):48s} rms z {rms:5.2f}  mean {np.mean(each):+5.2f}")
 
 
 if __name__ == "__main__":
