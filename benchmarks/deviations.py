@@ -10,6 +10,7 @@ right.
 
 import argparse
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +19,11 @@ import numpy as np
 from dovetail import load_study
 from dovetail.pipeline import formed_fit_problem
 from fem.model import Effect, ParameterRef, parameter_values
+from updating.inference.bases import better_basis
 from updating.inference.fit import FitProblem
 from updating.inference.fitting import fit_given, with_seen_noise
 from updating.inference.scatter import form_scatter
+from updating.inference.solve import Solution
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (
@@ -29,13 +32,15 @@ CASES = (
     ("three-storeys", "", 0.0),
 )
 """Studies, and the effect that each of their data sets has, with its value."""
+BASIS_LINES = 60
+"""Lines at which responses of a truth join the basis that it is computed on."""
 NOISE = 0.01
 """Relative standard deviation of real and imaginary part of each FRF."""
 
 
 def measured(
     problem: FitProblem, effects: tuple[Effect, ...], rng: np.random.Generator
-) -> tuple[FitProblem, dict[ParameterRef, float]]:
+) -> tuple[FitProblem, Mapping[ParameterRef, float]]:
     """Return a problem with the noisy FRFs of a drawn truth, and the true values of its parameters."""
     starts = [parameter_values(e) for e in effects]
     scatter = form_scatter(problem, problem.nominal())
@@ -47,14 +52,17 @@ def measured(
     vary[: len(function.variables)] = [v.ref[0] not in own for v in function.variables]
     x[vary] = (prior.mean + prior.std * rng.standard_normal(len(x)))[vary]
     x = np.clip(x, *limits.T)
-    values = {v.ref: v.to_value(xi) for v, xi in zip(function.variables, x, strict=False)}
+    truth = function.result(Solution(x, np.nan, 0.0, 0, True))
+    better = better_basis(problem, truth, BASIS_LINES)
+    assert better is not None
+    fine = replace(problem, reduced=better[1], scatter=scatter)
     H = np.array(problem.data.H)
-    ratio, _ = function(x, False)  # weight · ln(computed / measured)
+    ratio, _ = fine.function(effects, starts, lines)(x, False)  # weight · ln(computed / measured)
     keep = problem.data.mask
     noise = NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
     H[keep] = H[keep] * np.exp(ratio / problem.data.weight[keep])
     data = replace(problem.data, H=H * (1 + noise), noise=np.where(keep, NOISE, problem.data.noise))
-    return replace(problem, data=data), values
+    return replace(problem, data=data), truth.values
 
 
 def main() -> None:

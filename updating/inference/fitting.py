@@ -19,8 +19,10 @@ from updating.inference.marginal import Quadratic, by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.scatter import Scatter, form_scatter
 from updating.inference.solve import TOLERANCE, Solution
+from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 
+Floats = NDArray[np.float64]
 FULL_LINES = 100
 """Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
 QUICK_LINES = 40
@@ -180,7 +182,11 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
         if better is None:
             break
         problem = replace(problem, reduced=better[1])
-        result = scattered(problem, refit(problem, result))
+        now = [parameter_values(e) for e in result.effects]
+        # What was bent on the former basis would stay so: from nominal uncertain parameters, too.
+        fits = [fit(problem, effects, now, n_lines=FULL_LINES)]
+        fits.append(fit(problem, effects, now, x_from=result, **ways))
+        result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
     return problem, result
 
 
@@ -207,12 +213,27 @@ def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0
         evidence, covariance = log_evidence(-levels.cost(v), off, std, normal), np.linalg.inv(normal)
     else:
         rows = len(x) - len(scatter.std) + scatter.shifts
-        each = by_size(near, off, std, rows, np.array(scatter.sizes) / scatter.eigenvalue)
-        evidence, mean, covariance = mixed(each)
+        factors = np.array(scatter.sizes) / scatter.eigenvalue
+        each = by_size(near, off, std, rows, factors)
+        evidence, change, covariance = mixed(each)
         size = scatter.sizes[int(np.argmax([s.log_evidence for s in each]))]
-        x = np.clip(x + mean, *function.limits().T)
+        mean = np.clip(x + change, *function.limits().T)
+        if _density(function, levels, mean, rows, factors) > _density(function, levels, x, rows, factors):
+            x = mean
     result = function.result(replace(solution, x=x, covariance=covariance))
     return replace(result, log_evidence=evidence, levels=levels, misfit=v, size=size)
+
+
+def _density(
+    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], factors: Floats
+) -> float:
+    """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant."""
+    off, std = function.prior_at(x)
+    own = np.tile(std, (len(factors), 1))
+    own[:, rows] *= factors[:, None]
+    prior = -0.5 * ((off / own) ** 2).sum(axis=1) - np.log(own).sum(axis=1)
+    misfit = function.mean_by_group(pseudo_huber(function(x, False)[0], ROBUST))
+    return float(np.logaddexp.reduce(prior)) - levels.cost(misfit)
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
