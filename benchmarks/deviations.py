@@ -34,6 +34,8 @@ CASES = (
 """Studies, and the effect that each of their data sets has, with its value."""
 BASIS_LINES = 60
 """Lines at which responses of a truth join the basis that it is computed on."""
+FAR = 3.0
+"""A fit that ends at more than so many times the level of the noise has not found its minimum: it is lost."""
 NOISE = 0.01
 """Relative standard deviation of real and imaginary part of each FRF."""
 
@@ -83,15 +85,18 @@ def main() -> None:
         effects = tuple(
             e.with_values(**{e.parameters()[0].name: value}) for e in study.candidates() if e.name == effect
         )
-        rng, z = np.random.default_rng(options.seed), defaultdict(list)
+        rng, z, lost = np.random.default_rng(options.seed), defaultdict(list), 0
         for _ in range(options.sets):
             own, truth = measured(problem, effects, rng)
             own = with_seen_noise(own, fit_given(own, effects)[1])
             _, result = fit_given(own, effects)
+            if result.level > FAR * own.data.noise_level:
+                lost += 1
+                continue
             for ref, true in truth.items():
                 z[ref].append((result.values[ref] - true) / result.std[ref])
         every = np.sqrt(np.mean([np.square(each) for each in z.values()]))
-        print(f"{name}: {options.sets} sets, all parameters {every:.2f}")
+        print(f"{name}: {options.sets} sets, {lost} of them lost; all parameters {every:.2f}")
         for ref, each in z.items():
             rms = np.sqrt(np.mean(np.square(each)))
             print(f"   {' '.join(ref):48s} rms z {rms:5.2f}  mean {np.mean(each):+5.2f}")
