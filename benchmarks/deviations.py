@@ -29,7 +29,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (
     ("first-frame", "support_flexibility:left foot.ry", 2e4),
     ("cross-beam", "joint_stiffness:J.rx", 200.0),
-    ("three-storeys", "", 0.0),
+    ("southampton-frame", "joint_stiffness:A1+B1+C1+D1+A2+B2+C2+D2+A3+B3+C3+D3.ry", 920.0),
 )
 """Studies, and the effect that each of their data sets has, with its value."""
 BASIS_LINES = 60
