@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ def assessed_fit(problem: FitProblem, *effects: Any, **how: Any) -> FitResult:
     return problem.assessed(fit(problem, *effects, **how))
 
 
-def refit(problem: FitProblem | ModeProblem, result: FitResult, x_from: FitResult | None = None) -> FitResult:
+def refit(problem: FitProblem | ModeProblem, result: FitResult, n_lines: int | None = None) -> FitResult:
     """Fit the effects of a result again, from its values: on the whole band at once.
 
     A part of the band would not determine all, such as the extent of a mass.
@@ -100,12 +100,11 @@ def refit(problem: FitProblem | ModeProblem, result: FitResult, x_from: FitResul
     ----------
     problem : FitProblem or ModeProblem
     result : FitResult
-        Its effects are fitted, from their values.
-    x_from : FitResult, optional
-        Start uncertain parameters and damping there rather than at the result's.
+        Its effects are fitted, from their values; all else begins where it is there.
+    n_lines : int, optional
     """
     starts = [parameter_values(e) for e in result.effects]
-    return fit(problem, result.effects, starts, stages=problem.stages[-1:], x_from=x_from or result)
+    return fit(problem, result.effects, starts, stages=problem.stages[-1:], n_lines=n_lines, x_from=result)
 
 
 def scattered(
@@ -133,9 +132,7 @@ def scattered(
         small = scatter(problem, result, size)
         if small is None:
             break
-        starts = [parameter_values(e) for e in result.effects]
-        way: dict[str, Any] = {"stages": problem.stages[-1:], "n_lines": n_lines, "x_from": result}
-        result = fit(replace(problem, scatter=small), result.effects, starts, **way)
+        result = refit(replace(problem, scatter=small), result, n_lines)
         size = result.size
         if size is None or 0.4 < size / small.eigenvalue < 2.5:
             break
@@ -161,8 +158,8 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     given = [parameter_values(e) for e in effects]
     fits = [fit(problem, effects, given, n_lines=FULL_LINES)]
-    begun = [
-        Start([*given[:k], s, *given[k + 1 :]], None)
+    begun: list[tuple[list[dict[str, float]], FitResult | None]] = [
+        ([*given[:k], s, *given[k + 1 :]], None)
         for k, e in enumerate(effects)
         for s in e.starts(problem.surroundings)
     ]
@@ -173,9 +170,8 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
                 tried.append(fit(problem, effects, values, stages=problem.stages[-1:], x_from=near, **quick))
         tried.sort(key=lambda r: -r.log_evidence)
-        begun = [Start([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
-    ways: dict[str, Any] = {"stages": problem.stages[-1:], "n_lines": FULL_LINES}
-    fits += [fit(problem, effects, values, x_from=near, **ways) for values, near in begun]
+        begun = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
+    fits += [refit(problem, near, FULL_LINES) for _, near in begun if near is not None]
     result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
     for n_better in BASIS_LINES:
         better = better_basis(problem, result, n_better)
@@ -184,17 +180,9 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
         problem = replace(problem, reduced=better[1])
         now = [parameter_values(e) for e in result.effects]
         # What was bent on the former basis would stay so: from nominal uncertain parameters, too.
-        fits = [fit(problem, effects, now, n_lines=FULL_LINES)]
-        fits.append(fit(problem, effects, now, x_from=result, **ways))
+        fits = [fit(problem, effects, now, n_lines=FULL_LINES), refit(problem, result, FULL_LINES)]
         result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
     return problem, result
-
-
-class Start(NamedTuple):
-    """Values of effects that a fit begins at, and a result that it begins near; nominal values if None."""
-
-    values: Sequence[dict[str, float]]
-    near: FitResult | None
 
 
 def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0) -> FitResult:

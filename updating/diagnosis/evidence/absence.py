@@ -35,7 +35,7 @@ def gains_without(
     lines = np.arange(2) if isinstance(problem, FitProblem) else problem.targets.fitted
     function = problem.function(effects, values_of(effects), lines)
     x, C = h.fitted.solution.x, h.fitted.solution.covariance
-    if C is None or len(x) < len(function.variables):
+    if len(x) < len(function.variables):
         return np.full(len(groups), np.nan)
     off, std = function.prior_at(x)
     by_name = {e.name: e for e in effects}
