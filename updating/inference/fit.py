@@ -24,9 +24,9 @@ from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
-from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unknowns
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
@@ -45,7 +45,7 @@ class FitProblem:
     ----------
     reduced : ReducedModel
     data : FitData
-    nuisances : tuple of Nuisance
+    nuisances : tuple of Nuisance or Unknown
     damping : DampingCurve
     stages : ndarray
         Upper ends of the bands of the frequency continuation, rising; the last is the whole band [Hz].
@@ -71,7 +71,7 @@ class FitProblem:
 
     reduced: ReducedModel
     data: FitData
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Uncertain, ...]
     damping: DampingCurve
     stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
@@ -192,7 +192,7 @@ class FitProblem:
         lines : ndarray of int
         """
         fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
+        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
         nuisance = nuisance_unknowns(self.reduced.model, varying)
         variables = (*nuisance, *effect_unknowns(effects, starts))
         start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
@@ -267,7 +267,11 @@ class FitProblem:
         n = len(self.nuisances)
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {v.ref: v.to_value(v.mean) for v in variables}
+        values = {
+            ref: value
+            for v in variables
+            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
+        }
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
 

@@ -22,8 +22,15 @@ from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult
-from updating.inference.parameters import DampingCurve, Nuisance
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_instruments
+from updating.inference.parameters import DampingCurve
+from updating.inference.unknowns import Uncertain
+from updating.measurement.measurement import (
+    Combination,
+    Measurement,
+    MeasurementError,
+    Sensor,
+    with_instruments,
+)
 
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
@@ -33,6 +40,8 @@ MOST_SPLITS = 4
 """Into so many at most."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
+LEAST_DAMPING_STD = 1e-6
+"""Least standard deviation of the logarithm of damping, which is held with 0 [-]."""
 LEAST_RATIO = 1e-5
 """Least nominal damping ratio, of which a fit can take a multiple [-]."""
 NEIGHBOURS = 0.03
@@ -84,7 +93,7 @@ def with_higher_mass(model: Model) -> Model:
 def build_problem(
     model: Model,
     measurement: Measurement,
-    nuisances: Sequence[Nuisance],
+    nuisances: Sequence[Uncertain],
     *,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
@@ -100,7 +109,7 @@ def build_problem(
         With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
         (0.5 % where there are none).
     measurement : Measurement
-    nuisances : sequence of Nuisance
+    nuisances : sequence of Nuisance or Unknown
     damping_std : float
         Standard deviation of the logarithm of the damping ratio [-].
     band : (float, float), optional
@@ -162,7 +171,7 @@ def _reduced(
     )
     nominal = nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], damping_std, connections,
+        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), connections,
         nominal if np.ptp(model.damping.ratio) or other else None,
     )  # fmt: skip
     return reduced, curve, modes
@@ -250,7 +259,8 @@ def _prepared(
     square = [
         replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
     ]
-    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
+    known = model_error > 0 and not any(isinstance(s, Combination) for s in measurement.sensors)
+    sensors = (*measurement.sensors, *(square if known else ()))
     outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
     engine = ParametricFRF(reduced, outputs, inputs, f, ())
     values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)

@@ -1,7 +1,7 @@
 """Measurements: FRFs with the sensors and excitations that they belong to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,18 @@ class BaseMotion(Sensor):
     acceleration [-], as mobility a velocity [s] and as receptance a displacement [s²]. Its point is where
     pictures mark it.
     """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Combination(Sensor):
+    """A reading, or a force, as a combination of the DOFs of the mesh's points.
+
+    Attributes
+    ----------
+    row : ndarray (6 n_points,)
+    """
+
+    row: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -353,6 +365,9 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     for i, s in enumerate(sensors):
         if isinstance(s, BaseMotion):
             rows[i] = _base_force(model, ground, s)
+            continue
+        if isinstance(s, Combination):
+            rows[i, : len(s.row)] = s.gain * s.row
             continue
         dofs, motion = _motion_at(model, s)
         rows[i, dofs] = s.gain * (np.asarray(s.direction) @ motion)
