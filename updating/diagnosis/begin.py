@@ -8,7 +8,7 @@ import numpy as np
 from fem.model import Model
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_seen_noise
+from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
 from updating.inference.formed import builder, refined
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_fine
@@ -57,7 +57,7 @@ def calibrated(
     checked : bool
         Whether faults are looked for.
     """
-    null = null_fit(problem, n_lines=n_lines)
+    problem, null = with_form_of_damping(problem, null_fit(problem, n_lines=n_lines), n_lines=n_lines)
     right, result, faults = problem, null, ()
     if checked:
         right, result, faults = find_faults(problem, problem.assessed(null))

@@ -65,6 +65,9 @@ class FitProblem:
     decay : float
         σ of the complex frequencies ω - iσ at which the data are (:func:`updating.inference.damped.damped`)
         [rad/s].
+    modal : bool
+        Whether damping ratios are those of viscous modal damping between resonances, rather than of a loss
+        factor.
     pieces : int
         Into how many each element of the model was cut for the data; 0 where that was not asked.
     """
@@ -81,6 +84,7 @@ class FitProblem:
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
+    modal: bool = False
     pieces: int = 0
 
     def __repr__(self) -> str:
@@ -138,7 +142,8 @@ class FitProblem:
         *_, outputs, inputs = self._ends
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
-            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True, decay=self.decay
+            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
+            decay=self.decay, modal=self.modal,
         )  # fmt: skip
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
@@ -235,7 +240,8 @@ class FitProblem:
         linear = [e for e in result.effects if e is not element]
         refs = [ref for ref in result.values if ref[0] != element.name]
         f = self.data.frequency[lines]
-        engine = ParametricFRF(self.reduced, *self.vectors_with(element), f, refs, linear)
+        ends = self.vectors_with(element)
+        engine = ParametricFRF(self.reduced, *ends, f, refs, linear, modal=self.modal)
         zeta = self.damping.ratio(f, result.zeta)
         block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)

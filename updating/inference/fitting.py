@@ -232,7 +232,17 @@ def fit_given(
         # What was bent on the former basis would stay so: from nominal uncertain parameters, too.
         fits = [fit(problem, effects, now, **how), refit(problem, result, **how)]
         result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
-    return problem, result
+    return with_form_of_damping(problem, result, **how)
+
+
+def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tuple[Problem, FitResult]:
+    """Return a fit with the more probable form of damping between resonances, and its problem."""
+    if not isinstance(problem, FitProblem):
+        return problem, result
+    other = replace(problem, modal=not problem.modal)
+    small = replace(other, scatter=form_scatter(other, result, result.size))
+    again = refit(small, result, **how)
+    return (other, again) if again.log_evidence > result.log_evidence else (problem, result)
 
 
 def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0) -> FitResult:

@@ -363,7 +363,7 @@ def finer_receptances(
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
     outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    engine = ParametricFRF(reduced, outputs, inputs, f, (), modal=problem.modal)
     return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
 
@@ -407,7 +407,7 @@ def direct_responses(
     f = problem.data.frequency[lines]
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
     connections = connection_stiffness(system) if others else None
-    reduced = problem.receptance(result, lines)
+    reduced = replace(problem, modal=False).receptance(result, lines)
     ratio, responses = [], []
     backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):

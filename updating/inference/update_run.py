@@ -19,6 +19,7 @@ from updating.inference.fitting import (
     fit_given,
     null_fit,
     with_evidence,
+    with_form_of_damping,
     with_seen_noise,
 )
 from updating.inference.joint_fit import with_modes
@@ -65,8 +66,8 @@ def update_fitted(
     how: dict[str, Any] = {"n_lines": settings.n_lines, "counted_as": settings.n_lines}
     near: list[FitResult] = []
     if isinstance(problem, FitProblem):
-        near.append(null_fit(problem, **how))
-        problem = with_seen_noise(problem, near[0])
+        problem, first = with_form_of_damping(problem, null_fit(problem, **how), **how)
+        problem, near = with_seen_noise(problem, first), [first]
     how |= {"max_iterations": settings.max_iterations, "tolerance": _SMALL_GAIN}
     whole = problem
     problem, left_out = _selected(problem, asked, settings)
