@@ -11,7 +11,6 @@ from fem.effects import MemberStiffness
 from tests.frames import STEEL
 from tests.random_frames import random_frame
 from updating.inference.update import update
-from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import Ending
 
 NOISE, RATIO = 0.01, 0.01
@@ -133,24 +132,14 @@ def test_each_interval_alone_holds_as_predicted_from_the_correlations(updated):
     assert low <= inside <= high, (inside, 5 * len(updated))
 
 
-@pytest.mark.slow
-def test_several_starts_find_what_one_misses():
-    # two members a fifth and two four times as stiff, without the low lines: one start ends elsewhere
+def test_a_start_far_off_is_enough():
+    """Two members 60 % too soft and two 150 % too stiff: fits to damped FRFs come from there."""
     frame = measure(33)
-    far = [-0.8, -0.8, 3.0, 3.0, 7850.0]
-    wrong = frame.model.with_values(dict(zip(frame.refs, far, strict=True)))
-    top = frame.frf.frequency[-1]
-
-    def run(n):
-        return update(
-            wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
-            noise=NOISE, model_error=0.0, band=(0.35 * top, top),
-            settings=UpdateSettings(n_starts=n, stages=(1.0,)),
-        )  # fmt: skip
-
-    assert run(1).misfit["frf"] > 100
-    several = run(8)
-    assert len(several.starts) == 8
-    assert several.misfit["frf"] < 1.1
+    wrong = frame.model.with_values(dict(zip(frame.refs, [-0.6, -0.6, 1.5, 1.5, 7850.0], strict=True)))
+    result = update(
+        wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
+        noise=NOISE, model_error=0.0,
+    )  # fmt: skip
+    assert result.misfit["frf"] < 1.1
     scale = np.append(1 + frame.truth[:4], frame.truth[4])
-    assert np.abs((several.values[:5] - frame.truth) / scale).max() < 3e-3
+    assert np.abs((result.values[:5] - frame.truth) / scale).max() < 3e-3

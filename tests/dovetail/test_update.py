@@ -25,6 +25,7 @@ from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import Modes, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff
 from fem.system import assemble
+from tests.frames import on_fine_mesh
 from updating.measurement.measurement import sensor_rows
 
 pytestmark = pytest.mark.usefixtures("offscreen")
@@ -99,7 +100,7 @@ def bracket(tmp_path_factory):
     path = folder / "study.toml"
     path.write_text(TEXT + "\n[frequency]\nstop = 400.0\n", encoding="utf-8")
     study = load_study(path)
-    real = study.model.with_values(TRUTH)
+    real = on_fine_mesh(study.model.with_values(TRUTH))
     lines = np.arange(2.0, 400.0, 0.5)
     rows = [sensor_rows(real, part) for part in (study.sensors, study.excitations)]
     H = compute_frf(assemble(real), lines, *rows, "accelerance").H
@@ -193,7 +194,7 @@ def test_limits_of_complexity_that_cannot_be_are_refused(bracket, tmp_path, caps
     [
         ("", "frf"),
         ('\n[modes]\nfile = "modes.npz"\nfrequency_std = 1e-4\n', "modes"),
-        ('\n[update]\nto = ["frequencies"]\nmodel_error = 1e-4\n', "frequencies"),
+        ('\n[update]\nto = ["frequencies"]\n[fit]\nform = false\n', "frequencies"),
         ('\n[update]\nto = ["frf", "modes"]\n', "frf and modes"),
     ],
 )
@@ -209,16 +210,15 @@ def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to
     (E, *_) = data["parameters"]
     low, high = E["interval_95"]
     assert low < 210e9 < high
-    assert E["std"] < 0.004 * 210e9  # the model's own error of 0.1 % in frequency is 0.2 % in E
+    assert E["std"] < (0.004 if "form = false" in more else 0.02) * 210e9
     text = (out / "study.toml").read_text(encoding="utf-8")
     assert "[materials.steel] # as ordered" in text
     new = load_study(out / "study.toml")
     assert new.model.values()["frame", "E:steel"] == pytest.approx(E["value"], rel=1e-9)
     assert len(new.measurements) == 1  # its files are found from there
     if "frf" in to:
-        assert new.model.damping.ratio == pytest.approx(
-            [p["value"] for p in data["parameters"][1:]], rel=1e-6
-        )
+        ratios = {float(p["name"].split()[2]): p["value"] for p in data["parameters"][1:]}
+        assert new.model.damping.ratio_at(list(ratios)) == pytest.approx(list(ratios.values()), rel=1e-3)
     html = (out / "report.html").read_text(encoding="utf-8")
     assert all(word in html for word in ("frame E:steel", "95 % interval", "most correlated with"))
     assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
@@ -271,7 +271,7 @@ std = 0.02
     text = capsys.readouterr().out
     assert "at a bound: frame E:steel" in text
     values = tomllib.loads((out / "study.toml").read_text(encoding="utf-8"))
-    assert values["materials"]["steel"]["E"] == 205e9
+    assert values["materials"]["steel"]["E"] == pytest.approx(205e9, rel=1e-12)
     assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
 
 
@@ -284,9 +284,11 @@ def test_members_and_groups_get_parameters_of_their_own(bracket, tmp_path, capsy
 E = 0
 rho = 0
 
+[fit]
+form = false
+
 [update]
 to = ["frequencies"]
-model_error = 1e-4
 
 [[update.parameters]]
 effect = "member_stiffness:*"
@@ -300,6 +302,7 @@ std = 0.2
     assert main(["update", str(study), "--out", str(out)]) == 0
     assert "member_stiffness:arm change" in capsys.readouterr().out
     parameters = json.loads((out / "update.json").read_text(encoding="utf-8"))["parameters"]
+    print(capsys.readouterr().out, (out / "update.json").read_text()[:6000])
     for p in parameters:
         low, high = p["interval_95"]
         assert low < 0.05 < high
@@ -336,7 +339,6 @@ std = 0.2
             "is updated by parameter 1 already",
         ),
         ("[update]\nstart = 2", "unknown key; did you mean 'starts'?"),
-        ("[update]\ncontradicted = -2", "update.contradicted: -2 is not allowed"),
         ('[[update.parameters]]\neffect = "member_stifness:post"', "did you mean 'member_stiffness'?"),
         ('[[update.parameters]]\neffect = "member_stiffness:pst"', "the nearest are member_stiffness:post"),
         ('[[update.parameters]]\neffect = ["member_stiffness:post", "frame"]', "has no parameter 'change'"),
@@ -455,8 +457,8 @@ def test_a_node_missing_in_one_mode_is_a_gap_of_that_mode(bracket, tmp_path, cap
     gappy.write_text(text, encoding="utf-8")
     study = load_study(gappy)
     stiffer = study.model.with_values({("frame", "E:steel"): 1.05 * 200e9})
-    computed = solve_modes(assemble(stiffer), n=3)
-    rows = sensor_rows(study.model, study.sensors[-12:])
+    computed = solve_modes(assemble(on_fine_mesh(stiffer)), n=3)
+    rows = sensor_rows(on_fine_mesh(study.model), study.sensors[-12:])
     shapes = rows @ computed.shapes
     shapes[3:6, 1] = np.nan
     labels = tuple(f"{node}{d}+" for node in (1, 2, 3, 4) for d in "XYZ")
@@ -469,8 +471,8 @@ def test_a_node_missing_in_one_mode_is_a_gap_of_that_mode(bracket, tmp_path, cap
     assert main(["update", str(gappy), "--out", str(out)]) == 0
     found = json.loads((out / "update.json").read_text(encoding="utf-8"))
     (modulus,) = (p for p in found["parameters"] if p["name"] == "frame E:steel")
-    assert modulus["value"] == pytest.approx(1.05 * 200e9, rel=1e-4)
-    assert found["path"][-1]["mac"] == pytest.approx(1, abs=1e-8)
+    assert abs(modulus["value"] - 1.05 * 200e9) < modulus["std"]
+    assert found["path"][-1]["mac"] == pytest.approx(1, abs=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,10 @@ from fem.system import assemble
 from tests.frames import MAST
 
 UNCERTAIN = """
+[fit]
+form = false
 [update]
 to = ["frequencies"]
-model_error = 0.0
 
 [[update.parameters]]
 effect = "frame"

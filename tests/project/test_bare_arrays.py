@@ -137,7 +137,8 @@ def test_a_model_is_updated_in_three_lines(capsys):
     code = lines_of("updating.md")[0].replace("[83.1, 228.9, 448.0]", repr([16.9, 25.2]))
     parameters = [("frame", "E:steel")]
     names = run(code, model=model, parameters=parameters, H=H[:, :, 0], f=f, places=places)
-    assert names["updated"]["frame E:steel"].value == pytest.approx(208e9, rel=1e-4)
+    E = names["updated"]["frame E:steel"]
+    assert abs(E.value - 208e9) < E.std
     assert "frame E:steel" in capsys.readouterr().out
 
 

@@ -10,8 +10,8 @@ from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
 from fem.model import Damping, ModelError
 from fem.system import assemble
-from tests.frames import beam, fix
-from tests.updating.test_update import exact, textbook
+from tests.frames import beam, fix, on_fine_mesh
+from tests.updating.test_update import textbook
 from updating import Unknown, UpdateSettings, update
 from updating.inference.bootstrap import BootstrapModel, refit
 
@@ -27,7 +27,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def frequency(model):
-    return solve_modes(assemble(exact(model)), 4).frequency
+    return solve_modes(assemble(on_fine_mesh(model)), 4).frequency
 
 
 def refits(updated, n, seed=0):
@@ -63,9 +63,7 @@ def test_a_parameter_near_its_bound(model, frequency):
     near = 0.3
     value = 210e9 * 1.01
     bounded = Unknown((E,), start=value, lower=value * np.exp(-near * sigma))
-    updated = textbook(
-        model, [bounded], frequency=frequency * np.sqrt(1.01), frequency_std=STD
-    )
+    updated = textbook(model, [bounded], frequency=frequency * np.sqrt(1.01), frequency_std=STD)
     (p,) = updated.parameters
     assert not p.at_bound
     assert p.value == pytest.approx(value, rel=1e-5)

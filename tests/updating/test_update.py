@@ -8,11 +8,10 @@ from scipy.stats import binom, norm
 
 import fem
 from fem.effects import MemberStiffness
-from fem.elements.splitting import split
 from fem.model import ModelError
-from tests.frames import STEEL, beam, fix, planar, portal
+from tests.frames import STEEL, beam, fix, on_fine_mesh, planar, portal
 from updating.inference.arrays import frf_data, mode_data
-from updating.inference.preparation import build_problem, with_higher_mass
+from updating.inference.preparation import build_problem
 from updating.inference.sampling import MissingExtraError, sample
 from updating.inference.unknowns import Unknown
 from updating.inference.update import update
@@ -35,26 +34,21 @@ def frame():
     return model.with_effect(*changes), places
 
 
-def exact(model):
-    """Return a model on elements a quarter as long, whose mesh errs no more than that of fits."""
-    return split(with_higher_mass(model), 4)
-
-
 def rows_of(places):
     return [6 * p + "xyz".index(d) for p, d in places]
 
 
 def modes_of(model, places, n=8):
-    modes = fem.solve_modes(fem.assemble(exact(model)), n=n)
+    modes = fem.solve_modes(fem.assemble(on_fine_mesh(model)), n=n)
     return modes.frequency, modes.shapes[rows_of(places)]
 
 
 def frequencies_of(model, n):
-    return fem.solve_modes(fem.assemble(exact(model)), n=n).frequency
+    return fem.solve_modes(fem.assemble(on_fine_mesh(model)), n=n).frequency
 
 
 def frfs_of(model, places, drives, lines):
-    return fem.compute_frf(fem.assemble(exact(model)), lines, places, drives, tolerance=1e-8)
+    return fem.compute_frf(fem.assemble(on_fine_mesh(model)), lines, places, drives, tolerance=1e-8)
 
 
 def noisy(H, level, seed=0):
@@ -129,10 +123,10 @@ def test_shapes_and_frequencies_give_three_members_back():
     f, shapes = modes_of(model.with_values(truth), places)
     result = textbook(model, CHANGES, frequency=f, shapes=shapes, outputs=places)
     assert result.ending is Ending.CONVERGED
-    np.testing.assert_allclose(result.values, list(truth.values()), atol=1e-6)
+    np.testing.assert_allclose(result.values, list(truth.values()), atol=1e-5)
     assert len(result.path) >= 3
-    assert result.path[-1].errors.frequency < 1e-7 < result.path[0].errors.frequency
-    assert result.model.values()[CHANGES[2]] == pytest.approx(-0.12, abs=1e-6)
+    assert result.path[-1].errors.frequency < 1e-6 < result.path[0].errors.frequency
+    assert result.model.values()[CHANGES[2]] == pytest.approx(-0.12, abs=1e-5)
 
 
 def test_deviations_from_noisy_modes_hold_as_often_as_they_say():
@@ -300,7 +294,7 @@ def test_regularisation_bounds_what_the_data_do_not_say():
         model,
         refs,
         **kwargs,
-        settings=UpdateSettings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 0.1])),
+        settings=UpdateSettings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 1e-3])),
     )
     assert smoothed.curve is not None
     assert np.abs(smoothed.values - smooth).max() < np.abs(tikhonov.values - smooth).max()

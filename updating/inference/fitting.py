@@ -110,7 +110,7 @@ def null_fit(problem: FitProblem, *, n_lines: int = FULL_LINES, counted_as: int 
     From where a fit band by band ends, with its damping and with one that is even over frequency, and from
     where one to damped FRFs does, which converges from far away.
     """
-    banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), _far_fit(problem)
+    banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), far_fit(problem)
     ways = [banded, problem.with_even_damping(banded), *([far] if far else [])]
     nulls = [
         fit(problem, stages=problem.stages[-1:], x_from=near, n_lines=n_lines, counted_as=counted_as)
@@ -119,7 +119,7 @@ def null_fit(problem: FitProblem, *, n_lines: int = FULL_LINES, counted_as: int 
     return max(nulls, key=lambda r: r.log_evidence)
 
 
-def _far_fit(problem: FitProblem) -> FitResult | None:
+def far_fit(problem: FitProblem) -> FitResult | None:
     """Return a quick fit to less and less damped FRFs; None where they cannot be damped."""
     measured, near = continuation_of(problem), None
     for share in DECAYS if measured else ():

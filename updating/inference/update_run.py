@@ -15,6 +15,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import (
     QUICK_LINES,
     QUICK_NATS,
+    far_fit,
     fit,
     fit_given,
     null_fit,
@@ -42,7 +43,7 @@ _WIDEST = 0.5
 """They are drawn with no more than this error [-]."""
 _TOWARDS = 0.25, 0.5, 1.0
 """Parts of the way to the model without an effect at which fits start, too [-]."""
-_SMALL_GAIN = 1e-6
+_SMALL_GAIN = 1e-5
 """Fits end when a step gains less: half the square of its length in standard deviations [nats]."""
 _LINEARISED = 3
 """So often the problem of a regularisation is linearised."""
@@ -84,20 +85,32 @@ def update_fitted(
     watch(first, 1.0)(first.start, _cost(first, first.start, settings))
     if isinstance(problem, ModeProblem) and not _paired(problem):
         still = Solution(first.start, path[0].cost, np.nan, 0, True)
-        result = with_evidence(first, still, settings.n_lines)
+        ended = _at_end(whole, problem, with_evidence(first, still, settings.n_lines), settings)
     else:
-        problem, result = fit_given(problem, (), [*near, *better], **how, watch=watch)
-        if path[0].cost < path[-1].cost - QUICK_NATS:  # bands may lead away from a start that was better
-            problem, result = fit_given(problem, (), [problem.nominal()], **how, watch=watch)
+        ended = _at_end(whole, *fit_given(problem, (), [*near, *better], **how, watch=watch), settings)
+        if path[0].cost < _cost(ended.function, ended.x, settings) - QUICK_NATS:
+            # Bands may lead away from a start that was better.
+            again = fit_given(problem, (), [problem.nominal()], **how, watch=watch)
+            ended = _at_end(whole, *again, settings)
+    if settings.regularisation:
+        ended = _regularised(ended, asked, settings)
+    watch(ended.function, 1.0)(ended.x, _cost(ended.function, ended.x, settings))
+    return result_of(ended, model, asked, tuple(path), starts, left_out, settings)
+
+
+def _at_end(
+    whole: FitProblem | ModeProblem,
+    problem: FitProblem | ModeProblem,
+    result: FitResult,
+    settings: UpdateSettings,
+) -> Ended:
+    """Return where a fit ended, with the function of all lines there."""
     small = problem
     if isinstance(problem, FitProblem):
         small = replace(problem, scatter=form_scatter(problem, result, result.size))
     function = _function(small, settings)
     levels, x = function.levels(counted_as=settings.n_lines), function.moved_to(result)
-    ended = Ended(whole, problem, function, levels, result, x, None, None)
-    if settings.regularisation:
-        ended = _regularised(ended, asked, settings)
-    return result_of(ended, model, asked, tuple(path), starts, left_out, settings)
+    return Ended(whole, problem, function, levels, result, x, None, None)
 
 
 def _paired(problem: ModeProblem) -> bool:
@@ -156,8 +169,10 @@ def _starts(
     quick: dict[str, Any] = how | {"n_lines": min(QUICK_LINES, settings.n_lines)}
     fits = []
     for x in [first, *elsewhere]:
+        moved = _moved(problem, asked, x)
         try:
-            fits.append(fit(_moved(problem, asked, x), **quick))
+            far = far_fit(moved) if isinstance(moved, FitProblem) else None
+            fits.append(fit(moved, **quick, x_from=far))
         except np.linalg.LinAlgError:  # no structure there
             continue
     order = sorted(fits[1:], key=lambda r: -r.log_evidence)
