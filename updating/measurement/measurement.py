@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,14 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, FRFKind
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
-from fem.ground import MovingGround
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of
 from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
+
+
+MOTION, STRAIN = "motion", "strain"
+"""Quantities that a channel may read."""
 
 
 class MeasurementError(ValueError):
@@ -23,6 +27,8 @@ class MeasurementError(ValueError):
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensor:
     """A translational sensor or exciter at a place on the structure.
+
+    Another kind of channel is a subclass in a file of its own, with a ``row`` and a ``quantity``.
 
     Attributes
     ----------
@@ -55,6 +61,71 @@ class Sensor:
     relative: bool = False
     body: str = ""
 
+    quantity: ClassVar[str] = MOTION
+    """Readings of a motion have the time derivatives of the FRFs' kind, and may have some of the motion
+    across ``direction``; of any other quantity neither is true."""
+
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the reading, or the force of an exciter, as a combination of DOFs, shape (n_dof,).
+
+        Raises
+        ------
+        MeasurementError
+            As :func:`sensor_rows`.
+        """
+        row, ground = np.zeros(model.n_dof), model.ground
+        dofs, motion = _motion_at(model, self)
+        row[dofs] = self.gain * (np.asarray(self.direction) @ motion)
+        if self.relative and ground is not None:
+            row[ground.dofs] = -self.gain * (ground.directions @ np.asarray(self.direction))
+        return row
+
+    def placed(self, mesh: Mesh, tolerance: float) -> Mesh:
+        """Return a mesh with the points that the reading needs: one at the sensor.
+
+        Raises
+        ------
+        MeasurementError
+            If it is farther from its member, or the nearest one, than the tolerance [m].
+        """
+        _, distance = mesh.nearest_point(self.point)
+        if distance <= 1e-6 * mesh.size:
+            return mesh
+        member, position, distance = mesh.nearest_on_members(self.point)
+        self._refuse_distant(member, distance, tolerance)
+        return mesh.with_point_on(member, position)
+
+    def on_member(self, mesh: Mesh, tolerance: float) -> tuple[str, float]:
+        """Return the member that it sits on, and its arc length there [m].
+
+        Raises
+        ------
+        MeasurementError
+            If it is farther from that member than the tolerance [m].
+        """
+        if self.member is None:
+            member, position, distance = mesh.nearest_on_members(self.point)
+        else:
+            (member,) = mesh.members_of(self.member)
+            chain, s = mesh.points[mesh.member_points(member)], mesh.member_positions(member)
+            t = np.diff(chain, axis=0)
+            xi = np.clip(((self.point - chain[:-1]) * t).sum(axis=1) / (t**2).sum(axis=1), 0.0, 1.0)
+            away = np.linalg.norm(chain[:-1] + xi[:, None] * t - self.point, axis=1)
+            k = int(np.argmin(away))
+            position, distance = float(s[k] + xi[k] * (s[k + 1] - s[k])), float(away[k])
+        self._refuse_distant(member, distance, tolerance)
+        return member, position
+
+    def _refuse_distant(self, member: str, distance: float, tolerance: float) -> None:
+        """Raise a MeasurementError for a sensor that is too far from a member."""
+        if distance > tolerance:
+            of = "nearest member" if self.member is None else "member"
+            msg = (
+                f"sensor '{self.name}' at {np.asarray(self.point).tolist()} m is {distance:.3g} m from the "
+                f"{of} '{member}'; at most {tolerance:.3g} m is allowed"
+            )
+            raise MeasurementError(msg)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseMotion(Sensor):
@@ -64,6 +135,26 @@ class BaseMotion(Sensor):
     acceleration [-], as mobility a velocity [s] and as receptance a displacement [s²]. Its point is where
     pictures mark it.
     """
+
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
+
+        Raises
+        ------
+        MeasurementError
+            If the base rests in the model, or does not move along the direction.
+        """
+        row, along, ground = np.zeros(model.n_dof), np.asarray(self.direction, dtype=float), model.ground
+        if ground is None:
+            msg = f"'{self.name}' is a motion of the base, which rests in this model; see with_moving_base"
+            raise MeasurementError(msg)
+        amount = ground.translated(along)
+        if np.abs(amount @ ground.directions - along).max() > 1e-6:
+            msg = f"'{self.name}' moves the base along {along.tolist()}, where the model's base does not move"
+            raise MeasurementError(msg)
+        (base,) = model.of_kind(MovingBase)
+        row[ground.dofs] = self.gain * base.mass * amount
+        return row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,17 +319,7 @@ def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | No
     """
     tolerance = 0.02 * mesh.size if tolerance is None else tolerance
     for sensor in sensors:
-        _, distance = mesh.nearest_point(sensor.point)
-        if distance <= 1e-6 * mesh.size:
-            continue
-        member, position, distance = mesh.nearest_on_members(sensor.point)
-        if distance > tolerance:
-            msg = (
-                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from the nearest "
-                f"member '{member}'; at most {tolerance:.3g} m is allowed"
-            )
-            raise MeasurementError(msg)
-        mesh = mesh.with_point_on(member, position)
+        mesh = sensor.placed(mesh, tolerance)
     return mesh
 
 
@@ -330,14 +411,34 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
 
 
 def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
-    """Return where a measurement's sensors and excitations are, as points of a mesh."""
+    """Return where a measurement's sensors of motion and its excitations are, as points of a mesh."""
 
     def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
     forces = tuple(e for e in measurement.excitations if not isinstance(e, BaseMotion))
-    return Instruments(*places(measurement.sensors), *places(forces))
+    return Instruments(*places(motions_of(measurement.sensors)), *places(forces))
+
+
+def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
+    """Return those sensors that read a motion."""
+    return tuple(s for s in sensors if s.quantity == MOTION)
+
+
+def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
+    """Return 1 or -1 if a sensor reads the motion of a force's place, along or against the force, else 0.
+
+    Parameters
+    ----------
+    sensor, excitation : Sensor
+    tolerance : float
+        Largest distance [m].
+    """
+    cosine = float(np.dot(sensor.direction, excitation.direction))
+    near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
+    force = excitation.quantity == MOTION and not isinstance(excitation, BaseMotion)
+    return float(np.sign(cosine)) if near and force and sensor.quantity == MOTION and abs(cosine) > 0.999 else 0.0
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
@@ -347,18 +448,10 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     ------
     MeasurementError
         If the mesh has no point where a sensor sits (:func:`place_sensors`), the model lacks the sprung mass
-        that carries one, or the base of a :class:`BaseMotion` rests in the model.
+        that carries one, or the base of a :class:`BaseMotion` rests in the model; and as the ``row`` of a
+        channel of another kind says.
     """
-    rows, ground = np.zeros((len(sensors), model.n_dof)), model.ground
-    for i, s in enumerate(sensors):
-        if isinstance(s, BaseMotion):
-            rows[i] = _base_force(model, ground, s)
-            continue
-        dofs, motion = _motion_at(model, s)
-        rows[i, dofs] = s.gain * (np.asarray(s.direction) @ motion)
-        if s.relative and ground is not None:
-            rows[i, ground.dofs] = -s.gain * (ground.directions @ np.asarray(s.direction))
-    return rows
+    return np.array([s.row(model) for s in sensors]).reshape(len(sensors), model.n_dof)
 
 
 def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -370,18 +463,3 @@ def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray
         msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
         raise MeasurementError(msg)
     return motion
-
-
-def _base_force(model: Model, ground: MovingGround | None, motion: BaseMotion) -> NDArray[np.float64]:
-    """Return the force on the base that gives it the acceleration 1 along a direction, (n_dof,)."""
-    row, along = np.zeros(model.n_dof), np.asarray(motion.direction, dtype=float)
-    if ground is None:
-        msg = f"'{motion.name}' is a motion of the base, which rests in this model; see with_moving_base"
-        raise MeasurementError(msg)
-    amount = ground.translated(along)
-    if np.abs(amount @ ground.directions - along).max() > 1e-6:
-        msg = f"'{motion.name}' moves the base along {along.tolist()}, where the model's base does not move"
-        raise MeasurementError(msg)
-    (base,) = model.of_kind(MovingBase)
-    row[ground.dofs] = motion.gain * base.mass * amount
-    return row
