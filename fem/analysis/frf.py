@@ -255,7 +255,8 @@ class FRF:
         ):
             stranger = next((name for name in some if name not in names), None)
             if stranger is not None:
-                msg = f"there is no {word} '{stranger}' that could be {what}; the data have {', '.join(names)}"
+                have = ", ".join(names)
+                msg = f"there is no {word} '{stranger}' that could be {what}; the data have {have}"
                 raise FRFError(msg)
         if not np.isfinite(frequency).all() or (frequency < 0).any():
             msg = "frequencies must be finite and not negative [Hz]"

@@ -20,6 +20,11 @@ _LENGTHS = {
 }  # fmt: skip
 _GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}
 _ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
+_STRAINS = {
+    "%": 0.01, "strain": 1.0, "ε": 1.0, **dict.fromkeys(
+        ("ue", "µe", "μe", "uε", "µε", "με", "ustrain", "µstrain", "μstrain", "microstrain"), 1e-6
+    ),
+}  # fmt: skip
 _FORCES = {
     "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
     "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
@@ -56,7 +61,7 @@ _DIMENSIONS: tuple[tuple[dict[str, float], Dimension], ...] = (
     ({"hz": 1.0, "khz": 1e3}, (0, 0, -1, 0)),
     (_ANGLES, (0, 0, 0, 1)),
     ({"kg": 1.0}, (1, -1, 2, 0)),
-    ({"%": 0.01}, NUMBER),
+    (_STRAINS, NUMBER),
 )
 _CASES: dict[str, Size] = {
     "MN": (1e6, FORCE),
@@ -79,7 +84,7 @@ _OTHER_WORDS = (
     (r"\bmps\b", "m/s"), (r"\s+per\s+", "/"), (r"\s+squared\b", "^2"), (r"\bsince\b.*$", ""),
 )  # fmt: skip
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμ°%]+))")
+_TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμε°%]+))")
 _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
 _LONGEST = 60
 """Characters of a label."""

@@ -23,7 +23,14 @@ from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, with_instruments
+from updating.measurement.measurement import (
+    MOTION,
+    Measurement,
+    MeasurementError,
+    Sensor,
+    motions_of,
+    with_instruments,
+)
 
 MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
@@ -248,14 +255,20 @@ def _prepared(
     f = measurement.frf.select(band=band).frequency if band else measurement.frf.frequency
     f, n = f[f > 0], len(measurement.sensors)
     square = [
-        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+        replace(s, direction=d)
+        for s in motions_of(measurement.sensors)
+        for d in np.linalg.svd([s.direction])[2][1:]
     ]
     sensors = (*measurement.sensors, *(() if model_error == 0 else square))
     outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
     engine = ParametricFRF(reduced, outputs, inputs, f, ())
     values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
     nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
-    return prepare(measurement, nominal, band, across=_across(f, moved) if moved.size else None)
+    if not moved.size:
+        return prepare(measurement, nominal, band)
+    across = np.zeros(nominal.shape)  # a strain gauge reads no motion
+    across[:, [s.quantity == MOTION for s in measurement.sensors]] = _across(f, moved)
+    return prepare(measurement, nominal, band, across=across)
 
 
 def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of
 from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
-
 
 MOTION, STRAIN = "motion", "strain"
 """Quantities that a channel may read."""
@@ -426,6 +425,35 @@ def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
     return tuple(s for s in sensors if s.quantity == MOTION)
 
 
+def shapes_like_motions(
+    shapes: NDArray[Any], sensors: Sequence[Sensor]
+) -> tuple[NDArray[Any], tuple[Sensor, ...]]:
+    """Return shapes whose rows are alike in size for all quantities, and the sensors that read so.
+
+    A shape of motions [m] and strains [-] would otherwise be one of motions alone. All rows of a quantity get
+    one factor, the power of 2 that brings their root mean square nearest to that of the motions: the same for
+    two states of a structure. It becomes part of the gain, so that computed shapes have it as well.
+
+    Parameters
+    ----------
+    shapes : ndarray (n_out, n_modes)
+        NaN where nothing was measured.
+    sensors : sequence of Sensor
+        Of the rows.
+    """
+    quantity = np.array([s.quantity for s in sensors])
+    if not len(shapes) or len(set(quantity)) < 2:
+        return shapes, tuple(sensors)
+    factor = np.ones(len(sensors))
+    size = {q: np.sqrt(np.nanmean(np.abs(shapes[quantity == q]) ** 2)) for q in set(quantity)}
+    reference = size.get(MOTION, 1.0)
+    for q, own in size.items():
+        if own > 0 and reference > 0:
+            factor[quantity == q] = 2.0 ** np.round(np.log2(reference / own))
+    like = (replace(s, gain=s.gain * f) for s, f in zip(sensors, factor.tolist(), strict=True))
+    return shapes * factor[:, None], tuple(like)
+
+
 def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     """Return 1 or -1 if a sensor reads the motion of a force's place, along or against the force, else 0.
 
@@ -437,8 +465,8 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     """
     cosine = float(np.dot(sensor.direction, excitation.direction))
     near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
-    force = excitation.quantity == MOTION and not isinstance(excitation, BaseMotion)
-    return float(np.sign(cosine)) if near and force and sensor.quantity == MOTION and abs(cosine) > 0.999 else 0.0
+    motion = sensor.quantity == MOTION and not isinstance(excitation, BaseMotion)
+    return float(np.sign(cosine)) if near and motion and abs(cosine) > 0.999 else 0.0
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:

@@ -16,6 +16,9 @@ from updating.measurement.measurement import STRAIN, MeasurementError, Sensor, s
 SHORT = 0.005
 """Length of the elements on both sides of a gauge, in lengths of its member [-]."""
 
+STRAIGHT = 0.99
+"""Least cosine of the angle between a gauge and its member's axis, which eccentric ends tilt [-]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrainGauge(Sensor):
@@ -65,11 +68,11 @@ class StrainGauge(Sensor):
             msg = f"strain gauge '{self.name}' is in a rigid zone of '{member}', which has no strain"
             raise MeasurementError(msg)
         along = g.R[:, 0] @ np.asarray(self.direction, dtype=float)
-        if np.abs(along).min() < 0.999:
+        if np.abs(along).min() < STRAIGHT:
             msg = (
                 f"strain gauge '{self.name}' has the direction {np.asarray(self.direction).tolist()}, "
-                f"{np.degrees(np.arccos(np.clip(np.abs(along).min(), 0, 1))):.3g}° off the axis of '{member}'; "
-                "gauges along the axis are allowed"
+                f"{np.degrees(np.arccos(np.abs(along).min())):.3g}° off the axis of '{member}'; gauges along "
+                "the axis are allowed"
             )
             raise MeasurementError(msg)
         B = np.real(strain_matrix(g, flexible_fraction(g, second.astype(float))))

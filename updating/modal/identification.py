@@ -132,6 +132,11 @@ def identify_modes(
         raise IdentificationError(msg)
     if isinstance(frf, FRF):
         whole = frf
+        if frf.strain and frf.kind != FRFKind.RECEPTANCE:  # residues of strains are those of receptances
+            if std is not None:
+                sigma = _standard_deviation(std, frf)
+                std = np.abs(_receptances(replace(frf, H=sigma.astype(complex))).H)
+            whole = _receptances(frf)
     elif H is None:
         msg = "frequencies are given without FRFs; identify_modes takes an FRF, or frequencies and H"
         raise IdentificationError(msg)
@@ -294,6 +299,11 @@ def _driving_points(
                 raise IdentificationError(msg)
         out.append((at[0], at[1], 1))
     return tuple(out)
+
+
+def _receptances(frf: FRF) -> FRF:
+    """Return FRFs as receptances, without a line at 0 Hz."""
+    return frf.select(lines=frf.frequency > 0).as_kind(FRFKind.RECEPTANCE)
 
 
 def _turned(frf: FRF) -> FRF:
