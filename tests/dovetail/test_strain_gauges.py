@@ -1,0 +1,205 @@
+"""Strain gauges in studies: files, comparisons and diagnoses, alone and beside accelerometers."""
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from dovetail.file.table import StudyError
+from fem.analysis.frf import FRF
+from fem.io import read_frf, write_npz
+from fem.io.uff import read_uff
+from updating.correlation import DB_PER_NEPER, log_ratio
+
+L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
+LOSS = 0.01
+STUDY = """
+[points]
+root = [0.0, 0.0, 0.0]
+tip = [0.8, 0.0, 0.0]
+
+[members.beam]
+from = "root"
+to = "tip"
+theory = "euler-bernoulli"
+
+[materials.aluminium]
+E = 70e9
+rho = 2700.0
+
+[sections.flat]
+shape = "rectangle"
+b = 0.03
+h = 0.008
+
+[[supports]]
+point = "root"
+
+[damping]
+loss_factor = 0.01
+
+[frequency]
+start = 4.0
+stop = 420.0
+step = 1.0
+
+[[excitations]]
+name = "F"
+point = "tip"
+direction = "z"
+"""
+GAUGES = """
+[[sensors]]
+name = "G1"
+quantity = "strain"
+member = "beam"
+position = 0.04
+offset = [0.0, 0.004]
+
+[[sensors]]
+name = "G2"
+quantity = "strain"
+member = "beam"
+position = 0.25
+offset = [0.0, 0.004]
+
+[[sensors]]
+name = "G3"
+quantity = "strain"
+point = [0.5, 0.0, 0.0]
+offset = [0.0, -0.004]
+"""
+ACCELEROMETERS = """
+[[sensors]]
+name = "A1"
+point = "tip"
+direction = "z"
+
+[[sensors]]
+name = "A2"
+point = [0.45, 0.0, 0.0]
+direction = "z"
+"""
+PLACES = {"G1": (0.04, 0.004), "G2": (0.25, 0.004), "G3": (0.5, -0.004)}
+MOTIONS = {"A1": 0.8, "A2": 0.45}
+
+
+def study(folder, sensors=GAUGES + ACCELEROMETERS, more=""):
+    path = folder / "study.toml"
+    path.write_text(STUDY + sensors + more)
+    return path
+
+
+def exact(frequency, k=np.inf, names=(*PLACES, *MOTIONS)):
+    """Return strain FRFs and accelerances of a cantilever whose root turns on a spring k, (n_freq, n_out, 1).
+
+    The Euler-Bernoulli beam in closed form, EI w'''' = ρA ω² w, with no mesh: w(0) = 0, EI w''(0) = k w'(0),
+    w''(L) = 0, EI w'''(L) = -1 for a force of 1 N at the tip.
+    """
+    EI, m = E * (1 + 1j * LOSS) * B * H**3 / 12, RHO * B * H
+    out = []
+    for f in frequency:
+        omega = 2 * np.pi * f
+        b = (m * omega**2 / EI) ** 0.25
+
+        def waves(x, d=0, b=b):
+            """Return the d-th derivatives of the four waves; those that decay do so from either end."""
+            return np.array([
+                (1j * b) ** d * np.exp(1j * b * x), (-1j * b) ** d * np.exp(-1j * b * x),
+                b**d * np.exp(b * (x - L)), (-b) ** d * np.exp(-b * x),
+            ])  # fmt: skip
+
+        root = waves(0, 1) if np.isinf(k) else EI * waves(0, 2) - k * waves(0, 1)
+        a = np.linalg.solve(np.array([waves(0), root, waves(L, 2), EI * waves(L, 3)]), [0, 0, 0, -1.0])
+        rows = [
+            -PLACES[n][1] * waves(PLACES[n][0], 2) @ a if n in PLACES else -(omega**2) * waves(MOTIONS[n]) @ a
+            for n in names
+        ]
+        out.append(rows)
+    return np.array(out)[:, :, None]
+
+
+def db(a, b):
+    return float(np.sqrt(np.mean(np.abs(log_ratio(a, b)) ** 2))) * DB_PER_NEPER
+
+
+@pytest.mark.parametrize("kind", ["accelerance", "mobility", "receptance"])
+def test_a_study_computes_strains_beside_motions_of_any_kind(tmp_path, kind):
+    found = load_study(study(tmp_path)).frf(kind=kind)
+    assert found.strain == ("G1", "G2", "G3")
+    assert found.unit.endswith(", 1/N")
+    closed = exact(found.frequency)
+    strains, motions = found.select(found.strain), found.select(["A1", "A2"])
+    assert strains.unit == "1/N"
+    assert db(strains.H, closed[:, :3]) < 0.01  # but for the mesh, and rotary inertia, 1e-4 of a frequency
+    assert db(motions.as_kind("accelerance").H, closed[:, 3:]) < 0.01
+    assert (strains.as_kind("mobility").H == strains.H).all()
+
+
+@pytest.mark.parametrize("file", ["frf.npz", "frf.csv", "frf.uff"])
+def test_written_frfs_are_read_back_as_they_were(tmp_path, file):
+    labels = GAUGES.replace('quantity = "strain"', 'quantity = "strain"\nlabel = "{}X+"')
+    labels = labels.format(11, 12, 13) + ACCELEROMETERS
+    path = study(tmp_path, labels)
+    main(["frf", str(path), "--out", str(tmp_path / file)])
+    path = study(tmp_path, labels, f'\n[[measurements]]\nfile = "{file}"\n')
+    if file == "frf.uff":  # sensors without a label have the numbers of the mesh's points
+        frf = read_uff(tmp_path / file).frfs[0]
+        assert frf.strain == ("11X+", "12X+", "13X+")
+        names = dict(zip(["A1", "A2"], frf.outputs[3:], strict=True))
+        text = path.read_text().replace('name = "F"', f'name = "F"\nlabel = "{frf.inputs[0]}"')
+        for name, label in names.items():
+            text = text.replace(f'name = "{name}"', f'name = "{name}"\nlabel = "{label}"')
+        path.write_text(text)
+    else:
+        assert read_frf(tmp_path / file).strain == ("11X+", "12X+", "13X+")
+    again = load_study(path)
+    (measured,) = again.measurements
+    assert measured.frf.strain == ("G1", "G2", "G3")
+    assert db(again.frf().H, measured.frf.H) < (1e-4 if file == "frf.uff" else 1e-9)
+
+
+def measured(folder, sensors, names, k=np.inf, noise=0.01, **factors):
+    rng = np.random.default_rng(3)
+    f = np.arange(4.0, 420.5, 1.0)
+    values = exact(f, k, names) * np.array([factors.get(n, 1.0) for n in names])[:, None]
+    values = values * (1 + noise * (rng.normal(size=values.shape) + 1j * rng.normal(size=values.shape)))
+    strain = [n for n in names if n in PLACES]
+    write_npz(folder / "frf.npz", FRF.from_arrays(f, values, "accelerance", names, ["F"], strain=strain))
+    more = '\n[[measurements]]\nfile = "frf.npz"\n\n[candidates]\n'
+    more += 'kinds = ["support_flexibility", "point_mass", "member_stiffness", "sensor_mass"]\n'
+    return load_study(study(folder, sensors, more))
+
+
+@pytest.mark.parametrize(
+    ("sensors", "names"),
+    [(GAUGES, tuple(PLACES)), (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))],
+    ids=["gauges", "mixed"],
+)
+def test_a_root_that_gives_way_is_found_from_strains(tmp_path, sensors, names):
+    k = 1200.0
+    found = measured(tmp_path, sensors, names, k).diagnose()
+    assert not found.faults
+    (finding,) = found.findings
+    assert finding.effect.kind == "support_flexibility"
+    (stiffness,) = finding.parameters
+    assert abs(stiffness.value - k) < 2 * stiffness.std < 0.06 * k
+
+
+@pytest.mark.parametrize(
+    ("sensors", "names", "wrong"),
+    [(GAUGES, tuple(PLACES), "G2"), (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "G2"),
+     (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "A2")],
+    ids=["among gauges", "among both", "accelerometer"],
+)  # fmt: skip
+def test_a_channel_that_is_wired_in_reverse_is_found(tmp_path, sensors, names, wrong):
+    found = measured(tmp_path, sensors, names, **{wrong: -1.0}).diagnose()
+    assert [f.name for f in found.faults] == [f"sensor_sign:{wrong}"]
+    assert not found.findings
+
+
+def test_a_gauge_with_a_wrong_gain_is_found_beside_accelerometers(tmp_path):
+    found = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), G2=1.4).diagnose()
+    (fault,) = found.faults
+    assert fault.name == "sensor_gain:G2"
+    assert fault.value == pytest.approx(1.4, rel=0.03)
