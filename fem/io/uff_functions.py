@@ -271,7 +271,7 @@ class _Group:
     def __init__(self, kind: FRFKind, first: Function, again: bool) -> None:
         self.kind, self.first, self.again = kind, first, again
         self.cells: dict[tuple[str, str], Function] = {}
-        self.labels: dict[tuple[str, str | bool], str] = {}
+        self.labels: dict[tuple[str, bool], str] = {}
 
     def alike(self, function: Function, kind: FRFKind) -> bool:
         """Tell whether a record is of this matrix; rotations have a unit label of their own."""
@@ -287,10 +287,13 @@ class _Group:
         self.labels |= _unit_labels(function)
 
 
-def _unit_labels(function: Function) -> dict[tuple[str, str | bool], str]:
+def _unit_labels(function: Function) -> dict[tuple[str, bool], str]:
+    """Return the unit labels that records of one matrix share; strains join motions whatever theirs is."""
     moment = abs(parse_label(function.reference)[1]) > 3
-    turned = "strain" if function.is_strain else abs(parse_label(function.response)[1]) > 3
-    return {("response", turned): function.unit.lower(), ("force", moment): function.denominator_unit.lower()}
+    force = {("force", moment): function.denominator_unit.lower()}
+    if function.is_strain:
+        return force
+    return force | {("response", abs(parse_label(function.response)[1]) > 3): function.unit.lower()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from fem.analysis.frf import FRFKind
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
 from fem.io.uff_types import MOTIONS, Function, Units
-from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, size_of
+from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, strain_of
 
 _FREQUENCIES = {
     "hz": 1.0, "hertz": 1.0, "cps": 1.0, "cycles/s": 1.0, "khz": 1e3, "rads": 0.5 / np.pi, "rpm": 1 / 60,
@@ -80,12 +80,6 @@ def motion_factor(label: str, kind: FRFKind, turned: bool) -> float | None:
     return size if found else None
 
 
-def strain_factor(label: str) -> float | None:
-    """Return the size of a unit of strain, such as µε or m/m, or of strain per force; None for another."""
-    (size, powers), _ = quotient_of(label)
-    return size if powers == NUMBER and size_of(label) is not None else None
-
-
 def force_factor(label: str, moment: bool) -> float | None:
     """Return the SI value of one unit of a force or moment; None where the label is not known."""
     return conversion(label, "N m" if moment else "N") or (moment_of(label.strip()) if moment else None)
@@ -121,8 +115,11 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     if f.of_motion:
         return _between_motions(f, units, labels)
     turned, moment = (abs(parse_label(end)[1]) > 3 for end in (f.response, f.reference))
-    response = strain_factor(f.unit) if f.is_strain else motion_factor(f.unit, kind, turned)
-    motion = response if f.unit else None
+    if f.is_strain:
+        strain = strain_of(f.unit) if f.unit else None
+        motion = None if strain is None else strain[0]
+    else:
+        motion = motion_factor(f.unit, kind, turned) if f.unit else None
     force = force_factor(f.denominator_unit, moment) if f.denominator_unit else _force_in(f.unit, moment)
     unknown = [
         f"'{label}'"

@@ -89,6 +89,7 @@ _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
 _LONGEST = 60
 """Characters of a label."""
 
+_LENGTH_RATIO = re.compile(r"\(?\s*([nuµμm]?m\s*/\s*m?m|in\s*/\s*in)\s*\)?\s*(?:/(.+)|$)")
 _BRACKETS = re.compile(r"(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 LONGEST_HEADING = 200
 """Characters of a heading that is looked into; a longer one is no name with a unit."""
@@ -117,6 +118,20 @@ def quotient_of(label: str) -> tuple[Size, Size]:
     if under == [(1e-9, LENGTH, -1)]:  # no motion is divided by nanometres: N m in small letters
         under = [(1.0, MOMENT, -1)]
     return _product(over), _product([(size, powers, -n) for size, powers, n in under])
+
+
+def strain_of(label: str) -> tuple[float, Size] | None:
+    """Return the size of a unit of strain, and what it is divided by: 1e-6 and N of µε/N; None for others.
+
+    A length over a length at the front is a strain, as in (m/m)/N; the unit m/(N m) is a motion for a moment.
+    """
+    ratio = _LENGTH_RATIO.match(label.strip())
+    one, rest = (size_of(ratio[1]), ratio[2]) if ratio else (None, "")
+    under = size_of(rest) if rest else (1.0, NUMBER)
+    if one is not None and under is not None:
+        return one[0], under
+    (size, powers), under = quotient_of(label)
+    return (size, under) if powers == NUMBER and size_of(label) is not None else None
 
 
 def moment_of(symbol: str) -> float | None:

@@ -95,7 +95,10 @@ def test_gauges_that_read_no_strain_are_refused():
     model = cantilever(4)
     for other, words in (
         (gauge(0.3, direction=(0.0, 0.0, 1.0)), "90° off the axis of 'beam'"),
-        (StrainGauge("g", np.array([0.3, 0.2, 0]), np.array([1.0, 0, 0]), "beam"), "is 0.2 m from the nearest"),
+        (
+            StrainGauge("g", np.array([0.3, 0.2, 0]), np.array([1.0, 0, 0]), "beam"),
+            "is 0.2 m from the nearest",
+        ),
     ):
         with pytest.raises(MeasurementError, match=words):
             sensor_rows(model, [other])

@@ -203,3 +203,84 @@ def test_a_gauge_with_a_wrong_gain_is_found_beside_accelerometers(tmp_path):
     (fault,) = found.faults
     assert fault.name == "sensor_gain:G2"
     assert fault.value == pytest.approx(1.4, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "names"),
+    [(GAUGES, tuple(PLACES)), (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))],
+    ids=["gauges", "mixed"],
+)
+def test_strain_modes_are_identified_and_show_what_is_missing(tmp_path, sensors, names):
+    path = measured(tmp_path, sensors, names, 1200.0, noise=0.003).path
+    main(["identify-modes", str(path), "--out", str(tmp_path / "modes.npz"), "--quiet"])
+    more = '\n[modes]\nfile = "modes.npz"\n\n[candidates]\n'
+    more += 'kinds = ["support_flexibility", "point_mass", "member_stiffness"]\n'
+    test = load_study(study(tmp_path, sensors, more))
+    assert test.modes is not None
+    sizes = np.sqrt((np.abs(test.modes.modes.shapes) ** 2).mean(axis=1))
+    assert sizes.max() < 10 * sizes.min()  # of mixed shapes the strains count as much as the motions
+    found = test.diagnose()
+    ((effect,),) = [e.effects for e in found.explanations[:1]]
+    assert effect.kind == "support_flexibility"
+    assert (found.modes.mac_found > 0.999).all()
+    assert (found.modes.mac_nominal < 0.998).any()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("offset = [0.0, 0.004]", "", r"sensors\[1\]: 'offset' is missing"),
+        (
+            "offset = [0.0, 0.004]",
+            "offset = [0.004]",
+            r"sensors\[1\].offset: \[0.004\] is not allowed; 2 numbers",
+        ),
+        ("offset = [0.0, 0.004]", "offset = [0.0, 0.004]\nmass = 0.1", "mass: unknown key; .*allowed are"),
+        ("position = 0.04\n", "", r"position"),
+        ('member = "beam"\nposition = 0.04\n', "", "the place of the gauge is missing: give member"),
+        ('quantity = "strain"', 'quantity = "stress"', "motion, strain"),
+        ('point = "tip"\ndirection = "z"', 'sensor = "G1"', "'G1' measures strain; a force acts where"),
+    ],
+)
+def test_gauges_that_are_stated_wrongly_are_refused_with_the_place(tmp_path, old, new, words):
+    path = study(tmp_path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(StudyError, match=words):
+        load_study(path)
+
+
+def test_a_strain_in_a_file_is_no_accelerometers(tmp_path):
+    accelerometer = '\n[[sensors]]\nname = "G1"\npoint = "tip"\ndirection = "z"\n'
+    with pytest.raises(StudyError, match=r"channel G1 of frf\.npz measures strain, and sensor 'G1' a motion"):
+        measured(tmp_path, accelerometer, ("G1",))
+
+
+def test_a_table_of_sensors_has_gauges_with_their_offsets(tmp_path):
+    (tmp_path / "sensors.csv").write_text(
+        "name,quantity,member,position,offset_y [mm],offset_z [mm],direction,sign\n"
+        "G1,strain,beam,0.04,0,4,,\nG4,strain,beam,0.04,-10,4,,-1\nA1,,beam,0.8,,,z,\n"
+    )
+    gauge, other, motion = load_study(study(tmp_path, '\n[[sensors]]\nfile = "sensors.csv"\n')).sensors
+    assert (gauge.offset, other.offset) == ((0.0, 0.004), (-0.01, 0.004))
+    assert (gauge.direction == -other.direction).all()
+    assert motion.quantity == "motion"
+
+
+def test_other_commands_take_the_motions_alone(tmp_path, capsys):
+    path = study(tmp_path)
+    main(["base", str(path), "--motion", "z", "--stop", "20", "--step", "5"])
+    said = capsys.readouterr().out
+    assert "of 2 sensor(s)" in said and "G1" not in said
+    path.write_text(path.read_text() + "\n[uncertain]\nE = 0.05\n")
+    assert main(["ensemble", str(path), "--out", str(tmp_path / "e"), "--samples", "4"]) != 0
+    assert "G1, G2, G3 measure no motion" in capsys.readouterr().err
+
+
+def test_reports_give_each_frf_its_unit(tmp_path):
+    from dovetail.report.figures import magnitude_title
+    from viz.curves import plot_frf
+
+    frf = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).measurements[0].frf
+    labels = [a.get_ylabel() for a in plot_frf(frf, pairs=[("A1", "F"), ("G1", "F")]).axes]
+    assert labels[0::2] == ["accelerance [(m/s²)/N]", "strain per force [1/N]"]
+    assert magnitude_title(frf.select(["G2"])) == "strain per force<br>[dB re 1 1/N]"
