@@ -1,4 +1,4 @@
-"""Strain gauges on a cantilever against closed forms: static loads, and curvatures of Euler-Bernoulli modes."""
+"""Strain gauges on a cantilever against closed forms: tip loads, and curvatures of Euler-Bernoulli modes."""
 
 import numpy as np
 import pytest

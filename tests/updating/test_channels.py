@@ -60,7 +60,8 @@ def test_every_kind_of_channel_is_walked():
 def test_a_row_has_the_size_of_the_model_and_scales_with_the_gain(channel):
     row = channel.row(model())
     assert row.shape == (model().n_dof,)
-    assert np.isfinite(row).all() and row.any()
+    assert np.isfinite(row).all()
+    assert row.any()
     assert (sensor_rows(model(), [channel])[0] == row).all()
     assert replace(channel, gain=3.0).row(model()) == pytest.approx(3 * row)
     assert replace(channel, direction=-channel.direction).row(model()) == pytest.approx(-row)
@@ -76,12 +77,13 @@ def test_frfs_are_the_same_after_a_file_and_in_another_kind(tmp_path, channel, k
     assert (again.H == frf.H).all()  # 0 dB
     assert (again.strain, again.base, again.quantity) == (frf.strain, frf.base, frf.quantity)
     other = computed_frf(model(), [channel], tuple(FORCES.values()), f, "mobility")
-    assert again.as_kind("mobility").H == pytest.approx(other.H, rel=1e-12)
+    assert pytest.approx(other.H, rel=1e-12) == again.as_kind("mobility").H
     bare = compute_frf(
         assemble(model(), reciprocal=False), f, sensor_rows(model(), [channel]),
         sensor_rows(model(), tuple(FORCES.values())), kind,
     ).H  # fmt: skip
-    assert (channel.quantity == MOTION or kind == "receptance") == np.allclose(bare, frf.H)
+    as_bare = channel.quantity == MOTION or kind == "receptance"
+    assert np.allclose(bare, frf.H) == as_bare
 
 
 def test_a_rigid_motion_strains_nothing():

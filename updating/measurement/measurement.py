@@ -230,6 +230,13 @@ class Measurement:
             low, high = np.nanmin(self.coherence), np.nanmax(self.coherence)
             msg = f"the coherence of '{self.name}' runs from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
             raise MeasurementError(msg)
+        strains = tuple(s.name for s in self.sensors if s.quantity == STRAIN)
+        if set(strains) != set(self.frf.strain):
+            msg = (
+                f"the FRFs of '{self.name}' have the strains {', '.join(self.frf.strain) or 'none'}, the strain "
+                f"gauges are {', '.join(strains) or 'none'}; they must agree: FRF.from_arrays(…, strain=…)"
+            )
+            raise MeasurementError(msg)
         for word, have, want in (
             ("responses", self.frf.outputs, self.sensors),
             ("forces", self.frf.inputs, self.excitations),
