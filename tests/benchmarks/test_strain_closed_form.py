@@ -5,7 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 from fem.analysis.modes import solve_modes
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.mesh import Mesh
+from fem.model import Model
 from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix
@@ -47,6 +50,27 @@ def test_strains_under_a_tip_load_are_those_of_the_closed_form(theory, x):
     for sign in (1.0, -1.0):
         reading = gauge(x, direction=(sign, 0, 0), gain=1e6).row(model) @ u
         assert reading == pytest.approx(sign * 1e6 * exact, rel=1e-7)
+
+
+def test_strains_of_a_bent_frame_are_those_of_statics():
+    """A skew cantilever with a bent arm is determinate: its section forces follow from the load alone."""
+    points = np.array([[0.0, 0, 0], [0.4, 0.5, 0.6], [0.9, 0.3, 0.7]])
+    mesh = Mesh.from_lines(points, [[0, 1], [1, 2]], {"post": [0], "arm": [1]})
+    frame = Frame(members=dict.fromkeys(mesh.members, MemberProperties(STEEL, FLAT)))
+    place, offset = points[0] + 0.35 * (points[1] - points[0]), (-0.013, 0.005)
+    axis = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    one = StrainGauge("g", place, axis, "post", offset=offset)
+    model = Model(place_sensors(mesh, (one,)), (frame, fix(0)))
+    system, force = assemble(model), np.array([40.0, -70.0, 25.0])
+    f = np.zeros(model.n_dof)
+    f[12:15] = force
+    u = system.Q @ np.linalg.solve(np.asarray(system.K.todense()), system.Q.T @ f)
+    R = frame.rotations(model.mesh)[0]
+    N, (_, My, Mz) = R[0] @ force, R @ np.cross(points[2] - place, force)
+    exact = (
+        N / (STEEL.E * FLAT.A) + offset[1] * My / (STEEL.E * FLAT.Iy) - offset[0] * Mz / (STEEL.E * FLAT.Iz)
+    )
+    assert one.row(model) @ u == pytest.approx(exact, rel=1e-8)
 
 
 def mode(n):

@@ -1,5 +1,7 @@
 """Strain gauges in studies: files, comparisons and diagnoses, alone and beside accelerometers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from fem.analysis.frf import FRF
 from fem.io import read_frf, write_npz
 from fem.io.uff import read_uff
 from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.measurement.measurement import MeasurementError
 
 L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
 LOSS = 0.01
@@ -285,3 +288,22 @@ def test_reports_give_each_frf_its_unit(tmp_path):
     labels = [a.get_ylabel() for a in plot_frf(frf, pairs=[("A1", "F"), ("G1", "F")]).axes]
     assert labels[0::2] == ["accelerance [(m/s²)/N]", "strain per force [1/N]"]
     assert magnitude_title(frf.select(["G2"])) == "strain per force<br>[dB re 1 1/N]"
+
+
+@pytest.mark.parametrize("stated", ["receptance", "mobility"])
+def test_a_wrong_kind_is_seen_by_the_motions_beside_gauges(tmp_path, stated):
+    path = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).path
+    path.write_text(path.read_text().replace('file = "frf.npz"', f'file = "frf.npz"\nkind = "{stated}"'))
+    with pytest.raises(StudyError, match=f'{stated}.*kind = "accelerance"'):
+        load_study(path)
+    right = 'file = "frf.npz"\nkind = "accelerance"'
+    path.write_text(path.read_text().replace(f'file = "frf.npz"\nkind = "{stated}"', right))
+    again = load_study(path)
+    assert not again.warnings
+    assert again.compare().total_db < 0.2
+
+
+def test_gauges_and_strains_of_a_measurement_agree(tmp_path):
+    m = measured(tmp_path, GAUGES, tuple(PLACES)).measurements[0]
+    with pytest.raises(MeasurementError, match=r"have the strains none, the strain gauges are G1, G2, G3"):
+        replace(m, frf=replace(m.frf, strain=()))

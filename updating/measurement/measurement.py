@@ -233,8 +233,9 @@ class Measurement:
         strains = tuple(s.name for s in self.sensors if s.quantity == STRAIN)
         if set(strains) != set(self.frf.strain):
             msg = (
-                f"the FRFs of '{self.name}' have the strains {', '.join(self.frf.strain) or 'none'}, the strain "
-                f"gauges are {', '.join(strains) or 'none'}; they must agree: FRF.from_arrays(…, strain=…)"
+                f"the FRFs of '{self.name}' have the strains {', '.join(self.frf.strain) or 'none'}, the "
+                f"strain gauges are {', '.join(strains) or 'none'}; they must agree: FRF.from_arrays(…, "
+                "strain=…)"
             )
             raise MeasurementError(msg)
         for word, have, want in (

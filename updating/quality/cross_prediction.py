@@ -327,7 +327,7 @@ def _like_motions(problem: FitProblem, field: Field, rows: NDArray[np.float64]) 
     """
     quantity = np.array([s.quantity for s in problem.data.measurement.sensors])
     out = np.ones(len(quantity))
-    if (quantity == quantity[0]).all():
+    if MOTION not in quantity or (quantity == MOTION).all():
         return out
     size = np.log(np.maximum(np.sqrt((rows**2) @ field.weight(0.0, 0.0).mean(axis=0)), 1e-300))
     for q in set(quantity) - {MOTION}:
