@@ -307,3 +307,23 @@ def test_gauges_and_strains_of_a_measurement_agree(tmp_path):
     m = measured(tmp_path, GAUGES, tuple(PLACES)).measurements[0]
     with pytest.raises(MeasurementError, match=r"have the strains none, the strain gauges are G1, G2, G3"):
         replace(m, frf=replace(m.frf, strain=()))
+
+
+def test_the_desk_shows_each_quantity_with_its_unit_and_saves_gauges(tmp_path):
+    from dovetail.desk import figures
+    from dovetail.desk.saving import live_model, save_study
+    from dovetail.desk.session import Desk
+    from dovetail.desk.state import History, Stair, State
+    from updating.live.hypothesis import Hypothesis
+
+    test = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))
+    live = live_model(test)
+    start = Hypothesis.nominal(live.problem)
+    first = State("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
+    desk = Desk(test, live, History((first,)))
+    for output, unit in (("G1", "1/N"), ("A1", "(m/s²)/N")):
+        figure = figures.frf(desk, (output, "F"), 400)
+        assert figure.layout.yaxis.title.text.endswith(f"re 1 {unit}]")
+    saved = load_study(save_study(test, live, start, tmp_path / "saved.toml"))
+    assert [s.quantity for s in saved.sensors] == [s.quantity for s in test.sensors]
+    assert saved.compare().total_db == pytest.approx(test.compare().total_db, abs=1e-3)
