@@ -163,9 +163,10 @@ def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
         )
 
 
-def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:
-    """Return the labels of all responses or forces of the files, each once."""
-    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which)))
+def labels_of(raw: Sequence[RawMeasurement], which: str, motions: bool = False) -> list[str]:
+    """Return the labels of all responses or forces of the files, each once, or of ``motions`` alone."""
+    left_out = {x for r in raw for x in r.frf.strain} if motions else ()
+    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which) if x not in left_out))
 
 
 def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | None) -> float | None:

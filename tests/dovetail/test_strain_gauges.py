@@ -10,9 +10,10 @@ from dovetail.cli import main
 from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF
 from fem.io import read_frf, write_npz
-from fem.io.uff import read_uff
+from fem.io.uff import Points, read_uff, write_uff
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement.measurement import MeasurementError
+from updating.modal.identification import identify_modes
 
 L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
 LOSS = 0.01
@@ -327,3 +328,43 @@ def test_the_desk_shows_each_quantity_with_its_unit_and_saves_gauges(tmp_path):
     saved = load_study(save_study(test, live, start, tmp_path / "saved.toml"))
     assert [s.quantity for s in saved.sensors] == [s.quantity for s in test.sensors]
     assert saved.compare().total_db == pytest.approx(test.compare().total_db, abs=1e-3)
+
+
+def test_identified_modes_are_those_of_motions_and_their_frfs_of_the_kind_of_the_data(tmp_path):
+    found = {}
+    f = np.arange(4.0, 420.5, 1.0)
+    for names in (tuple(MOTIONS), (*PLACES, *MOTIONS)):
+        strain = [n for n in names if n in PLACES]
+        frf = FRF.from_arrays(f, exact(f, 1200.0, names), "accelerance", names, ["F"], strain=strain)
+        found[names] = identify_modes(frf, driving=[("A1", "F")])
+        fit = found[names].synthesised
+        assert (fit.kind, fit.strain) == (frf.kind, frf.strain)
+        off = (np.abs(fit.H - frf.H) ** 2).sum(axis=0) / (np.abs(frf.H) ** 2).sum(axis=0)
+        assert (off < 0.05**2).all()
+    alone, mixed = found.values()
+    assert mixed.modes.frequency == pytest.approx(alone.modes.frequency, rel=1e-3)
+    assert mixed.modes.shapes[3:] == pytest.approx(alone.modes.shapes, rel=0.02)
+
+
+def test_universal_files_have_shapes_of_the_motions_alone(tmp_path):
+    path = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).path
+    main(["identify-modes", str(path), "--out", str(tmp_path / "modes.uff"), "--quiet"])
+    assert len(read_uff(tmp_path / "modes.uff").modes[0].labels) in (2, 6)
+    path = measured(tmp_path, GAUGES, tuple(PLACES)).path
+    assert main(["identify-modes", str(path), "--out", str(tmp_path / "no.uff"), "--quiet"]) != 0
+
+
+def test_without_sensors_the_strains_of_a_file_are_left_out(tmp_path):
+    f = np.arange(4.0, 420.5, 1.0)
+    names = (*PLACES, *MOTIONS)
+    frf = FRF.from_arrays(f, exact(f), "accelerance", names, ["F"], strain=list(PLACES))
+    nodes = Points(np.array([1, 2, 3]), np.array([[0.25, 0, 0], [0.45, 0, 0], [0.8, 0, 0]]))
+    dofs = {"G1": "1X+", "G2": "2X+", "G3": "3X+", "A1": "3Z+", "A2": "2Z+", "F": "3Z+"}
+    write_uff(tmp_path / "frf.uff", frf, geometry=nodes, dofs=dofs)
+    text = STUDY[: STUDY.index("[[excitations]]")] + '\n[[measurements]]\nfile = "frf.uff"\n'
+    (tmp_path / "study.toml").write_text(text)
+    test = load_study(tmp_path / "study.toml")
+    assert [s.name for s in test.sensors] == ["3Z+", "2Z+"]
+    assert [n for n in (*test.measured_notes, *test.assumptions) if "1X+, 2X+, 3X+ match no" in n], (
+        test.measured_notes
+    )

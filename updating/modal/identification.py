@@ -180,6 +180,8 @@ def identify_modes(
         f"noise: {noise}",
     )
     done = _result(task, found, points, stabilisation, choices)
+    if isinstance(frf, FRF) and frf.strain:
+        done = _of_kind(done, frf)
     for text in peak_words(done.unexplained):
         warnings.warn(text, stacklevel=2)
     return done
@@ -304,6 +306,13 @@ def _driving_points(
 def _receptances(frf: FRF) -> FRF:
     """Return FRFs as receptances, without a line at 0 Hz."""
     return frf.select(lines=frf.frequency > 0).as_kind(FRFKind.RECEPTANCE)
+
+
+def _of_kind(found: IdentifiedModes, frf: FRF) -> IdentifiedModes:
+    """Return modes whose synthesised FRFs and noise are of the kind of given FRFs, but for strains."""
+    noise, strain = replace(found.synthesised, H=found.noise.astype(complex), strain=frf.strain), frf.strain
+    synthesised = replace(found.synthesised, strain=strain).as_kind(frf.kind)
+    return replace(found, synthesised=synthesised, noise=np.abs(noise.as_kind(frf.kind).H))
 
 
 def _turned(frf: FRF) -> FRF:
