@@ -2,12 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.config import Study
 from dovetail.file.faults import fault_table
@@ -22,18 +19,12 @@ from dovetail.file.writing import (
 )
 from dovetail.mode_result import ModeRunResult
 from dovetail.result import FRFS, RunResult
-from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.fitted_damping import Connections, fitted_damping
 from updating.quality.corrections import Fault
-
-Connections = tuple[NDArray[np.float64], NDArray[np.float64]] | None
-"""Frequencies [Hz] and ratios of connections that are damped otherwise than the structure."""
-DENSE = 64
-"""Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,30 +183,6 @@ def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     own = reported.study.model.values()
     values = {ref: float(v) for ref, v in reported.result.values.items() if ref in own}
     return values | rebased_values(reported.model, reported.study.model.effects)
-
-
-def fitted_damping(
-    problem: FitProblem | ModeProblem, result: FitResult, model: Model
-) -> tuple[Damping, Connections]:
-    """Return the fitted damping, and frequencies and ratios of connections where there are any.
-
-    Both are powers of frequency between the frequencies where they are given.
-    """
-    curve, zeta = problem.damping, result.zeta
-    f = problem.data.frequency
-    nominal = model.damping
-    breaks = [curve.knots, f[[0, -1]]]
-    if np.ptp(nominal.ratio):
-        given = nominal.frequency[nominal.frequency > 0]
-        breaks.append(given)
-        if not nominal.powers and given.size > 1:
-            breaks += [np.geomspace(a, b, DENSE) for a, b in pairwise(given)]
-    breaks += [np.asarray(e.frequency) for e in model.of_kind(ConnectionDamping)]
-    at: Any = np.unique(np.concatenate(breaks))
-    at = at[(at >= f[0]) & (at <= f[-1])]
-    members, *others = np.atleast_2d(curve.ratio(at, zeta))
-    connected = others and any(e.connection for e in model.effects)
-    return Damping.modal(members, at, powers=True), (at, others[0]) if connected else None
 
 
 def patches(result: RunResult) -> tuple[Spread, ...]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.mode_diagnosis import frequency_error
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.joint_fit import modes_beside as beside_frfs
 
 Floats = NDArray[np.float64]
 
@@ -39,13 +39,12 @@ class ModesBeside:
 
 def modes_beside(d: Diagnosis) -> ModesBeside | None:
     """Return the measured modes that a diagnosis by FRFs has had, beside its models; None without any."""
-    p, targets = d.problem, d.problem.modes
+    targets, computed, mac = d.problem.modes, {}, {}
     if targets is None:
         return None
-    computed, mac = {}, {}
     for step in d.steps:
-        reduced = p.reduced.with_forces_of(step.result.effects)
-        own = ModeProblem(reduced, targets, p.nuisances, p.damping, p.model_error)
+        own = beside_frfs(d.problem, step.result.effects)
+        assert own is not None
         found = own.computed(step.result)
         computed[step.label], mac[step.label] = found.frequency, found.mac
     return ModesBeside(targets.frequency, targets.frequency_std, computed, mac, targets.held_out)

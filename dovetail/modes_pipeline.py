@@ -20,9 +20,10 @@ from dovetail.report.words import explanation_text, far_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes, formed_problem
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import Measurement
@@ -120,8 +121,8 @@ def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     after = targets_of(study.modes)
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
     if study.baseline is None:
-        problem, _, formed, _ = formed_problem(study.model, after, study.nuisances, **more)
-        return problem, formed
+        problem, made = formed_mode_problem(study.model, after, study.nuisances, **more)
+        return problem, made.formed
     before, (model, changes) = targets_of(study.baseline), first_state(study)
     _, changed, problem = changed_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed

@@ -36,12 +36,12 @@ from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.budget import BUDGETS
-from updating.diagnosis.evidence.diagnosis import formed_problem
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
 from updating.inference.form import with_form
+from updating.inference.formed import formed_problem
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected

@@ -23,7 +23,7 @@ from dovetail.file.faults import tilted
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
-from dovetail.found import fitted_damping, text_with_model
+from dovetail.found import text_with_model
 from dovetail.mode_result import ModeRunResult
 from dovetail.modes_pipeline import (
     diagnose_study_modes,
@@ -52,7 +52,7 @@ from fem.effects import candidate_kinds
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.io.atomic import replacing
 from fem.mesh import merge_names
-from fem.model import Damping, Effect, Model, ModelError, parameter_values
+from fem.model import Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
 from updating.diagnosis.begin import calibrated
@@ -60,6 +60,7 @@ from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.findings import Finding
 from updating.inference.fit_result import FitResult
+from updating.inference.fitted_damping import with_fitted_damping
 from updating.inference.fitting import fit_given
 from updating.inference.preparation import fitted_model
 from updating.measurement.computed import computed_frf
@@ -410,7 +411,7 @@ class Study(config.Study):
             result, damped = problem.assessed(result), True
         model = fitted_model(before, result)
         if damped:
-            model = _damped(model, *fitted_damping(problem, result, model))
+            model = with_fitted_damping(problem, result, model)
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
         if found:
@@ -503,18 +504,6 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
     """
     read = config.load_study(path, needs)
     return Study(**{f.name: getattr(read, f.name) for f in fields(read)})
-
-
-def _damped(
-    model: Model, damping: Damping, connections: tuple[NDArray[np.float64], NDArray[np.float64]] | None
-) -> Model:
-    """Return a model with a fitted damping, and that of connections where they have their own."""
-    model = model.with_damping(damping)
-    if connections is None:
-        return model
-    known = [e.name for e in model.of_kind(ConnectionDamping)]
-    own = ConnectionDamping(frequency=connections[0], ratio=connections[1])
-    return model.without_effect(*known).with_effect(own)
 
 
 def _connections_of(model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

@@ -8,21 +8,20 @@ import numpy as np
 
 from dovetail.file.config import Study, read_study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
-from dovetail.file.paths import with_paths
 from dovetail.file.table import StudyError, suggest
-from dovetail.file.writing import rebased_values, with_damping, with_effects, with_parameters
+from dovetail.found import text_with_model, values_in
 from dovetail.identified import as_measured, modes_in
-from dovetail.pipeline import measured, without_held_out
-from fem.analysis.modes import first_modes, solve_modes
-from fem.model import Model, ParameterRef
+from dovetail.modes_pipeline import mode_problem_and_model, targets_of
+from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
+from fem.analysis.modes import solve_modes
+from fem.effects.section_shear import SectionShear
+from fem.model import Effect, Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
-from updating.inference.frf_data import frf_data
-from updating.inference.mode_data import mode_data
-from updating.inference.mode_targets import IN_PLANE
-from updating.inference.update import update
+from updating.inference.fitted_damping import fitted_damping
+from updating.inference.update_run import update_fitted
 from updating.inference.updated import Updated
-from updating.measurement.measurement import Measurement, sensor_rows, with_moving_base, with_resting_base
+from updating.measurement.measurement import Measurement, sensor_rows, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
 SAME = 1e-9
@@ -142,85 +141,39 @@ def update_study(study: Study) -> StudyUpdate:
         identified, data, said = identify_study(study)
         notes += said
         modes = as_measured(identified, data)
-    of_frf = _fitted(study) if "frf" in to else None
-    model, of_modes = study.model.with_effect(*plan.effects), None
-    if of_frf is not None:
-        model = with_moving_base(model, of_frf.excitations)
-    if modes is not None and ("modes" in to or "frequencies" in to):
-        shaped, fitted = "modes" in to, _fitted_modes(modes)
-        if fitted is not modes:
-            out = ", ".join(f"{f:.5g}" for f in _some(modes, modes.held_out).modes.frequency)
+    shaped = "modes" in to
+    targets = None
+    if modes is not None and (shaped or "frequencies" in to):
+        if not shaped:
+            modes = replace(modes, sensors=(), modes=replace(modes.modes, shapes=modes.modes.shapes[:0]))
+        targets = targets_of(modes)
+        if modes.held_out:
+            out = ", ".join(f"{f:.5g}" for f in targets.frequency[targets.held_out])
             notes.append(
                 f"the modes at {out} Hz are held out; 'dovetail compare' of the updated study says how "
                 "well it predicts them"
             )
-        of_modes = mode_data(
-            model, modes=fitted.modes if shaped else replace(fitted.modes, shapes=fitted.modes.shapes[:0]),
-            outputs=fitted.sensors if shaped else (), frequency_std=fitted.frequency_std,
-            shape_std=fitted.shape_std, model_error=plan.model_error,
-            numbers=None if shaped else _numbers(model, modes),
-        )  # fmt: skip
-    data = None
-    if of_frf is not None:
-        data = frf_data(
-            model, of_frf, band=study.band, model_error=plan.model_error,
-            amplitude_error=plan.amplitude_error, form_error=study.model_error,
-        )  # fmt: skip
-    updated = update(
-        model, plan.unknowns, modes=of_modes, frf=data, damping=plan.damping and data is not None,
-        settings=plan.settings,
+    asked = {ref for u in plan.unknowns for ref in u.refs}
+    shear = tuple(
+        n for n in study.nuisances if n.effect == SectionShear.kind and not asked.intersection(n.refs)
+    )
+    own = replace(
+        study, model=study.model.with_effect(*plan.effects), nuisances=(*plan.unknowns, *shear),
+        damping_std=study.damping_std if plan.damping else 0.0,
     )  # fmt: skip
+    data = None
+    if "frf" in to:
+        data = without_held_out(study, measured(study, phases=False)[0])
+        problem, model = formed_problem_and_model(own)
+        problem = replace(problem, modes=targets)
+    else:
+        problem, model = mode_problem_and_model(replace(own, modes=modes, measurements=()))
+    updated = update_fitted(problem, model, plan.unknowns, plan.settings)
+    updated = replace(updated, model=with_resting_base(updated.model))
     before = after = None
     if modes is not None and modes.sensors:
-        before, after = (_compared(modes, m) for m in (with_resting_base(model), updated.model))
-    return StudyUpdate(study, updated, to, modes, identified, of_frf, before, after, tuple(notes))
-
-
-def _fitted_modes(modes: MeasuredModes) -> MeasuredModes:
-    """Return measured modes without those that are held out."""
-    if not modes.held_out:
-        return modes
-    return _some(modes, [k for k in range(1, modes.modes.n_modes + 1) if k not in modes.held_out])
-
-
-def _some(modes: MeasuredModes, which: Sequence[int]) -> MeasuredModes:
-    """Return some of the measured modes, counted from 1."""
-    at, m = np.array(sorted(which)) - 1, modes.modes
-    some = replace(
-        m, frequency=m.frequency[at], shapes=m.shapes[:, at], zeta=None if m.zeta is None else m.zeta[at]
-    )
-    return replace(
-        modes, modes=some, frequency_std=modes.frequency_std[at], shape_std=modes.shape_std[at],
-        numbers=tuple(modes.numbers[k] for k in at) if modes.numbers else (), held_out=(),
-    )  # fmt: skip
-
-
-def _numbers(model: Model, modes: MeasuredModes) -> list[int] | None:
-    """Return which elastic modes the fitted frequencies belong to, from 0; None for the first ones."""
-    n = modes.modes.n_modes
-    kept = [k for k in range(n) if k + 1 not in modes.held_out]
-    if modes.numbers:
-        return [modes.numbers[k] - 1 for k in kept]
-    if not modes.plane:
-        return kept if modes.held_out else None
-    seen = np.zeros(0, dtype=np.int64)
-    for more in (10, 40, 160):  # until enough modes move in the plane
-        found = first_modes(assemble(with_resting_base(model)), n + more)
-        shapes = found.shapes[:, found.n_rigid :]
-        motion = (np.abs(shapes.reshape(-1, 6, shapes.shape[1])[:, :3]) ** 2).sum(axis=0)
-        within = motion[["xyz".index(axis) for axis in modes.plane]].sum(axis=0)
-        seen = np.flatnonzero(within >= IN_PLANE * motion.sum(axis=0))
-        if seen.size >= n:
-            break
-    if seen.size < n:
-        msg = f"{modes.name}: {seen.size} modes of the model move along {modes.plane}; {n} were measured"
-        raise StudyError(msg)
-    return seen[kept].tolist()
-
-
-def _fitted(study: Study) -> Measurement:
-    """Return the first measurement without held-out lines and sensors."""
-    return without_held_out(study, measured(study, phases=False)[0])
+        before, after = (_compared(modes, m) for m in (with_resting_base(study.model), updated.model))
+    return StudyUpdate(study, updated, to, modes, identified, data, before, after, tuple(notes))
 
 
 def _compared(modes: MeasuredModes, model: Model) -> ModeComparison:
@@ -252,18 +205,22 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     tuple of str
         Parts of the update that the text does not hold.
     """
-    have = updated.model.values()
-    values = {ref: float(f"{have[ref]:.10g}") for p in updated.parameters for ref in p.refs}
     added = {e.name for e in study.plan.effects}
-    values |= rebased_values(updated.model, updated.model.effects)
-    text = with_parameters(study.text, {ref: v for ref, v in values.items() if ref[0] not in added})
-    ratios = [p for p in updated.parameters if not p.refs]
-    if ratios:
-        text = with_damping(text, updated.model.damping, None)
-    new = (updated.model.effect(e.name) for e in study.plan.effects)
-    text = with_effects(text, [e.rebased(updated.model) for e in new])
-    unsaid = tuple(_left_unsaid(text, study, updated, values, bool(ratios)))
-    return with_paths(text, study.path.parent, folder), unsaid
+    own = {e.name for e in study.model.effects} | added
+    new = [e for e in updated.model.effects if e.name in added or (e.is_form and e.name not in own)]
+    values = values_in(study, updated.model)
+    damping = None
+    if any(not p.refs for p in updated.parameters):
+        damping = fitted_damping(updated.problem, updated.fitted, updated.model)
+    effects = [e.rebased(updated.model) for e in new]
+    here, there = (
+        text_with_model(study, place, values, damping, effects, ()) for place in (study.path.parent, folder)
+    )
+    return there, tuple(_left_unsaid(here, study, updated, values | _values_of(effects), damping is not None))
+
+
+def _values_of(effects: Sequence[Effect]) -> dict[ParameterRef, float]:
+    return {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
 
 
 def _left_unsaid(

@@ -51,10 +51,9 @@ from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
 from updating.diagnosis.localisation import Localisation, locate
+from updating.inference.arrays import frf_data, mode_data
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.frf_data import frf_data
-from updating.inference.mode_data import mode_data
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import build_problem
 from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov

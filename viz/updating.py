@@ -39,9 +39,9 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
     rows = [updated.names.index(name) for name in names]
     steps = np.arange(len(updated.path))
     errors = {
-        "frequencies [%]": 100 * np.array([s.frequency_error for s in updated.path]),
-        "1 - MAC [%]": 100 * (1 - np.array([s.mac for s in updated.path])),
-        "FRFs [dB]": np.array([s.frf_db for s in updated.path]),
+        "frequencies [%]": 100 * np.array([s.errors.frequency for s in updated.path]),
+        "1 - MAC [%]": 100 * (1 - np.array([s.errors.mac for s in updated.path])),
+        "FRFs [dB]": np.array([s.errors.frf_db for s in updated.path]),
     }
     with style.look():
         figure = style.new_figure(height=4.6)

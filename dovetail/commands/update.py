@@ -122,7 +122,6 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
                 "name": p.name, "unit": p.unit, "start": p.start, "lower": p.lower, "upper": p.upper,
                 "prior_std": p.prior_std, "value": p.value, "std": p.std, "interval_95": p.interval(0.95),
                 "at_bound": p.at_bound, "determined": p.determined, "from_prior": p.from_prior,
-                "prior_let_go": p.released,
             }
             for p in u.parameters
         ],
@@ -130,8 +129,8 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         "misfit": dict(u.misfit),
         "path": [
             {
-                "stage": s.stage, "values": s.values, "frequency_error": s.frequency_error, "mac": s.mac,
-                "frf_db": s.frf_db,
+                "stage": s.stage, "values": s.values, "frequency_error": s.errors.frequency,
+                "mac": s.errors.mac, "frf_db": s.errors.frf_db,
             }
             for s in u.path
         ],

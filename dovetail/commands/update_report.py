@@ -18,10 +18,10 @@ REPORT = "report.html"
 
 def errors_before_and_after(result: StudyUpdate) -> list[str]:
     """Return the errors at the start and at the end, in sentences."""
-    first, last = result.updated.path[0], result.updated.path[-1]
+    first, last = result.updated.path[0].errors, result.updated.path[-1].errors
     out = []
     for label, a, b in (
-        ("natural frequencies, rms [%]", 100 * first.frequency_error, 100 * last.frequency_error),
+        ("natural frequencies, rms [%]", 100 * first.frequency, 100 * last.frequency),
         ("MAC, mean", first.mac, last.mac),
         ("FRFs, rms [dB]", first.frf_db, last.frf_db),
     ):
@@ -135,7 +135,6 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     low, high = p.interval(0.95)
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
-    prior += " (dropped)" if p.released else ""
     return (
         p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
         f"{p.std:.2g}" if np.isfinite(p.std) else "-",

@@ -17,6 +17,8 @@ from dovetail.units.program import digest_of
 from dovetail.units.work import Step, work_through
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
+from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import ModeProblem
 from updating.inference.updated import Updated
 
 Floats = NDArray[np.float64]
@@ -153,19 +155,17 @@ def run_bootstrap(
 
 def _digest(model: BootstrapModel) -> str:
     """Return a short hash of all on which a refit depends, the program included."""
-    problem = model.problem
-    arrays = [model.x]
-    for data, keys in (
-        (problem.modes, ("frequency", "covariance", "shapes", "shape_std", "rows")),
-        (problem.frf, ("frequency", "H", "mask", "noise", "outputs", "inputs")),
-    ):
-        arrays += [value for key in keys if (value := getattr(data, key, None)) is not None]
-    words: list[Any] = [(u.name, u.low, u.high, u.std) for u in problem.unknowns]
-    words += [problem.fixed, sorted(model.misfit.items()), problem.settings.max_iterations]
-    words += [problem.settings.n_lines, problem.settings.stages]
-    if problem.frf is not None:
-        words += [problem.frf.model_error, problem.frf.amplitude_error]
-    return digest_of(arrays, words, assemble(problem.model))
+    problem, updated = model.problem, model.updated
+    targets = problem.targets if isinstance(problem, ModeProblem) else problem.modes
+    arrays: list[Any] = [updated.values, updated.fitted.solution.x]
+    if targets is not None:
+        arrays += [targets.frequency, targets.frequency_std, targets.shapes, targets.shape_std]
+    if isinstance(problem, FitProblem):
+        arrays += [problem.data.frequency, problem.data.H, problem.data.mask, problem.data.noise]
+    words: list[Any] = [(p.name, p.lower, p.upper, p.prior_std) for p in updated.parameters]
+    words += [updated.left_out, sorted(updated.misfit.items()), problem.model_error]
+    words += [updated.settings.max_iterations, updated.settings.n_lines]
+    return digest_of(arrays, words, assemble(updated.model))
 
 
 def as_dict(found: Bootstrap) -> dict[str, Any]:

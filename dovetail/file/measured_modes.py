@@ -18,7 +18,7 @@ from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
 from fem.io.arrays import MODE_STD
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
-from updating.inference.unknowns import Unknown, scaled_unknowns
+from updating.inference.unknowns import Unknown, checked_unknowns
 from updating.inference.update_settings import UpdateSettings
 from updating.measurement.measurement import Sensor, shapes_like_motions
 from updating.modal.identification import LARGEST_MPD, LEAST_MPC
@@ -110,10 +110,8 @@ class UpdatePlan:
     to : tuple of str
         Some of ``TARGETS``; empty for all that the study has.
     unknowns : tuple of Unknown
-    model_error, amplitude_error : float
-        Error with the right parameters, relative [-].
     damping : bool
-        Whether damping ratios are updated to FRFs.
+        Whether damping is updated, too.
     settings : UpdateSettings
     effects : tuple of Effect
         Candidates that parameters are of and the model has not; they join it for the update.
@@ -121,8 +119,6 @@ class UpdatePlan:
 
     to: tuple[str, ...] = ()
     unknowns: tuple[Unknown, ...] = ()
-    model_error: float = 1e-3
-    amplitude_error: float = 0.01
     damping: bool = True
     settings: UpdateSettings = UpdateSettings()  # noqa: RUF009 - frozen
     effects: tuple[Effect, ...] = ()
@@ -354,7 +350,6 @@ def read_plan(
             t.refuse("to", f"the study has no data for '{word}'; it needs {need}")
     if "modes" in to and "frequencies" in to:
         t.refuse("to", "'modes' holds the frequencies; leave 'frequencies' out")
-    errors = [t.number("model_error", 1e-3, least=0), t.number("amplitude_error", 0.01, least=0)]
     damping = t.flag("damping", True)
     with t.at():
         settings = UpdateSettings(
@@ -362,7 +357,6 @@ def read_plan(
             select=t.text("select", "", ("pivoting", "forward")),
             regularisation=t.text("regularisation", "", ("tikhonov",)),
             n_samples=t.whole("samples", 0, least=0, most=1_000_000),
-            contradicted=t.number("contradicted", 10.0, above=0),
         )
     unknowns: list[Unknown] = []
     seen: dict[ParameterRef, int] = {}
@@ -378,10 +372,7 @@ def read_plan(
             seen[ref] = k + 1
         unknowns += found
     t.finish()
-    return UpdatePlan(
-        tuple(to), tuple(unknowns) or tuple(default), errors[0], errors[1], damping, settings,
-        tuple(more.values()),
-    )  # fmt: skip
+    return UpdatePlan(tuple(to), tuple(unknowns) or tuple(default), damping, settings, tuple(more.values()))
 
 
 def _unknowns(
@@ -424,7 +415,7 @@ def _unknowns(
         for r in (refs if each else [tuple(ref for r in refs for ref in r)])
     ]  # fmt: skip
     with t.at("parameter"):
-        scaled_unknowns(model.with_effect(*new), unknowns)
+        checked_unknowns(model.with_effect(*new), unknowns)
     return unknowns, new
 
 

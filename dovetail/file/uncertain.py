@@ -8,8 +8,8 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import DIRECTIONS, Model
-from updating.diagnosis.patches import with_turning
 from updating.inference.parameters import Nuisance
+from updating.inference.patches import with_turning
 
 SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study gives it."""

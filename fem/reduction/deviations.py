@@ -159,9 +159,13 @@ class DeviatingFRF(ParametricFRF):
                 *_, before = moving.get((i, id(factor)), (0, 0, 0.0))
                 moving[i, id(factor)] = i, factor, before + term.spread(X)
         by_zeta = [total["K"], total["connections"]][: 2 if connections else 1]
+        their = [np.full(len(self.omega), 2j)] * len(by_zeta)
+        if self.modal:
+            MV = total["M"] @ state.V
+            by_zeta[0], their[0] = (MV * np.sqrt(np.maximum(state.lam, 0.0))) @ MV.T, 2j * self.omega
         changing = [X for *_, X in moving.values()] + by_zeta
         rows = [i for i, *_ in moving.values()] + [len(self.refs) + k for k in range(len(by_zeta))]
-        factors = [f for _, f, _ in moving.values()] + [np.full(len(self.omega), 2j)] * len(by_zeta)
+        factors = [f for _, f, _ in moving.values()] + their
         (first, sizes), (others, theirs) = _single(np.array(changing)), self._constant
         rows, factors = rows + [i for i, _ in still], factors + [f for _, f in still]
         sizes = np.append(sizes, theirs)

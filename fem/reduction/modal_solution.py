@@ -1,6 +1,6 @@
 """One solved state of a reduced model: modes by one eigenproblem, and damping at each line."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +19,8 @@ class ModalSolution:
     """A solved eigenproblem and the damping at each line: applies Z(ω)⁻¹ in modal coordinates.
 
     ``resisting`` (n_freq, k, k) are S, the forces of local damping and laws against the motions ``U``, and
-    ``yielding`` I + S G with G the response to such forces.
+    ``yielding`` I + S G with G the response to such forces. ``stiffness``, ``connections`` and ``mass``
+    (n_freq,) are the factors of K and M in changes of Z, and ``by_zeta`` (r, n_freq) is its slope by ζ.
     """
 
     lam: NDArray[np.float64]
@@ -27,6 +28,7 @@ class ModalSolution:
     stiffness: NDArray[np.complex128]
     connections: NDArray[np.complex128]
     mass: NDArray[np.complex128]
+    by_zeta: NDArray[np.complex128]
     inverse: NDArray[np.complex128]
     U: NDArray[np.float64] | None
     resisting: NDArray[np.complex128]
@@ -43,7 +45,8 @@ class ModalSolution:
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
         losses: NDArray[np.float64] | None = None,
-        modal: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+        *,
+        modal: bool = False,
     ) -> "ModalSolution":
         """Solve the eigenproblem of a reduced model's matrices, and prepare the local damping at each line.
 
@@ -60,9 +63,10 @@ class ModalSolution:
             An orthonormal basis of the motions that local damping acts on; found here if None.
         losses : ndarray (r, r), optional
             A structural damping i X so small that it counts by what it does to each mode alone.
-        modal : callable, optional
-            From natural frequencies [Hz] to modal damping ratios, which add 2iζ_r ω_r ω to each mode as a
-            model's do; ``zeta`` adds 2iζ(ω) K.
+        modal : bool
+            Whether ``zeta`` adds 2iζ(ω) ω_r ω to each mode, as viscous modal damping does, in place of
+            2iζ(ω) ω_r², which is that of a loss factor. Its changes with K and M are then those at the
+            resonances.
         """
         damping = reduced.model.damping
         zeta, *others = np.atleast_2d(zeta)
@@ -70,17 +74,18 @@ class ModalSolution:
         n_rigid = reduced.basis.n_rigid
         near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
         lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
-        stiffness = 1 + 1j * (damping.loss_factor + 2 * zeta) + 1j * omega * damping.beta
-        mass: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
-        inertia = mass
-        if modal is not None:
-            omega_r = np.sqrt(np.maximum(lam, 0.0))
-            inertia = mass + 2j * (modal(omega_r / (2 * np.pi)) * omega_r)[:, None] * omega
+        elastic = 1 + 1j * damping.loss_factor + 1j * omega * damping.beta
+        inertia: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
+        by_zeta = 2j * lam[:, None] * np.ones(len(omega))
+        stiffness, mass = elastic + 2j * zeta, inertia
+        if modal:
+            by_zeta = 2j * np.sqrt(np.maximum(lam, 0.0))[:, None] * omega
+            stiffness, mass = elastic + 1j * zeta, inertia + 1j * zeta * omega**2
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
         if losses is not None:
             inertia = inertia + 1j * np.einsum("rm,rs,sm->m", V, losses, V, optimize=True)[:, None]
-        inverse = (1 / (lam[:, None] * stiffness + inertia))[:, None, :]
+        inverse = (1 / (lam[:, None] * elastic + by_zeta * zeta + inertia))[:, None, :]
         laws, connections = total["laws"], stiffness
         if others and total["connections"].any():
             more = 2j * (others[0] - zeta)
@@ -88,7 +93,7 @@ class ModalSolution:
         U = range_of([total["C"], total["D"], *(X for _, X in laws)]) if damped is None else damped
         if U is None or not U.shape[1]:
             nothing = np.zeros((len(omega), 0, 0), dtype=complex)
-            return cls(lam, V, stiffness, connections, mass, inverse, None, nothing, nothing)
+            return cls(lam, V, stiffness, connections, mass, by_zeta, inverse, None, nothing, nothing)
         C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
         Um, own = V.T @ U, U.T @ total["connections"] @ U if others else None
         S = 1j * (omega[:, None, None] * C + D)
@@ -99,7 +104,8 @@ class ModalSolution:
         half, where = times((Um[:, i] * Um[:, j]).T, inverse)[:, 0].T, np.empty(2 * [U.shape[1]], dtype=int)
         where[i, j] = where[j, i] = np.arange(len(i))
         G = half[:, where]
-        return cls(lam, V, stiffness, connections, mass, inverse, Um, S, np.eye(U.shape[1]) + S @ G, own)
+        yielding = np.eye(U.shape[1]) + S @ G
+        return cls(lam, V, stiffness, connections, mass, by_zeta, inverse, Um, S, yielding, own)
 
     @property
     def correct(self) -> NDArray[Any]:

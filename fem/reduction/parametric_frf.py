@@ -79,6 +79,8 @@ class ParametricFRF:
         Whether outputs and inputs are combinations of the basis's columns already, (r + p, n).
     decay : float
         σ of the complex frequencies ω - iσ at which receptances are computed [rad/s]. Laws are those at ω.
+    modal : bool
+        Whether ζ is that of viscous modal damping, as of :class:`ModalSolution`.
     """
 
     def __init__(
@@ -93,9 +95,10 @@ class ParametricFRF:
         *,
         projected: bool = False,
         decay: float = 0.0,
+        modal: bool = False,
     ) -> None:
         basis = reduced.basis
-        self.reduced = reduced
+        self.reduced, self.modal = reduced, modal
         self.refs = tuple(refs)
         self.omega: NDArray[Any] = 2 * np.pi * np.asarray(frequency, dtype=float)
         if decay:
@@ -282,7 +285,8 @@ class ParametricFRF:
         total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
         losses = self.losses(values)
-        return ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses), total, alone
+        state = ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses, modal=self.modal)
+        return state, total, alone
 
     def losses(self, values: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return small losses X, (r, r), that are not among the matrices and add i X to Z; None without."""
@@ -366,7 +370,7 @@ class ParametricFRF:
         """Return dH by the parameters and by ζ, from the results of :meth:`solve`."""
         n_par, connections = len(self.refs), zeta.ndim > 1
         whole, places = self._slope_forces(self.slopes(values, alone), state, Xi)
-        whole[n_par] = 2j * state.lam[:, None, None] * Xi
+        whole[n_par] = state.by_zeta[:, None] * Xi
         if connections and state.U is not None and state.own is not None:
             whole[n_par + 1] = 2j * times(state.U @ state.own, times(state.U.T, Xi))
         moved, Ho = state.read(self.outputs, _beside(whole), [P for P, _ in places])

@@ -78,7 +78,7 @@ def updated(request):
                 frame,
                 update(
                     frame.model, priors, frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
-                    noise=NOISE, model_error=0.0, amplitude_error=0.0,
+                    noise=NOISE, model_error=0.0,
                 ),
             )
         )  # fmt: skip
@@ -144,7 +144,7 @@ def test_several_starts_find_what_one_misses():
     def run(n):
         return update(
             wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
-            noise=NOISE, model_error=0.0, amplitude_error=0.0, band=(0.35 * top, top),
+            noise=NOISE, model_error=0.0, band=(0.35 * top, top),
             settings=UpdateSettings(n_starts=n, stages=(1.0,)),
         )  # fmt: skip
 

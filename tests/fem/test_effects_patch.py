@@ -20,7 +20,7 @@ from fem.sections.section import Section
 from fem.system import assemble
 from tests.frames import FLAT, STEEL, fix
 from updating import Nuisance, update
-from updating.diagnosis.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
+from updating.inference.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
 
 RIGID = ("x", "y", "z", "rx", "ry", "rz")
 GAP = 0.01

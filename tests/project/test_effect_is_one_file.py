@@ -39,7 +39,7 @@ ALLOWED = {
         "makes the masses that sensors state, and the base that moves",
         {"AddedMass", "MovingBase"},
     ),
-    "updating/diagnosis/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
+    "updating/inference/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
     "updating/inference/form.py": (
         "lets the form of every model vary",
         {"SectionForm", "ZoneForm", "ClampForm"},

@@ -11,6 +11,7 @@ from fem.analysis.modes import solve_modes
 from fem.model import Damping, ModelError
 from fem.system import assemble
 from tests.frames import beam, fix
+from tests.updating.test_update import exact, textbook
 from updating import Unknown, UpdateSettings, update
 from updating.inference.bootstrap import BootstrapModel, refit
 
@@ -21,12 +22,12 @@ STD = 0.002
 
 @pytest.fixture(scope="module")
 def model():
-    return replace(beam(4, 1.0, effects=(fix(0),)), damping=Damping.modal(0.02))
+    return replace(beam(12, 1.0, effects=(fix(0),)), damping=Damping.structural(0.04))
 
 
 @pytest.fixture(scope="module")
 def frequency(model):
-    return solve_modes(assemble(model), 4).frequency
+    return solve_modes(assemble(exact(model)), 4).frequency
 
 
 def refits(updated, n, seed=0):
@@ -36,16 +37,13 @@ def refits(updated, n, seed=0):
 
 @pytest.mark.slow
 def test_a_linear_problem_has_the_closed_form(model, frequency):
-    """ln f = (ln E - ln ρ)/2 + …: covariance (JᵀC⁻¹J + P⁻¹)⁻¹ with the errors common to all modes in C."""
-    error, prior = 0.004, np.array([0.03, 0.01])
-    updated = update(
-        model, dict(zip((E, RHO), prior, strict=True)), frequency=frequency * 1.003, frequency_std=STD,
-        model_error=error,
-    )  # fmt: skip
+    """ln f = (ln E - ln ρ)/2 + …: covariance (JᵀJ/σ² + P⁻¹)⁻¹."""
+    prior = np.array([0.03, 0.01])
+    priors = dict(zip((E, RHO), prior, strict=True))
+    updated = textbook(model, priors, frequency=frequency * 1.003, frequency_std=STD)
     n = len(frequency)
-    C = (STD**2 + error**2 / 2) * np.eye(n) + error**2 / 2
     J = np.tile([0.5, -0.5], (n, 1))
-    covariance = np.linalg.inv(J.T @ np.linalg.solve(C, J) + np.diag(prior**-2.0))
+    covariance = np.linalg.inv(J.T @ J / STD**2 + np.diag(prior**-2.0))
     std = np.sqrt(np.diag(covariance))
     N = 250
     x = np.log(refits(updated, N))
@@ -65,14 +63,12 @@ def test_a_parameter_near_its_bound(model, frequency):
     near = 0.3
     value = 210e9 * 1.01
     bounded = Unknown((E,), start=value, lower=value * np.exp(-near * sigma))
-    updated = update(
-        model, [bounded], frequency=frequency * np.sqrt(1.01), frequency_std=STD, model_error=0.0
-    )
+    updated = textbook(model, [bounded], frequency=frequency * np.sqrt(1.01), frequency_std=STD)
     (p,) = updated.parameters
     assert not p.at_bound
-    assert p.value == pytest.approx(value, rel=1e-6)
+    assert p.value == pytest.approx(value, rel=1e-5)
     assert p.std / p.value == pytest.approx(sigma, rel=1e-3)
-    a = -near
+    a = np.log(bounded.lower / p.value) / sigma  # near, but for what the mesh leaves
     mean = a * norm.cdf(a) + norm.pdf(a)
     square = a**2 * norm.cdf(a) + norm.sf(a) + a * norm.pdf(a)
     std = np.sqrt(square - mean**2)
@@ -85,23 +81,12 @@ def test_a_parameter_near_its_bound(model, frequency):
     assert std < 0.75  # the linearised one is 1
 
 
-def test_a_misfit_widens_both(model, frequency):
-    """Errors four times as large as stated: the fit widens its deviations, and the noise of resamples."""
-    off = frequency * (1 + 4 * STD * np.array([1, -1, -1, 1]))
-    updated = update(model, [E], frequency=off, frequency_std=STD, model_error=0.0)
-    assert updated.misfit["modes"] > 9
-    N = 60
-    x = np.log(refits(updated, N)[:, 0])
-    (p,) = updated.parameters
-    assert x.std(ddof=1) == pytest.approx(p.std / p.value, rel=3.5 / np.sqrt(2 * N))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("error", [0.0, 2e-3])
-def test_frfs_with_noise_and_errors_of_the_model(model, error):
-    """In the linear range of E and ρ the linearised deviations hold, those of shifts and gains included."""
+@pytest.mark.parametrize("error", [0.0, 0.3])
+def test_frfs_with_noise_and_the_form_of_the_model(model, error):
+    """In the linear range of E and ρ the linearised deviations hold, those by the form included."""
     lines = np.arange(5.0, 200.0, 1.0)
-    places = [(1, "y"), (3, "y")]
+    places = [(3, "y"), (9, "y")]
     rows = np.zeros((2, model.n_dof))
     for row, (point, _) in zip(rows, places, strict=True):
         row[6 * point + 1] = 1.0
@@ -110,31 +95,32 @@ def test_frfs_with_noise_and_errors_of_the_model(model, error):
     H = H * (1 + 0.02 * (noise[0] + 1j * noise[1]))
     updated = update(
         model, {E: 0.05, RHO: 0.05}, frf=H, lines=lines, outputs=places, inputs=places[:1], noise=0.02,
-        model_error=error, amplitude_error=5 * error, damping=False,
+        model_error=error, damping_std=0.0,
     )  # fmt: skip
     N = 80
     x = np.log(refits(updated, N))
     linear = np.array([p.std / p.value for p in updated.parameters])
-    np.testing.assert_allclose(x.std(axis=0, ddof=1), linear, rtol=3.5 / np.sqrt(2 * N))
+    # Fits take noise for 1.25 times as large as it is seen to be.
+    ratio = x.std(axis=0, ddof=1) / linear
+    assert (ratio > (0.8 if error == 0 else 0.5) * (1 - 3.5 / np.sqrt(2 * N))).all()
+    assert (ratio < 1 + 3.5 / np.sqrt(2 * N)).all()
 
 
 def test_a_number_decides_a_resample(model, frequency):
-    updated = update(model, [E], frequency=frequency, frequency_std=STD)
+    updated = textbook(model, [E], frequency=frequency, frequency_std=STD)
     drawn = BootstrapModel.of(updated, 5)
     again, other, seeded = drawn.resample(7), drawn.resample(8), BootstrapModel.of(updated, 6).resample(7)
-    first = drawn.resample(7).modes
-    assert first is not None
+    first = drawn.resample(7).targets
     for problem, same in ((again, True), (other, False), (seeded, False)):
-        assert problem.modes is not None
-        assert np.array_equal(problem.modes.frequency, first.frequency) == same
+        assert np.array_equal(problem.targets.frequency, first.frequency) == same
 
 
 def test_failed_and_regularised_updates_are_refused(model, frequency):
     settings = UpdateSettings(regularisation="tikhonov")
-    regularised = update(model, [E, RHO], frequency=frequency * 1.01, settings=settings)
+    regularised = textbook(model, [E, RHO], frequency=frequency * 1.01, settings=settings)
     with pytest.raises(ModelError, match="is regularised"):
         BootstrapModel.of(regularised)
     short = UpdateSettings(max_iterations=1)
-    ended = update(model, [E], frequency=frequency * 1.4, settings=short)
+    ended = textbook(model, [E], frequency=frequency * 1.4, settings=short)
     with pytest.raises(ModelError, match="out of iterations: there is no fit to draw from"):
         BootstrapModel.of(ended)

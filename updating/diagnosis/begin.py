@@ -1,48 +1,19 @@
 """What a diagnosis begins with: data, and a reduced model on a mesh that is fine enough for them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from fem.model import Model
-from updating.diagnosis.patches import refined_on_patches, with_turning
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES, QUICK_LINES, fit, scattered, with_seen_noise
+from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
+from updating.inference.formed import builder, refined
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
+from updating.inference.preparation import N_FIT_LINES, build_fine
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
-
-Build = Callable[..., FitProblem]
-"""Makes the problem of a model, with its uncertain parameters unless ``nuisances`` are given."""
-
-
-def builder(
-    measurement: Measurement,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
-) -> Build:
-    """Return what makes the fits' problem of a model; parameters as of a diagnosis."""
-
-    def build(model: Model, nuisances: Sequence[Nuisance] = nuisances) -> FitProblem:
-        return build_problem(
-            model, measurement, with_turning(nuisances, model), damping_std=damping_std, band=band,
-            n_lines=n_lines, connections=True, model_error=model_error,
-        )  # fmt: skip
-
-    return build
-
-
-def refined(model: Model, model_error: float) -> Model:
-    """Return a model with mass of higher order, and with short elements on the joints' patches."""
-    model = with_higher_mass(model)
-    return refined_on_patches(model) if model_error > 0 else model
 
 
 def begin(
@@ -86,10 +57,7 @@ def calibrated(
     checked : bool
         Whether faults are looked for.
     """
-    banded = fit(problem, n_lines=QUICK_LINES, counted_as=0)
-    ways = banded, problem.with_even_damping(banded)
-    nulls = [fit(problem, stages=problem.stages[-1:], x_from=near, n_lines=n_lines) for near in ways]
-    null = max(nulls, key=lambda r: r.log_evidence)
+    problem, null = with_form_of_damping(problem, null_fit(problem, n_lines=n_lines), n_lines=n_lines)
     right, result, faults = problem, null, ()
     if checked:
         right, result, faults = find_faults(problem, problem.assessed(null))

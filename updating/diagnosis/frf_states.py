@@ -19,15 +19,14 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import (
-    Formed,
     Searched,
     begun_with,
     candidates_for_test,
-    formed_problem,
 )
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fitting import FULL_LINES, fit
+from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
 from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model

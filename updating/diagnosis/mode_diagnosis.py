@@ -22,13 +22,12 @@ from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
-from updating.inference.form import form_of
+from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
-from updating.inference.mode_preparation import build_mode_problem, fine_enough
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import fitted_model, with_higher_mass
+from updating.inference.preparation import fitted_model
 from updating.least_squares.mode_levels import ModeLevels
 
 CREDIBLE = 0.9
@@ -226,31 +225,13 @@ def search_modes(
     """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    problem, model, formed, own = formed_problem(
+    problem, made = formed_mode_problem(
         model, targets, nuisances, damping_std=damping_std, model_error=model_error
     )
     say("fitting the uncertain parameters", 0.05)
-    candidates = candidates_for(model, targets, kinds, exclude)
-    search = Search(problem, own, candidates, told(say, begun), ranking=ModeRanking())
-    return searched_modes(search, formed, say)
-
-
-def formed_problem(
-    model: Model,
-    targets: ModeTargets,
-    nuisances: Sequence[Nuisance],
-    *,
-    damping_std: float,
-    model_error: float,
-) -> tuple[ModeProblem, Model, Model, tuple[Nuisance, ...]]:
-    """Return a problem, its model refined and that with its uncertain form, and the form's parameters."""
-    model, mesh = fine_enough(with_higher_mass(model), targets)
-    form, own = form_of(model) if model_error > 0 else ((), ())
-    formed = model.with_effect(*form)
-    problem = build_mode_problem(
-        formed, targets, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
-    )
-    return problem, model, formed, own
+    candidates = candidates_for(made.model, targets, kinds, exclude)
+    search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
+    return searched_modes(search, made.formed, say)
 
 
 def searched_modes(search: Search, model: Model, say: Progress) -> Searched:

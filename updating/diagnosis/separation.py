@@ -13,7 +13,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.measurement.measurement import Sensor, motions_of
+from updating.measurement.measurement import Sensor, directed_of
 
 N_COMPARED_LINES = 60
 """Lines at which predictions are compared."""
@@ -196,7 +196,7 @@ def _present(problem: FitProblem, kind: str) -> Sequence[Sensor]:
 def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float) -> bool:
     return any(
         np.linalg.norm(s.point - xyz) < 0.02 * size and abs(float(s.direction @ axis)) > 0.9
-        for s in motions_of(sensors)
+        for s in directed_of(sensors)
     )
 
 
@@ -247,7 +247,7 @@ class _Prediction:
         self, fit: FitResult, outputs: Floats, inputs: Floats, frequency: Floats, *, slopes: bool
     ) -> tuple[Complexes, Complexes | None]:
         p, refs = self.problem, list(fit.values)
-        engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects)
+        engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects, modal=p.modal)
         zeta = p.damping.ratio(frequency, fit.zeta)
         values = np.array([fit.values[r] for r in refs])
         H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)

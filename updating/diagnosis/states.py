@@ -30,7 +30,6 @@ from updating.diagnosis.mode_diagnosis import (
     ModeDiagnosis,
     candidates_for,
     concluded,
-    formed_problem,
     searched_modes,
 )
 from updating.inference.bases import better_basis
@@ -38,6 +37,7 @@ from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
+from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
@@ -59,7 +59,7 @@ def calibrate(
     On a basis with the modes of the fitted model: the second state's basis begins with them, and what one of
     the two lacks would look like a change.
     """
-    problem, _, formed, _ = formed_problem(
+    problem, made = formed_mode_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
     fitted = fit(problem)
@@ -69,7 +69,7 @@ def calibrate(
             break
         problem = replace(problem, reduced=better[1])
         fitted = fit(problem, stages=problem.stages[-1:], x_from=fitted)
-    return Calibrated(fitted_model(formed, fitted), problem, fitted, problem.computed(fitted))
+    return Calibrated(fitted_model(made.formed, fitted), problem, fitted, problem.computed(fitted))
 
 
 def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:

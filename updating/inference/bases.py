@@ -52,7 +52,7 @@ def _with_modes(problem: ModeProblem, result: FitResult) -> tuple[float, Reduced
         g = own.frequency[own.n_rigid :]
         n = min(len(f), len(g))
         error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
-        if error <= BASIS_SHARE * 10 * problem.data.noise_level:
+        if error <= BASIS_SHARE * problem.data.noise_level:
             return None
         return error, problem.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
     except (np.linalg.LinAlgError, ValueError):

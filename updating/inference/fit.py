@@ -24,9 +24,9 @@ from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
-from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unknowns
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
@@ -45,7 +45,7 @@ class FitProblem:
     ----------
     reduced : ReducedModel
     data : FitData
-    nuisances : tuple of Nuisance
+    nuisances : tuple of Nuisance or Unknown
     damping : DampingCurve
     stages : ndarray
         Upper ends of the bands of the frequency continuation, rising; the last is the whole band [Hz].
@@ -65,13 +65,16 @@ class FitProblem:
     decay : float
         σ of the complex frequencies ω - iσ at which the data are (:func:`updating.inference.damped.damped`)
         [rad/s].
+    modal : bool
+        Whether damping ratios are those of viscous modal damping between resonances, rather than of a loss
+        factor.
     pieces : int
         Into how many each element of the model was cut for the data; 0 where that was not asked.
     """
 
     reduced: ReducedModel
     data: FitData
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Uncertain, ...]
     damping: DampingCurve
     stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
@@ -81,6 +84,7 @@ class FitProblem:
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
+    modal: bool = False
     pieces: int = 0
 
     def __repr__(self) -> str:
@@ -138,7 +142,8 @@ class FitProblem:
         *_, outputs, inputs = self._ends
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
-            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True, decay=self.decay
+            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
+            decay=self.decay, modal=self.modal,
         )  # fmt: skip
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
@@ -192,7 +197,7 @@ class FitProblem:
         lines : ndarray of int
         """
         fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
+        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
         nuisance = nuisance_unknowns(self.reduced.model, varying)
         variables = (*nuisance, *effect_unknowns(effects, starts))
         start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
@@ -235,7 +240,8 @@ class FitProblem:
         linear = [e for e in result.effects if e is not element]
         refs = [ref for ref in result.values if ref[0] != element.name]
         f = self.data.frequency[lines]
-        engine = ParametricFRF(self.reduced, *self.vectors_with(element), f, refs, linear)
+        ends = self.vectors_with(element)
+        engine = ParametricFRF(self.reduced, *ends, f, refs, linear, modal=self.modal)
         zeta = self.damping.ratio(f, result.zeta)
         block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)
@@ -267,7 +273,11 @@ class FitProblem:
         n = len(self.nuisances)
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {v.ref: v.to_value(v.mean) for v in variables}
+        values = {
+            ref: value
+            for v in variables
+            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
+        }
         zero = dict.fromkeys(values, 0.0)
         return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
 

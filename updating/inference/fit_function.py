@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect
+from fem.model import Effect, ParameterRef
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
-from updating.correlation import log_ratio
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.belief import FORM_LEFT
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
-from updating.inference.solve import TOLERANCE, Prior, Residual, Solution, solve_robust
-from updating.inference.unknowns import ScaledUnknown
+from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
+from updating.inference.unknowns import ScaledUnknown, by_unknowns, values_at
 from updating.least_squares.costs import Costs
+from updating.least_squares.loss import pseudo_huber
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
@@ -28,6 +30,28 @@ if TYPE_CHECKING:
 
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far a computed model is from what was measured; NaN for what was not.
+
+    Attributes
+    ----------
+    frequency : float
+        Root mean square of the relative errors of natural frequencies [-].
+    mac : float
+        Mean of the paired modes' [-].
+    frf_db : float
+        Root mean square of the FRFs' error in amplitude [dB].
+    lost : tuple of int
+        Measured modes without a partner.
+    """
+
+    frequency: float = np.nan
+    mac: float = np.nan
+    frf_db: float = np.nan
+    lost: tuple[int, ...] = ()
 
 
 @dataclass(eq=False)
@@ -77,11 +101,16 @@ class FitFunction:
         """Which values count, (n_lines, n_out, n_in)."""
         return self.problem.data.mask[self.lines]
 
+    @property
+    def refs(self) -> list[ParameterRef]:
+        """Parameters that the variables move, in their order."""
+        return [ref for v in self.variables for ref in v.refs]
+
     # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
 
     @cached_property
     def _engine(self) -> ParametricFRF:
-        frequency, refs = self.problem.data.frequency[self.lines], [v.ref for v in self.variables]
+        frequency, refs = self.problem.data.frequency[self.lines], self.refs
         none = np.zeros((self.problem.reduced.model.n_dof, 0))
         deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
         return self.problem.engine(frequency, refs, self.effects, deviations=deviations)
@@ -116,7 +145,7 @@ class FitFunction:
         beat()
         keep, weight = self.keep, self.problem.data.weight[self.lines]
         (own, damping, scatter), (hats, offset) = self._parts, self._damping
-        values = np.array([v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)])
+        values = values_at(self.variables, x[own])
         zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
         H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
@@ -124,11 +153,10 @@ class FitFunction:
         if not gradient or dH is None or dH_dzeta is None:
             return r, None
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
-        n = len(self.variables)
-        slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[own], strict=True)])
+        n = len(values)
         J = np.empty((len(x), r.size), dtype=complex)
-        J[own] = dH[:n][:, keep] * slopes[:, None]
-        J[damping] = by_unknowns(zeta, hats, dH_dzeta)[:, keep]
+        J[own] = by_unknowns(self.variables, x[own], dH[:n][:, keep])
+        J[damping] = by_damping(zeta, hats, dH_dzeta)[:, keep]
         J[scatter] = dH[n:][:, keep] * std[:, None]
         J *= per
         return r, self.problem.data.seen(J)
@@ -180,14 +208,15 @@ class FitFunction:
         return {
             k: prior_of(self.problem, by_name[v.ref[0]], v)
             for k, v in enumerate(self.variables)
-            if not v.has_prior
+            if v.ref[0] in by_name
         }
 
     def moved_to(self, result: FitResult) -> NDArray[np.float64]:
         """Return the start with nuisance parameters, damping and as many small deviations of a result."""
         x, (_, damping, scatter) = self.start.copy(), self._parts
+        added = {e.name for e in self.effects}
         for k, v in enumerate(self.variables):
-            if v.has_prior and v.ref in result.values:
+            if v.ref[0] not in added and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
         x[damping] = np.log(result.zeta)
         if len(result.scatter) == len(x[scatter]):
@@ -215,9 +244,25 @@ class FitFunction:
         member = np.unique(self.groups, return_inverse=True)[1]
         return np.bincount(member, each) / np.bincount(member)
 
+    def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the robust mean squares of the residuals of each group, (n_groups,)."""
+        return self.mean_by_group(pseudo_huber(self(x, False)[0], ROBUST))
+
     def noise(self) -> NDArray[np.float64]:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         return self.mean_by_group(noise_squares(self.problem.data, self.lines))
+
+    def left(self) -> NDArray[np.float64]:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        problem = self.problem
+        square = (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2
+        return np.full(len(np.unique(self.groups)), square)
+
+    def errors(self, x: NDArray[np.float64]) -> Errors:
+        """Return how far computed FRFs are from the measured ones."""
+        r, weight = self(x, False)[0], self.problem.data.weight[self.lines][self.keep]
+        known = weight > 0
+        return Errors(frf_db=float(np.sqrt(((r.real[known] / weight[known]) ** 2).mean()) * DB_PER_NEPER))
 
     def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
         """Return how probable error levels are: noise, and what beams and the mesh leave beside it.
@@ -243,6 +288,8 @@ class FitFunction:
         *,
         counted_as: int = 0,
         tolerance: float = TOLERANCE,
+        report: Report | None = None,
+        prior: Prior | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -256,13 +303,17 @@ class FitFunction:
             As of :meth:`levels`.
         tolerance : float
             The end is where a step gains less than this [nats].
+        report : callable, optional
+            Called after each step with the unknowns and the cost.
+        prior : Prior, optional
+            In place of its own.
         """
         limits = self.limits()
         assert len(limits) == len(x)
         return solve_robust(
             self,
             x,
-            self.prior(),
+            prior or self.prior(),
             (limits[:, 0], limits[:, 1]),
             levels=self.levels(stage, counted_as),
             groups=self.groups,
@@ -270,6 +321,7 @@ class FitFunction:
             max_iterations=max_iterations,
             tolerance=tolerance,
             relative=self.relative,
+            report=report,
         )
 
     def result(self, solution: Solution) -> FitResult:
@@ -277,10 +329,10 @@ class FitFunction:
         x, (own, damping, scatter) = solution.x, self._parts
         if not solution.covariance.size:
             solution = replace(solution, covariance=np.full((len(x), len(x)), np.nan))
-        values = {v.ref: v.to_value(xi) for v, xi in zip(self.variables, x[own], strict=True)}
+        values = dict(zip(self.refs, values_at(self.variables, x[own]).tolist(), strict=True))
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
         known = zip(self.variables, x[own], sd[own], strict=True)
-        std = {v.ref: v.deviation(xi, deviation) for v, xi, deviation in known}
+        std = {ref: s for v, xi, deviation in known for ref, s in v.deviations(xi, deviation).items()}
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
@@ -306,7 +358,7 @@ def propagated(
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def by_unknowns(
+def by_damping(
     zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.

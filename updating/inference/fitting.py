@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, parameter_values
 from updating.correlation import log_ratio
 from updating.inference.bases import BASIS_LINES, better_basis
+from updating.inference.damped import continuation_of, damped
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
@@ -18,21 +19,28 @@ from updating.inference.joint_fit import with_modes
 from updating.inference.marginal import Quadratic, by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.scatter import Scatter, form_scatter
-from updating.inference.solve import TOLERANCE, Solution
+from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 
 Floats = NDArray[np.float64]
 FULL_LINES = 100
 """Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
+FULL: dict[str, Any] = {"n_lines": FULL_LINES}
 QUICK_LINES = 40
 """Lines of quick fits."""
 QUICK_NATS = 0.1
 """They end when a step gains less."""
+DECAYS = 0.04, 0.015, 0.004
+"""Decay rates of FRFs to which fits far from the data begin, in parts of the band [-]."""
 ITERATIONS = 14
 """At most so many iterations in each band of a fit."""
 N_PASSES = 3
 """So often small deviations are fitted again at most, where another size than the next one is best."""
+FLAT = 1e3
+"""Standard deviation that stands for none of an unknown in the evidence [-]."""
+Watch = Callable[[FitFunction, float], Report]
+"""Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
 RANKED = ((2, 6), (6, 2))
 """Steps of quick fits from several starts, and how many of the best go on: twice, then to all lines."""
 
@@ -48,6 +56,7 @@ def fit(
     max_iterations: int = ITERATIONS,
     x_from: FitResult | None = None,
     tolerance: float = TOLERANCE,
+    watch: Watch | None = None,
 ) -> FitResult:
     """Find the most probable unknowns of a model with effects, band by band; its errors are not assessed.
 
@@ -70,6 +79,7 @@ def fit(
         Start uncertain parameters and damping there rather than at the nominal values.
     tolerance : float
         The end of a band's fit is where a step gains less than this [nats].
+    watch : callable, optional
     """
     x: NDArray[np.float64] | None = None
     function = solution = None
@@ -79,7 +89,10 @@ def fit(
         function = with_modes(own, own.function(effects, starts, lines), stage)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
-        solution = function.minimise(x, stage, max_iterations, counted_as=counted_as, tolerance=tolerance)
+        report = None if watch is None else watch(function, stage)
+        solution = function.minimise(
+            x, stage, max_iterations, counted_as=counted_as, tolerance=tolerance, report=report
+        )
         x = solution.x
     assert function is not None
     assert solution is not None
@@ -91,7 +104,33 @@ def assessed_fit(problem: FitProblem, *effects: Any, **how: Any) -> FitResult:
     return problem.assessed(fit(problem, *effects, **how))
 
 
-def refit(problem: FitProblem | ModeProblem, result: FitResult, n_lines: int | None = None) -> FitResult:
+def null_fit(problem: FitProblem, *, n_lines: int = FULL_LINES, counted_as: int = FULL_LINES) -> FitResult:
+    """Return the fit of everything that is uncertain, to nothing added.
+
+    From where a fit band by band ends, with its damping and with one that is even over frequency, and from
+    where one to damped FRFs does, which converges from far away.
+    """
+    banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), _far_fit(problem)
+    ways = [banded, problem.with_even_damping(banded), *([far] if far else [])]
+    nulls = [
+        fit(problem, stages=problem.stages[-1:], x_from=near, n_lines=n_lines, counted_as=counted_as)
+        for near in ways
+    ]
+    return max(nulls, key=lambda r: r.log_evidence)
+
+
+def _far_fit(problem: FitProblem) -> FitResult | None:
+    """Return a quick fit to less and less damped FRFs; None where they cannot be damped."""
+    measured, near = continuation_of(problem), None
+    for share in DECAYS if measured else ():
+        own = damped(problem, share, measured)
+        if own is not None:
+            how: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": 0, "tolerance": QUICK_NATS}
+            near = fit(own, stages=own.stages[-1:], x_from=near, **how)
+    return near
+
+
+def refit(problem: FitProblem | ModeProblem, result: FitResult, **how: Any) -> FitResult:
     """Fit the effects of a result again, from its values: on the whole band at once.
 
     A part of the band would not determine all, such as the extent of a mass.
@@ -101,10 +140,11 @@ def refit(problem: FitProblem | ModeProblem, result: FitResult, n_lines: int | N
     problem : FitProblem or ModeProblem
     result : FitResult
         Its effects are fitted, from their values; all else begins where it is there.
-    n_lines : int, optional
+    **how
+        As of :func:`fit`.
     """
     starts = [parameter_values(e) for e in result.effects]
-    return fit(problem, result.effects, starts, stages=problem.stages[-1:], n_lines=n_lines, x_from=result)
+    return fit(problem, result.effects, starts, stages=problem.stages[-1:], x_from=result, **how)
 
 
 def scattered(
@@ -113,7 +153,7 @@ def scattered(
     scatter: Callable[..., Scatter | None] = form_scatter,
     *,
     n_passes: int = N_PASSES,
-    n_lines: int = FULL_LINES,
+    **how: Any,
 ) -> FitResult:
     """Return a fit that goes on with the small deviations of the form, of the modes that it has.
 
@@ -125,24 +165,29 @@ def scattered(
     result : FitResult
     scatter : callable
         Returns the deviations at a result, of a size.
-    n_passes, n_lines : int
+    n_passes : int
+    **how
+        As of :func:`fit`.
     """
+    how = FULL | how
     size = None
     for _ in range(n_passes):
         small = scatter(problem, result, size)
         if small is None:
             break
-        result = refit(replace(problem, scatter=small), result, n_lines)
+        result = refit(replace(problem, scatter=small), result, **how)
         size = result.size
         if size is None or 0.4 < size / small.eigenvalue < 2.5:
             break
     return result
 
 
-Problem = TypeVar("Problem", FitProblem, ModeProblem)
+Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
 
 
-def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem, FitResult]:
+def fit_given(
+    problem: Problem, effects: Sequence[Effect] = (), others: Sequence[FitResult] = (), **how: Any
+) -> tuple[Problem, FitResult]:
     """Return the most probable model with given effects, from their values and from their own starts.
 
     The posterior has several maxima, for instance of a joint between free and rigid. Quick fits rank the
@@ -154,10 +199,15 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
         With the form among what is uncertain, if it may vary.
     effects : sequence of Effect
         With the values to start from first.
+    others : sequence of FitResult
+        Points from which fits without effects begin, too.
+    **how
+        As of :func:`fit`.
     """
+    how = FULL | how
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     given = [parameter_values(e) for e in effects]
-    fits = [fit(problem, effects, given, n_lines=FULL_LINES)]
+    fits = [fit(problem, effects, given, **how), *(refit(problem, r, **how) for r in others)]
     begun: list[tuple[list[dict[str, float]], FitResult | None]] = [
         ([*given[:k], s, *given[k + 1 :]], None)
         for k, e in enumerate(effects)
@@ -171,8 +221,8 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
                 tried.append(fit(problem, effects, values, stages=problem.stages[-1:], x_from=near, **quick))
         tried.sort(key=lambda r: -r.log_evidence)
         begun = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
-    fits += [refit(problem, near, FULL_LINES) for _, near in begun if near is not None]
-    result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
+    fits += [refit(problem, near, **how) for _, near in begun if near is not None]
+    result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
     for n_better in BASIS_LINES:
         better = better_basis(problem, result, n_better)
         if better is None:
@@ -180,9 +230,19 @@ def fit_given(problem: Problem, effects: Sequence[Effect] = ()) -> tuple[Problem
         problem = replace(problem, reduced=better[1])
         now = [parameter_values(e) for e in result.effects]
         # What was bent on the former basis would stay so: from nominal uncertain parameters, too.
-        fits = [fit(problem, effects, now, n_lines=FULL_LINES), refit(problem, result, FULL_LINES)]
-        result = scattered(problem, max(fits, key=lambda r: r.log_evidence))
-    return problem, result
+        fits = [fit(problem, effects, now, **how), refit(problem, result, **how)]
+        result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
+    return with_form_of_damping(problem, result, **how)
+
+
+def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tuple[Problem, FitResult]:
+    """Return a fit with the more probable form of damping between resonances, and its problem."""
+    if not isinstance(problem, FitProblem):
+        return problem, result
+    other = replace(problem, modal=not problem.modal)
+    small = replace(other, scatter=form_scatter(other, result, result.size))
+    again = refit(small, result, **how)
+    return (other, again) if again.log_evidence > result.log_evidence else (problem, result)
 
 
 def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0) -> FitResult:
@@ -194,6 +254,7 @@ def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0
     member = np.unique(function.groups, return_inverse=True)[1]
     levels = function.levels(counted_as=counted_as)
     off, std = function.prior_at(x)
+    off, std = np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
     near = Quadratic.of(r, J, member, ROBUST, levels)
     v, size = near.v, None
     if scatter is None or not scatter.sizes:
@@ -217,11 +278,11 @@ def _density(
 ) -> float:
     """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant."""
     off, std = function.prior_at(x)
+    off, std = np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
     own = np.tile(std, (len(factors), 1))
     own[:, rows] *= factors[:, None]
     prior = -0.5 * ((off / own) ** 2).sum(axis=1) - np.log(own).sum(axis=1)
-    misfit = function.mean_by_group(pseudo_huber(function(x, False)[0], ROBUST))
-    return float(np.logaddexp.reduce(prior)) - levels.cost(misfit)
+    return float(np.logaddexp.reduce(prior)) - levels.cost(function.misfit(x))
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:

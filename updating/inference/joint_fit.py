@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.model import Effect
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_function import ROBUST, Errors, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Solution
@@ -98,6 +99,16 @@ class JointFunction(FitFunction):
         frf, modes = self.both
         return np.concatenate([frf.noise(), modes.noise()])
 
+    def left(self) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        frf, modes = self.both
+        return np.concatenate([frf.left(), modes.left()])
+
+    def errors(self, x: Floats) -> Errors:
+        """Return how far computed FRFs and modes are from the measured ones."""
+        frf, modes = self.both
+        return replace(modes.errors(x[: len(modes.start)]), frf_db=frf.errors(x).frf_db)
+
     def levels(self, stage: float = np.inf, counted_as: int = 0) -> JointLevels:
         """Return the levels of both."""
         frf, modes = self.both
@@ -111,15 +122,23 @@ class JointFunction(FitFunction):
         return replace(frf.result(solution), level=level)
 
 
+def modes_beside(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModeProblem | None:
+    """Return the fit to the modes that a problem has beside its FRFs, with room for effects."""
+    if problem.modes is None:
+        return None
+    reduced = problem.reduced.with_forces_of(effects)
+    return ModeProblem(reduced, problem.modes, problem.nuisances, problem.damping, problem.model_error)
+
+
 def with_modes(problem: FitProblem | ModeProblem, function: FitFunction, stage: float) -> FitFunction:
     """Return a function of FRFs with the modes of its problem up to a frequency [Hz], if it has any."""
-    targets = problem.modes if isinstance(problem, FitProblem) else None
-    if targets is None or not isinstance(problem, FitProblem):
+    own = modes_beside(problem) if isinstance(problem, FitProblem) else None
+    if own is None:
         return function
-    lines = targets.fitted[targets.frequency[targets.fitted] <= stage]
+    fitted = own.targets.fitted
+    lines = fitted[own.targets.frequency[fitted] <= stage]
     if not lines.size:
         return function
-    own = ModeProblem(problem.reduced, targets, problem.nuisances, problem.damping, problem.model_error)
     start = function.start[: len(function.variables) + len(problem.damping.start)]  # without scatter
     modes = ModeFunction(own, function.effects, function.variables, start, lines)  # type: ignore[arg-type]
     return JointFunction.of(function, modes)

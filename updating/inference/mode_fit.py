@@ -18,12 +18,12 @@ from updating.inference.belief import FORM_LEFT
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
-from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_function import ROBUST, Errors, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import FAR, IN_PLANE, LEAST_MAC, Matched, ModeTargets, match
-from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
-from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.inference.unknowns import Uncertain, by_unknowns, effect_unknowns, nuisance_unknowns, values_at
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
@@ -55,7 +55,7 @@ class ModeProblem:
     ----------
     reduced : ReducedModel
     targets : ModeTargets
-    nuisances : tuple of Nuisance
+    nuisances : tuple of Nuisance or Unknown
     damping : DampingCurve
     model_error : float
         As of :class:`updating.inference.fit.FitProblem`: what frame theory leaves of frequencies, damping and
@@ -70,7 +70,7 @@ class ModeProblem:
 
     reduced: ReducedModel
     targets: ModeTargets
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Uncertain, ...]
     damping: DampingCurve
     model_error: float = EXPLAINED_LEVEL
     mesh_level: float = 0.0
@@ -154,7 +154,7 @@ class ModeProblem:
     ) -> ModeFunction:
         """Return the residuals of some measured modes as a function of all that varies."""
         fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if (n.effect, n.parameter) not in fixed]
+        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
         nuisance = nuisance_unknowns(self.reduced.model, varying)
         variables = (*nuisance, *effect_unknowns(effects, starts))
         start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
@@ -173,7 +173,11 @@ class ModeProblem:
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         n = len(variables)
         empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {v.ref: v.to_value(v.mean) for v in variables}
+        values = {
+            ref: value
+            for v in variables
+            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
+        }
         zero = dict.fromkeys(values, 0.0)
         return FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan)
 
@@ -297,9 +301,21 @@ class ModeFunction(FitFunction):
         left = (FORM_LEFT * self._modes_problem.left[there]) ** 2 * levels.n / levels.size
         return SPREAD * levels.noise + left
 
+    def errors(self, x: Floats) -> Errors:
+        """Return how far computed modes are from the measured ones."""
+        at, f = self.modes_at(x), self._data.frequency[self.lines]
+        matched = matched_modes(self._modes_problem, at, self.lines)
+        ok = matched.partner >= 0
+        if not ok.any():
+            return Errors(lost=tuple(self.lines.tolist()))
+        ratio = at.pairs(0).frequency[matched.partner[ok]] / f[ok] - 1
+        mac = float(matched.mac[ok].mean())
+        lost = tuple(self.lines[~ok].tolist())
+        return Errors(float(np.sqrt((ratio**2).mean())), mac, lost=lost)
+
     @cached_property
     def _parametric(self) -> ParametricModes:
-        return self._modes_problem.parametric(self.lines, [v.ref for v in self.variables], self.effects)
+        return self._modes_problem.parametric(self.lines, self.refs, self.effects)
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
@@ -319,8 +335,8 @@ class ModeFunction(FitFunction):
         """Return the derivatives (n, m) of the residuals by x."""
         n, curve = len(self.variables), self.problem.damping
         J = np.zeros((len(x), sum(self._sizes)), dtype=complex)
-        slopes = np.array([v.slope(xi) for v, xi in zip(self.variables, x[:n], strict=True)])
-        J[:n] = slopes[:, None] * self.slopes(at, found, self._parametric.slopes(self._values(x)), n)
+        by_refs = self.slopes(at, found, self._parametric.slopes(self._values(x)), len(self.refs))
+        J[:n] = by_unknowns(self.variables, x[:n], by_refs)
         f = self._data.frequency[self.lines]
         m = n + len(curve.start)
         hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:m] + curve.offset(f))
@@ -328,7 +344,7 @@ class ModeFunction(FitFunction):
         return J
 
     def _values(self, x: Floats) -> Floats:
-        return np.array([v.to_value(xi) for v, xi in zip(self.variables, x, strict=False)])
+        return values_at(self.variables, x[: len(self.variables)])
 
     def modes_at(self, x: Floats, release: Sequence[tuple[str, str]] = ()) -> ModesAt:
         """Return the modes at some unknowns, without some constraints if asked."""
@@ -336,8 +352,7 @@ class ModeFunction(FitFunction):
         zeta = np.exp(curve.hats(f) @ x[n : n + len(curve.start)] + curve.offset(f))
         parametric = self._parametric
         if release:
-            refs = [v.ref for v in self.variables]
-            parametric = self._modes_problem.parametric(self.lines, refs, self.effects, release)
+            parametric = self._modes_problem.parametric(self.lines, self.refs, self.effects, release)
         return parametric.at(self._values(x), zeta)
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:

@@ -15,8 +15,15 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import DampingCurve, Nuisance
-from updating.inference.preparation import MESH_SHARE, MODE_MARGIN, MOST_SPLITS, nominal_ratio
+from updating.inference.parameters import DampingCurve
+from updating.inference.preparation import (
+    LEAST_DAMPING_STD,
+    MESH_SHARE,
+    MODE_MARGIN,
+    MOST_SPLITS,
+    nominal_ratio,
+)
+from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import with_sensor_masses
 
 HIGHEST = 1.2
@@ -26,7 +33,7 @@ HIGHEST = 1.2
 def build_mode_problem(
     model: Model,
     targets: ModeTargets,
-    nuisances: Sequence[Nuisance] = (),
+    nuisances: Sequence[Uncertain] = (),
     *,
     damping_std: float = 0.5,
     model_error: float = EXPLAINED_LEVEL,
@@ -57,7 +64,7 @@ def build_mode_problem(
     knots = np.unique(np.quantile(f, np.linspace(0, 1, n_knots))) if n_knots > 1 else np.array([np.median(f)])
     nominal = nominal_ratio(model, knots, other, connections=True)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], damping_std, True,
+        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), True,
         nominal if np.ptp(model.damping.ratio) or other else None,
     )  # fmt: skip
     return ModeProblem(reduced, targets, tuple(nuisances), curve, model_error, mesh_level)
@@ -76,7 +83,7 @@ def fine_enough(model: Model, targets: ModeTargets) -> tuple[Model, float]:
         g = _frequencies(finer, n)
         both = min(len(f), len(g))
         error = 4 / 3 * float(np.abs(np.log(f[:both] / g[:both])).max(initial=0.0))
-        if error <= MESH_SHARE * float(np.min(targets.frequency_std)) * 10:
+        if error <= MESH_SHARE * float(np.min(targets.frequency_std)):
             return model, error
         model, f = finer, g
     return model, error / 4

@@ -30,6 +30,11 @@ class Nuisance:
     parameter: str
     std: float
 
+    @property
+    def refs(self) -> tuple[ParameterRef]:
+        """The parameter, as of an :class:`updating.inference.unknowns.Unknown`."""
+        return ((self.effect, self.parameter),)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DampingCurve:

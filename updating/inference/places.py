@@ -1,44 +1,55 @@
-"""Places of responses and forces as combinations of DOFs."""
+"""Places of responses and forces as channels of a measurement."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.selection import Selection, dof_vectors
 from fem.model import Model, ModelError
-from updating.inference.fit_data import sensor_vectors
-from updating.measurement.measurement import Sensor
+from updating.measurement.measurement import Combination, Sensor
 
 Places = Selection | Sequence[Sensor] | Mapping[str, tuple[int, str]]
 """Where responses are measured: DOF numbers, (point, direction) pairs, rows (n, n_dof), sensors, or (point,
 direction) by label."""
 
 
-def place_vectors(
-    model: Model, places: Places, names: Sequence[str] | None = None
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Return places as columns (n_dof, n) and their labels; ``names`` picks labelled ones, in their order.
+def channels(model: Model, places: Places, names: Sequence[str] | None = None) -> tuple[Sensor, ...]:
+    """Return places as sensors; ``names`` picks labelled ones, in their order.
 
     Raises
     ------
     ModelError
-        For a label without a place.
+        For a label without a place, and for coordinates inside of effects, which a finer mesh has not.
     """
+    labels: Sequence[str] | None = None
+    given: Any = places
     if isinstance(places, Mapping):
-        names = tuple(places) if names is None else tuple(names)
-        missing = [name for name in names if name not in places]
+        labels = tuple(places) if names is None else tuple(names)
+        missing = [name for name in labels if name not in places]
         if missing:
             msg = f"there is no place for {', '.join(missing[:6])}; places are given for {', '.join(places)}"
             raise ModelError(msg)
-        return dof_vectors(model, [places[name] for name in names])[0], names
-    sensors = [p for p in places if isinstance(p, Sensor)]
+        given = [places[name] for name in labels]
+    sensors = [p for p in given if isinstance(p, Sensor)]
     if sensors:
-        if len(sensors) != len(places):
-            msg = f"{len(places) - len(sensors)} of {len(places)} places are no sensors; give one kind only"
+        if len(sensors) != len(given):
+            msg = f"{len(given) - len(sensors)} of {len(given)} places are no sensors; give one kind only"
             raise ModelError(msg)
         by_name = {s.name: s for s in sensors}
-        if names is not None and set(names) <= set(by_name):
-            sensors = [by_name[name] for name in names]
-        return sensor_vectors(model, sensors), tuple(s.name for s in sensors)
-    return dof_vectors(model, places)  # type: ignore[arg-type]
+        return tuple(by_name[n] for n in names) if names and set(names) <= set(by_name) else tuple(sensors)
+    columns, own = dof_vectors(model, given)
+    n = 6 * model.mesh.n_points
+    if columns[n:].any():
+        msg = f"a place is a coordinate inside of an effect; DOFs of points are 0 to {n - 1}"
+        raise ModelError(msg)
+    nowhere = np.zeros(3)
+    return tuple(
+        Combination(name, nowhere, nowhere, factors=row)
+        for name, row in zip(_distinct(labels or own), columns[:n].T, strict=True)
+    )
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Return names of which none is there twice."""
+    return [n if n not in names[:k] else f"{n} ({k + 1})" for k, n in enumerate(names)]

@@ -22,13 +22,13 @@ from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult
-from updating.inference.parameters import DampingCurve, Nuisance
+from updating.inference.parameters import DampingCurve
+from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import (
-    MOTION,
     Measurement,
     MeasurementError,
     Sensor,
-    motions_of,
+    directed_of,
     with_instruments,
 )
 
@@ -40,6 +40,8 @@ MOST_SPLITS = 4
 """Into so many at most."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
+LEAST_DAMPING_STD = 1e-6
+"""Least standard deviation of the logarithm of damping, which is held with 0 [-]."""
 LEAST_RATIO = 1e-5
 """Least nominal damping ratio, of which a fit can take a multiple [-]."""
 NEIGHBOURS = 0.03
@@ -91,7 +93,7 @@ def with_higher_mass(model: Model) -> Model:
 def build_problem(
     model: Model,
     measurement: Measurement,
-    nuisances: Sequence[Nuisance],
+    nuisances: Sequence[Uncertain],
     *,
     damping_std: float = 0.5,
     band: tuple[float, float] | None = None,
@@ -107,7 +109,7 @@ def build_problem(
         With a point of the mesh at every sensor. Its modal damping ratios become the nominal damping curve
         (0.5 % where there are none).
     measurement : Measurement
-    nuisances : sequence of Nuisance
+    nuisances : sequence of Nuisance or Unknown
     damping_std : float
         Standard deviation of the logarithm of the damping ratio [-].
     band : (float, float), optional
@@ -169,7 +171,7 @@ def _reduced(
     )
     nominal = nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], damping_std, connections,
+        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), connections,
         nominal if np.ptp(model.damping.ratio) or other else None,
     )  # fmt: skip
     return reduced, curve, modes
@@ -256,7 +258,7 @@ def _prepared(
     f, n = f[f > 0], len(measurement.sensors)
     square = [
         replace(s, direction=d)
-        for s in motions_of(measurement.sensors)
+        for s in directed_of(measurement.sensors)
         for d in np.linalg.svd([s.direction])[2][1:]
     ]
     sensors = (*measurement.sensors, *(() if model_error == 0 else square))
@@ -266,8 +268,8 @@ def _prepared(
     nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
     if not moved.size:
         return prepare(measurement, nominal, band)
-    across = np.zeros(nominal.shape)  # a strain gauge reads no motion
-    across[:, [s.quantity == MOTION for s in measurement.sensors]] = _across(f, moved)
+    across = np.zeros(nominal.shape)
+    across[:, [s.directed for s in measurement.sensors]] = _across(f, moved)
     return prepare(measurement, nominal, band, across=across)
 
 
@@ -366,7 +368,7 @@ def finer_receptances(
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
     outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    engine = ParametricFRF(reduced, outputs, inputs, f, (), modal=problem.modal)
     return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
 
@@ -410,7 +412,7 @@ def direct_responses(
     f = problem.data.frequency[lines]
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
     connections = connection_stiffness(system) if others else None
-    reduced = problem.receptance(result, lines)
+    reduced = replace(problem, modal=False).receptance(result, lines)
     ratio, responses = [], []
     backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):

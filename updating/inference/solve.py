@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from fem.summary import fields_summary
+from updating.inference.determined import SEEN
+from updating.inference.unknowns import WIDTH
 from updating.least_squares.costs import Costs
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -26,10 +28,38 @@ class Prior:
     Attributes
     ----------
     mean, std : ndarray (n,)
+    precision : ndarray (n, n) or None
+        Weight of a regularisation beside them, about ``about`` (n,).
     """
 
     mean: NDArray[np.float64]
     std: NDArray[np.float64]
+    precision: NDArray[np.float64] | None = None
+    about: NDArray[np.float64] | None = None
+
+    @property
+    def information(self) -> NDArray[np.float64]:
+        """Second derivatives of the negative log prior, (n, n)."""
+        own = np.diag(self.std**-2.0)
+        return own if self.precision is None else own + self.precision
+
+    def slope(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return its slopes at x, (n,)."""
+        own = self.std**-2.0 * np.where(np.isfinite(self.std), x - self.mean, 0.0)
+        if self.precision is None or self.about is None:
+            return own
+        return own + self.precision @ (x - self.about)
+
+    def cost(self, x: NDArray[np.float64]) -> float:
+        """Return the negative log prior at x, up to a constant."""
+        own = 0.5 * float(self.std**-2.0 @ np.where(np.isfinite(self.std), x - self.mean, 0.0) ** 2)
+        if self.precision is None or self.about is None:
+            return own
+        return own + 0.5 * float((x - self.about) @ self.precision @ (x - self.about))
+
+
+Report = Callable[[NDArray[np.float64], float], None]
+"""Called after each step with the unknowns (n,) and the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +104,7 @@ def solve_robust(
     tolerance: float = TOLERANCE,
     max_step: float = 1.0,
     relative: NDArray[np.bool_] | bool = False,
+    report: Report | None = None,
 ) -> Solution:
     """Minimise a robust negative log posterior by Levenberg-Marquardt steps within bounds.
 
@@ -105,6 +136,7 @@ def solve_robust(
         Longest step in each unknown in one iteration.
     relative : ndarray of bool (n,)
         Unknowns for which that is in parts of their size where this is more than 1.
+    report : callable, optional
     """
     lo, hi = bounds
     x = np.clip(x0, lo, hi)
@@ -121,7 +153,8 @@ def solve_robust(
         damping=1e-2,
         least_damping=1e-6,
     )
-    found = minimise(posterior, posterior.point(x, r, J), bounds, control)
+    say = None if report is None else lambda point, _: report(point.x, point.cost)
+    found = minimise(posterior, posterior.point(x, r, J), bounds, control, say)
     return Solution(
         found.point.x, found.point.cost, float(found.point.misfit @ posterior.size / len(r)),
         found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
@@ -157,14 +190,6 @@ class _Posterior:
     size: NDArray[np.int64]  # of each group
     robust: float
 
-    @property
-    def prior_weight(self) -> NDArray[np.float64]:
-        return np.where(np.isfinite(self.prior.std), 1 / self.prior.std**2, 0.0)
-
-    @property
-    def prior_mean(self) -> NDArray[np.float64]:
-        return np.where(np.isfinite(self.prior.std), self.prior.mean, 0.0)
-
     def point(
         self,
         x: NDArray[np.float64],
@@ -173,7 +198,7 @@ class _Posterior:
     ) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
-        cost = self.levels.cost(misfit) + 0.5 * float(self.prior_weight @ (x - self.prior_mean) ** 2)
+        cost = self.levels.cost(misfit) + self.prior.cost(x)
         return _Point(x, cost, misfit, None if J is None else (r, J))
 
     def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
@@ -186,7 +211,11 @@ class _Posterior:
         r, J = self.residual(point.x, True) if point.derived is None else point.derived
         assert J is not None
         g, A = self.normal(r, J, self.worth(point.misfit))
-        return _Derived(g + self.prior_weight * (point.x - self.prior_mean), A, r, J)
+        g = g + self.prior.slope(point.x)
+        # What neither data nor priors hold would follow rounding.
+        free = ~np.isfinite(self.prior.std) & (np.diag(A) < (SEEN / WIDTH) ** 2)
+        g[free] = A[free] = A[:, free] = 0.0
+        return _Derived(g, A, r, J)
 
     def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much half the square of a residual of each group counts, (n_groups,)."""
@@ -201,5 +230,5 @@ class _Posterior:
         flat = np.hstack([J.real * root, J.imag * root])
         A = dsyrk(1.0, flat.T, trans=1)  # the upper half of a symmetric product
         A = A + np.triu(A, 1).T
-        A[np.diag_indices_from(A)] += self.prior_weight
+        A += self.prior.information
         return flat @ np.concatenate([root * r.real, root * r.imag]), A

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from updating.inference.parameters import Nuisance, refuse_constraining
 
 WIDTH = 0.2
 """Assumed error of a parameter without a prior, where a scale is needed: relative, or of its scale [-]."""
+
+_LARGEST_STD = 300.0
+"""Deviation of a logarithm beyond which half the width of an interval is no floating-point number [-]."""
 
 NUISANCE_REACH = 4.0
 """Bounds of nuisance parameters, in standard deviations of their priors [-]."""
@@ -51,6 +55,9 @@ class Unknown:
     upper: float | None = None
     name: str = ""
 
+
+Uncertain = Nuisance | Unknown
+"""What is uncertain in every fit of a problem."""
 
 Parameters = Sequence[ParameterRef | Unknown] | Mapping[ParameterRef, float | None]
 """Parameters, unknowns, or prior standard deviations by parameter."""
@@ -104,7 +111,7 @@ class ScaledUnknown:
 
     @classmethod
     def of(cls, unknown: Unknown, parameters: Sequence[Parameter]) -> "ScaledUnknown":
-        """Return an unknown of parameters; nothing is checked (see :func:`scaled_unknowns`)."""
+        """Return an unknown of parameters; nothing is checked (see :func:`checked_unknowns`)."""
         p = parameters[0]
         log = p.log if not unknown.prior else unknown.prior == "log-normal"
         mean = p.value if unknown.mean is None else unknown.mean
@@ -164,7 +171,13 @@ class ScaledUnknown:
         For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
         say that it is known to a few times its value.
         """
-        return float(np.exp(x) * np.sinh(std)) if self.log else abs(self.scale) * std
+        return float(np.exp(x) * np.sinh(min(std, _LARGEST_STD))) if self.log else abs(self.scale) * std
+
+    def deviations(self, x: float, std: float) -> dict[ParameterRef, float]:
+        """Return the deviations of all parameters that it moves, as :meth:`deviation`."""
+        own = self.deviation(x, std)
+        size = np.abs(self.moved(x) / self.to_value(x)) if self.log else np.ones(len(self.refs))
+        return dict(zip(self.refs, (own * size).tolist(), strict=True))
 
     def bounds(self) -> tuple[float, float]:
         """Return the bounds of x."""
@@ -173,6 +186,8 @@ class ScaledUnknown:
     def moved(self, x: float) -> NDArray[np.float64]:
         """Return the values of its parameters, moved by the same factor or by the same amount."""
         value = self.to_value(x)
+        if len(self.values) == 1:
+            return np.array([value])
         return self.values * (value / self.nominal) if self.log else self.values + (value - self.nominal)
 
     def slopes(self, x: float) -> NDArray[np.float64]:
@@ -187,8 +202,8 @@ def _absent(unknown: ScaledUnknown, p: Parameter, lower: float, upper: float) ->
     return unknown.to_x(max(value, 1e-300) if unknown.log else value)
 
 
-def scaled_unknowns(model: Model, parameters: Parameters) -> tuple[ScaledUnknown, ...]:
-    """Return the unknowns of parameters, checked.
+def checked_unknowns(model: Model, parameters: Parameters) -> tuple[Unknown, ...]:
+    """Return parameters as unknowns.
 
     Raises
     ------
@@ -202,18 +217,15 @@ def scaled_unknowns(model: Model, parameters: Parameters) -> tuple[ScaledUnknown
     else:
         given = [p if isinstance(p, Unknown) else Unknown((p,)) for p in parameters]
     seen: set[ParameterRef] = set()
-    out: list[ScaledUnknown] = []
     for unknown in given:
-        known = _parameters_of(model, unknown)
-        _check(unknown, known)
+        _check(unknown, _parameters_of(model, unknown))
         twice = seen & set(unknown.refs)
         if twice:
             effect, parameter = next(iter(twice))
             msg = f"parameter '{parameter}' of effect '{effect}' is updated twice; name it once"
             raise ModelError(msg)
         seen |= set(unknown.refs)
-        out.append(ScaledUnknown.of(unknown, known))
-    return tuple(out)
+    return tuple(given)
 
 
 def _parameters_of(model: Model, unknown: Unknown) -> list[Parameter]:
@@ -281,13 +293,35 @@ def unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
     return Unknown((ref,), std=nuisance.std if p.log else nuisance.std * (abs(p.value) or 1.0))
 
 
-def nuisance_unknowns(model: Model, nuisances: Sequence[Nuisance]) -> tuple[ScaledUnknown, ...]:
-    """Return the unknowns of nuisance parameters, with their priors at the nominal values.
+def values_at(variables: Sequence[ScaledUnknown], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values (n_refs,) of the parameters that unknowns move, in their order."""
+    return np.array([value for v, xi in zip(variables, x, strict=True) for value in v.moved(xi)])
 
-    They stay within ``NUISANCE_REACH`` standard deviations: an error beyond that is an effect of its own.
+
+def by_unknowns(
+    variables: Sequence[ScaledUnknown], x: NDArray[np.float64], by_refs: NDArray[Any]
+) -> NDArray[Any]:
+    """Return derivatives (n, ...) by unknowns from those by the parameters that they move, (n_refs, ...)."""
+    slopes = [v.slopes(xi) for v, xi in zip(variables, x, strict=True)]
+    every = np.concatenate([*slopes, np.zeros(0)])
+    scaled = by_refs * every.reshape(-1, *[1] * (by_refs.ndim - 1))
+    if len(every) == len(slopes):
+        return scaled
+    first = np.cumsum([0, *map(len, slopes)][:-1])
+    return np.add.reduceat(scaled, first, axis=0)
+
+
+def nuisance_unknowns(model: Model, nuisances: Sequence[Uncertain]) -> tuple[ScaledUnknown, ...]:
+    """Return the unknowns of uncertain parameters.
+
+    Those of a :class:`Nuisance` have their prior at the nominal value, and stay within ``NUISANCE_REACH``
+    standard deviations: an error beyond that is an effect of its own.
     """
     out = []
     for nuisance in nuisances:
+        if isinstance(nuisance, Unknown):
+            out.append(ScaledUnknown.of(nuisance, _parameters_of(model, nuisance)))
+            continue
         unknown = unknown_of(model, nuisance)
         scaled = ScaledUnknown.of(unknown, _parameters_of(model, unknown))
         low = scaled.mean - NUISANCE_REACH * scaled.std

@@ -4,9 +4,9 @@
     updated = update(model, parameters, frf=H, lines=f, outputs=places, inputs=places[:1])
     print(updated.table())
 
-Natural frequencies and shapes by their linearised sensitivities (Friswell and Mottershead, *Finite Element
-Model Updating in Structural Dynamics*, 1995, ch. 8), FRFs by their logarithm, or both in one objective: the
-negative log posterior of the parameters, with priors. `docs/updating.md` says how and when to doubt it.
+An update is the most probable model with nothing added (:mod:`updating.inference.fitting`): the likelihood,
+the form of the frame and the deviations are those of every fit and diagnosis. `docs/updating.md` says how and
+when to doubt it.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from numpy.typing import ArrayLike
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.model import Model, ModelError
-from updating.inference.frf_data import FRFData, frf_data
-from updating.inference.frf_residual import with_ratios
-from updating.inference.mode_data import ModeData, mode_data
+from updating.inference.arrays import frf_data, mode_data
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.form import with_form
+from updating.inference.formed import formed_mode_problem, formed_problem
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.places import Places
-from updating.inference.unknowns import Parameters, scaled_unknowns
-from updating.inference.update_nuisances import damping_knots, damping_ratios
-from updating.inference.update_problem import UpdateProblem
+from updating.inference.unknowns import Parameters, checked_unknowns
+from updating.inference.update_run import update_fitted
 from updating.inference.update_settings import UpdateSettings
-from updating.inference.update_stages import run_and_release
 from updating.inference.updated import Updated
-from updating.measurement.measurement import Measurement, with_instruments, with_resting_base
+from updating.measurement.measurement import Measurement, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
 
@@ -38,8 +38,8 @@ def update(
     *,
     frequency: ArrayLike | None = None,
     shapes: ArrayLike | None = None,
-    modes: Modes | IdentifiedModes | ModeData | None = None,
-    frf: FRF | Measurement | FRFData | ArrayLike | None = None,
+    modes: Modes | IdentifiedModes | ModeTargets | None = None,
+    frf: FRF | Measurement | ArrayLike | None = None,
     lines: ArrayLike | None = None,
     outputs: Places | None = None,
     inputs: Places | None = None,
@@ -49,21 +49,14 @@ def update(
     frequency_std: ArrayLike = 1e-3,
     shape_std: ArrayLike = 0.03,
     noise: ArrayLike | None = None,
-    model_error: float = 1e-3,
-    amplitude_error: float = 0.01,
-    damping: bool | ArrayLike | None = None,
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
     settings: UpdateSettings | None = None,
 ) -> Updated:
     """Update parameters of a model to measured natural frequencies, shapes, FRFs, or all of them at once.
 
-    Minimised is Σ_g ½ n_g F(q_g) + ½ Σ ((x - mean)/std)², with q_g the mean square residual of modes
-    (:mod:`updating.inference.mode_residual`) and of FRFs (:mod:`updating.inference.frf_residual`) in units of
-    the stated variance, and F(q) = q - 1 below 1 and ln q above: the stated variance is the least, and while
-    a model is far off its misfit counts as error, so that priors hold. Levenberg-Marquardt steps with exact
-    derivatives, within bounds (:mod:`updating.least_squares.levenberg_marquardt`).
-
-    FRFs are fitted up to rising frequencies on a reduced basis, which is made again at the new values until
-    these stay; the cost of an iteration does not depend on the mesh.
+    The form of the frame varies with them unless ``model_error`` is 0, which is textbook updating: the
+    parameters alone, and noise as stated. Damping is fitted in any case.
 
     Parameters
     ----------
@@ -75,8 +68,8 @@ def update(
     frequency, shapes : array_like (n,), (n_out, n), optional
         Measured natural frequencies without rigid-body modes [Hz], and shapes at the outputs.
     modes : Modes or IdentifiedModes, optional
-        Both in one; its labels pick outputs that are given by label. Identified modes bring their standard
-        deviations, in place of ``frequency_std`` and ``shape_std``.
+        Both in one, with damping ratios; labels pick outputs that are given by label. Identified modes bring
+        their standard deviations, in place of ``frequency_std`` and ``shape_std``.
     frf : FRF, Measurement or array_like (n_freq, n_out, n_in), optional
     lines : array_like (n_freq,), optional
         Frequencies of bare FRFs [Hz].
@@ -93,12 +86,11 @@ def update(
         [-].
     noise : float or array_like, optional
         Of the FRFs, relative, of real and imaginary part each; estimated unless given [-].
-    model_error, amplitude_error : float
-        Error of natural frequencies and of amplitudes with the right parameters, relative [-].
-    damping : bool or array_like, optional
-        Whether modal damping ratios are updated too, which add to the model's other damping; an array gives
-        the frequencies between which they are linear [Hz]. With FRFs it is so unless declined. Without, the
-        measured modes' ratios are taken over if asked for.
+    damping_std : float
+        Standard deviation of the logarithm of the damping ratio; 0 keeps the model's [-].
+    model_error : float
+        Residual level up to which a model counts as right, because beams are not the structure itself; 0 if
+        nothing but noise and the mesh may be left [nepers].
     settings : UpdateSettings, optional
 
     Returns
@@ -110,64 +102,45 @@ def update(
     ------
     ModelError
         For unknown parameters, data that do not fit one another or the model, or nothing to fit.
+    MeasurementError
+        For FRFs of too few lines, or of which no value can be compared.
     """
-    settings = settings or UpdateSettings()
-    if isinstance(frf, Measurement):
-        model = with_instruments(model, frf.sensors, frf.excitations)
-    of_modes = _mode_data(
-        model, frequency, shapes, modes, outputs, numbers, frequency_std, shape_std, model_error
-    )
-    of_frf = None
-    if isinstance(frf, FRFData):
-        of_frf = frf
-    elif frf is not None:
-        of_frf = frf_data(
-            model, frf, lines=lines, outputs=outputs, inputs=inputs, kind=kind, band=band, noise=noise,
-            model_error=model_error, amplitude_error=amplitude_error,
-        )  # fmt: skip
-    if of_modes is None and of_frf is None:
+    settings, unknowns = settings or UpdateSettings(), checked_unknowns(model, parameters)
+    targets = _targets(model, frequency, shapes, modes, outputs, numbers, frequency_std, shape_std)
+    if targets is None and frf is None:
         msg = "there is nothing to update to; give frequency, modes or frf"
         raise ModelError(msg)
-    unknowns = scaled_unknowns(model, parameters)
-    wanted = of_frf is not None if damping is None else damping is not False
-    if of_frf is not None and wanted:
-        given = None if isinstance(damping, bool) else damping
-        knots = damping_knots(model, of_frf, given)
-        unknowns = (*unknowns, *damping_ratios(model, knots))
-    else:
-        knots = None
     if not unknowns:
         msg = "there is no parameter to update"
         raise ModelError(msg)
-    problem = UpdateProblem(model, unknowns, of_modes, of_frf, knots, settings)
-    result = run_and_release(problem)
-    result = replace(result, model=with_resting_base(result.model), problem=problem)
-    if of_frf is None and wanted and of_modes is not None and of_modes.zeta is not None:
-        d = model.damping
-        omega = 2 * np.pi * of_modes.frequency
-        other = (d.alpha / omega + d.beta * omega + d.loss_factor) / 2
-        ratio = np.maximum(of_modes.zeta - other, 0.0)
-        result = replace(result, model=with_ratios(result.model, of_modes.frequency, ratio))
-    return result
+    how = {"damping_std": damping_std, "model_error": model_error}
+    if frf is None:
+        assert targets is not None
+        problem, _ = formed_mode_problem(model, targets, unknowns, **how)
+    else:
+        data = frf_data(model, frf, lines=lines, outputs=outputs, inputs=inputs, kind=kind, noise=noise)
+        problem, _ = formed_problem(model, data, unknowns, band=band, n_lines=settings.n_lines, **how)
+        problem = replace(problem, modes=targets)
+    done = update_fitted(problem, with_form(model, model_error), unknowns, settings)
+    return replace(done, model=with_resting_base(done.model))
 
 
-def _mode_data(
+def _targets(
     model: Model,
     frequency: ArrayLike | None,
     shapes: ArrayLike | None,
-    modes: Modes | IdentifiedModes | ModeData | None,
+    modes: Modes | IdentifiedModes | ModeTargets | None,
     outputs: Places | None,
     numbers: Sequence[int] | None,
     frequency_std: ArrayLike,
     shape_std: ArrayLike,
-    model_error: float,
-) -> ModeData | None:
-    if isinstance(modes, ModeData):
+) -> ModeTargets | None:
+    if isinstance(modes, ModeTargets) or (modes is None and frequency is None):
         return modes
+    more = {}
     if isinstance(modes, IdentifiedModes):
+        more["zeta_std"] = modes.zeta_std / np.asarray(modes.modes.zeta)
         (frequency_std, shape_std), modes = modes.relative_std(), modes.modes
-    if modes is None and frequency is None:
-        return None
     if modes is not None and outputs is None:
         modes = replace(modes, shapes=modes.shapes[:0])
     elif shapes is not None and outputs is None:
@@ -175,5 +148,5 @@ def _mode_data(
         raise ModelError(msg)
     return mode_data(
         model, frequency, shapes, modes=modes, outputs=() if outputs is None else outputs, numbers=numbers,
-        frequency_std=frequency_std, shape_std=shape_std, model_error=model_error,
+        frequency_std=frequency_std, shape_std=shape_std, **more,
     )  # fmt: skip

@@ -1,18 +1,31 @@
 """The result of an update from where its fit ended: deviations, messages and samples."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import ModelError
-from updating.inference.determined import SEEN, SHARE, blind_words, split_covariance, taking_part
-from updating.inference.mode_residual import ModePairs
+from fem.model import Model, ModelError
+from updating.inference.belief import UNKNOWN_ODDS
+from updating.inference.determined import SEEN, SHARE, blind_words, taking_part
+from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_FROM
+from updating.inference.fit_function import FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.fitted_damping import with_fitted_damping
+from updating.inference.joint_fit import OF_MODES, JointFunction, modes_beside
+from updating.inference.linearised import covariance_of, marginal_density, widths_of
+from updating.inference.mode_fit import ComputedModes, ModeFunction, ModeProblem
+from updating.inference.preparation import fitted_model
+from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples, sample
-from updating.inference.unknowns import WIDTH
-from updating.inference.update_problem import UpdatePoint, UpdateProblem
+from updating.inference.unknowns import WIDTH, ScaledUnknown
+from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
+from updating.least_squares.costs import Costs
+
+Floats = NDArray[np.float64]
 
 NAMED_CORRELATION = 0.95
 """Pairs of parameters whose estimates are more correlated than this are named [-]."""
@@ -23,120 +36,243 @@ DETERMINED_STD = 0.5
 PRIOR_SHARE = 0.9
 """Of parameters whose standard deviation stays above this part of the prior's the data say nothing [-]."""
 
-STATED_SHARE = 0.5
-"""Parameters whose deviation without a stated error is below this part of that with it are named [-]."""
-
 NAMED_DEVIATIONS = 4.0
 """Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
 
+KNOWN_DAMPING = 1e-3
+"""Damping that is known better than this beforehand is no parameter of an update [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ended:
+    """Where the fit of an update ended.
+
+    Attributes
+    ----------
+    whole, problem : FitProblem or ModeProblem
+        As it began, and with the basis of the end and the parameters that selection kept.
+    function : FitFunction
+        Of all lines.
+    levels : Costs
+    result : FitResult
+        The most probable unknowns.
+    x : ndarray (n,)
+        They, as the function has them, or those of the regularised problem.
+    precision : ndarray (n, n) or None
+        Weight of the regularisation.
+    curve : LCurve or None
+    """
+
+    whole: FitProblem | ModeProblem
+    problem: FitProblem | ModeProblem
+    function: FitFunction
+    levels: Costs
+    result: FitResult
+    x: Floats
+    precision: Floats | None
+    curve: LCurve | None
+
+
+def rows_of(function: FitFunction, asked: Sequence[ScaledUnknown]) -> NDArray[np.int64]:
+    """Return where unknowns are among those of a function, as far as it has them."""
+    known = {v.refs: k for k, v in enumerate(function.variables)}
+    return np.array([known[u.refs] for u in asked if u.refs in known], dtype=np.int64)
+
+
+def _damping_rows(function: FitFunction) -> NDArray[np.int64]:
+    """Return where the ratios at the knots of the damping curve are, if they are unknown."""
+    curve, n = function.problem.damping, len(function.variables)
+    known = curve.std < KNOWN_DAMPING or not _has_damping(function.problem)
+    return n + np.arange(0 if known else len(curve.knots))
+
+
+def _has_damping(problem: FitProblem | ModeProblem) -> bool:
+    """Whether the data tell anything of damping."""
+    if isinstance(problem, ModeProblem):
+        return bool(np.isfinite(problem.targets.zeta[problem.targets.fitted]).any())
+    return True
+
+
+def values_of(asked: Sequence[ScaledUnknown], function: FitFunction, x: Floats) -> Floats:
+    """Return the values of parameters and of damping ratios, as a result has them."""
+    known = {v.refs: v.to_value(xi) for v, xi in zip(function.variables, x, strict=False)}
+    own = [known.get(u.refs, u.to_value(u.start)) for u in asked]
+    return np.concatenate([own, np.exp(x[_damping_rows(function)])])
+
 
 def result_of(
-    problem: UpdateProblem,
-    state: UpdatePoint | None,
+    ended: Ended,
+    model: Model,
+    asked: Sequence[ScaledUnknown],
     path: tuple[UpdateStep, ...],
-    starts: tuple[tuple[NDArray[np.float64], float], ...],
+    starts: tuple[tuple[Floats, float], ...],
     left_out: tuple[tuple[str, str], ...],
-    ending: Ending,
+    settings: UpdateSettings,
 ) -> Updated:
-    """Return the result at a point, with standard deviations and all that is to be said of it."""
-    x = problem.start if state is None else state.x
-    A = np.zeros((len(x), len(x))) if state is None else problem.normal(state)[0]
-    low, high = problem.limits
-    widths = problem.widths
-    bound = ~problem.frozen & ((x <= low + 1e-9 * widths) | (x >= high - 1e-9 * widths))
-    all_covariance, blind = split_covariance(A, widths, problem.prior_information, problem.frozen | bound)
+    """Return the result at the end of a fit, with standard deviations and all that is to be said of it."""
+    function, x, problem = ended.function, ended.x, ended.problem
+    result = ended.result
+    if ended.precision is not None:
+        result = replace(function.result(replace(result.solution, x=x)), levels=ended.levels)
+    low, high = function.limits().T
+    widths = widths_of(function)
+    bound = (x <= low + 1e-9 * widths) | (x >= high - 1e-9 * widths)
+    every, blind = _covariance(ended, bound)
+    rows, damped = rows_of(function, asked), _damping_rows(function)
+    names = [u.name for u in asked if u.refs in {v.refs for v in function.variables}]
+    names += [f"damping at {f:.4g} Hz" for f in problem.damping.knots[: len(damped)]]
+    use = np.concatenate([rows, damped])
     lost = taking_part(blind)
-    of_shifts, of_gains = problem.parts[2:]
-    n = problem.parts[1].stop
-    unknowns, frozen = problem.unknowns[:n], problem.frozen[:n]
-    covariance = all_covariance[:n, :n]
-    all_std = np.sqrt(np.maximum(np.diag(all_covariance), 0.0))
-    std_x = np.where(lost, np.inf, np.where(bound, np.nan, all_std))[:n]
-    slope = np.array([u.slope(xi) for u, xi in zip(unknowns, x[:n], strict=True)])
-    known = (covariance.diagonal() > 0) & ~lost[:n]
-    size = np.where(known, np.sqrt(np.maximum(covariance.diagonal(), 0.0)), 1.0)
-    correlation = np.where(np.outer(known, known), covariance, 0.0) / np.outer(size, size)
+    std = np.where(lost, np.inf, np.where(bound, np.nan, np.sqrt(np.maximum(np.diag(every), 0.0))))
+    done = _parameters(ended, asked, {name for name, _ in left_out}, std, bound)
+    covariance, slope = _whole(every, use, asked, function, x, lost)
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = size > 0
+    correlation = np.where(np.outer(known, known), covariance, 0.0) / np.outer(
+        *[np.where(known, size, 1.0)] * 2
+    )
     np.fill_diagonal(correlation, 1.0)
-    done = []
-    for i, u in enumerate(unknowns):
-        value = u.to_value(x[i])
-        relative = std_x[i] if u.log else std_x[i] * u.scale / max(abs(value), WIDTH * u.scale)
-        known = std_x[i] < PRIOR_SHARE * u.std if np.isfinite(u.std) else relative < DETERMINED_STD
-        done.append(
-            UpdatedParameter(
-                name=u.name,
-                unit=u.unit,
-                refs=u.refs,
-                start=u.to_value(u.start),
-                lower=u.to_value(u.low),
-                upper=u.to_value(u.high),
-                prior_std=u.prior_std,
-                value=value,
-                std=float(slope[i] * std_x[i]),
-                log=u.log,
-                at_bound=bool(bound[i]),
-                determined=bool(known and not frozen[i]),
-                from_prior=float(abs(x[i] - u.mean) / u.std) if u.refs and np.isfinite(u.std) else np.nan,
-            )
-        )
-    misfit = {} if state is None else {g.name: g.q for g in state.groups}
-    pairs = None if state is None or state.modes is None else state.modes.pairs
-    alone = (blind**2).sum(axis=1) > 1 - SHARE
-    asked = [i for i in range(len(done)) if done[i].refs and not frozen[i]]
-    moved = np.abs(x - np.array([u.start for u in problem.unknowns])) > 1e-6 * widths
-    if state is not None and asked and (alone & ~moved)[asked].all():
+    moved = np.abs(x - function.start) > 1e-6 * widths
+    modes = _modes(problem, result)
+    alone = (blind[rows] ** 2).sum(axis=1) > 1 - SHARE
+    ending = Ending.CONVERGED if result.solution.converged else Ending.OUT_OF_ITERATIONS
+    if bound[rows].all() and rows.size:
+        ending = Ending.AT_BOUNDS
+    if rows.size and (alone & ~moved[rows]).all():
         ending = Ending.NOTHING_DETERMINED
-    messages = _messages(problem, tuple(done), correlation, frozen, misfit, pairs, ending)
-    if state is not None:
-        names = [u.name for u in problem.unknowns]
-        messages = (
-            *messages,
-            *blind_words(blind, names, _measured_words(problem), moved),
-            *_unmoved(problem, state),
-            *_stated_error_words(problem, state, A, problem.frozen | bound, all_std),
-        )
+    if isinstance(problem, ModeProblem) and modes is not None and (modes.partner < 0).all():
+        ending = Ending.NO_PARTNERS
+    messages = (
+        *_messages(ended, result, done, correlation, modes, ending),
+        *blind_words(blind[use], names, _measured_words(problem), moved[use]),
+        *_unmoved(ended, rows, modes),
+    )
     samples = None
-    if problem.settings.n_samples and state is not None and ending is not Ending.NOT_FINITE:
-        samples = _samples(problem, state, all_covariance, lost | bound)
-    knots = np.zeros(0) if problem.shift_knots is None else problem.shift_knots
+    if settings.n_samples:
+        samples = _samples(ended, asked, every, lost | bound, settings)
+    end = fitted_model(model, result)
+    if _has_damping(problem) and problem.damping.std >= KNOWN_DAMPING:
+        end = with_fitted_damping(problem, result, end)
     return Updated(
-        model=problem.model_at(x),
-        parameters=tuple(done),
+        model=end,
+        parameters=done,
         correlation=correlation,
         covariance=covariance * np.outer(slope, slope),
         path=path,
-        misfit=misfit,
-        pairs=pairs,
-        frequency=np.zeros(0) if problem.modes is None else problem.modes.frequency,
-        shifts=_shifts(knots, x[of_shifts], all_covariance[of_shifts, of_shifts]),
-        gains=np.stack([np.exp(x[of_gains]), all_std[of_gains]], axis=1),
+        misfit=_misfit(ended),
+        modes=modes,
         left_out=left_out,
-        curve=problem.curve,
+        curve=ended.curve,
         samples=samples,
         starts=starts,
         ending=ending,
         messages=messages,
+        problem=problem,
+        fitted=result,
+        settings=settings,
     )
 
 
-def _shifts(
-    knots: NDArray[np.float64], x: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return frequency, common and own shift together, and its standard deviation, (k, 3)."""
-    if not knots.size:
-        return np.zeros((0, 3))
-    sums = np.hstack([np.ones((len(knots), 1)), np.eye(len(knots))])
-    std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", sums, covariance, sums), 0.0))
-    return np.stack([knots, sums @ x, std], axis=1)
+def _covariance(ended: Ended, bound: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Return the covariance (n, n) of all unknowns, and the directions that the data do not determine."""
+    function, scatter = ended.function, ended.function.scatter
+    _, std = function.prior_at(ended.x)
+    if scatter is not None and ended.result.size:
+        rows = len(ended.x) - len(scatter.std) + scatter.shifts
+        std[rows] *= ended.result.size / scatter.eigenvalue
+    covariance, blind = covariance_of(function, ended.levels, ended.x, std, ended.precision, bound)
+    mixture = ended.result.solution.covariance
+    if mixture.shape == covariance.shape and not (blind.size or bound.any() or ended.precision is not None):
+        covariance = mixture
+    return covariance, blind
+
+
+def _whole(
+    every: Floats,
+    use: NDArray[np.int64],
+    asked: Sequence[ScaledUnknown],
+    function: FitFunction,
+    x: Floats,
+    lost: NDArray[np.bool_],
+) -> tuple[Floats, Floats]:
+    """Return the covariance of the parameters of a result on their scales, and the slopes of their values."""
+    there = [u.refs in {v.refs for v in function.variables} for u in asked]
+    n_damped = len(use) - sum(there)
+    at = np.flatnonzero([*there, *[True] * n_damped])
+    covariance, slope = np.zeros((len(there) + n_damped,) * 2), np.ones(len(there) + n_damped)
+    some = use[~lost[use]]
+    covariance[np.ix_(at[~lost[use]], at[~lost[use]])] = every[np.ix_(some, some)]
+    n = len(function.variables)
+    slope[at] = [function.variables[k].slope(x[k]) if k < n else np.exp(x[k]) for k in use]
+    return covariance, slope
+
+
+def _parameters(
+    ended: Ended, asked: Sequence[ScaledUnknown], left_out: set[str], std: Floats, bound: NDArray[np.bool_]
+) -> tuple[UpdatedParameter, ...]:
+    function, x, curve = ended.function, ended.x, ended.problem.damping
+    row = {v.refs: k for k, v in enumerate(function.variables)}
+    out = []
+    for u in asked:
+        k = row.get(u.refs)
+        if k is None:
+            xi, deviation, at_bound = u.start, 0.0, False
+        else:
+            xi, deviation, at_bound = float(x[k]), float(std[k]), bool(bound[k])
+        value = u.to_value(xi)
+        relative = deviation if u.log else deviation * u.scale / max(abs(value), WIDTH * u.scale)
+        known = deviation < PRIOR_SHARE * u.std if u.has_prior else relative < DETERMINED_STD
+        out.append(
+            UpdatedParameter(
+                name=u.name, unit=u.unit, refs=u.refs, start=u.to_value(u.start), lower=u.to_value(u.low),
+                upper=u.to_value(u.high), prior_std=u.prior_std, value=value,
+                std=float(u.slope(xi) * deviation), log=u.log, at_bound=at_bound,
+                determined=bool(known and u.name not in left_out),
+                from_prior=float(abs(xi - u.mean) / u.std) if u.has_prior else np.nan,
+            )
+        )  # fmt: skip
+    for f, start, (low, high), k in zip(
+        curve.knots.tolist(), curve.nominal.tolist(), np.exp(curve.limits).tolist(), _damping_rows(function),
+        strict=False,
+    ):  # fmt: skip
+        value = float(np.exp(x[k]))
+        out.append(
+            UpdatedParameter(
+                name=f"damping at {f:.4g} Hz", unit="-", refs=(), start=start, lower=low, upper=high,
+                prior_std=curve.std, value=value, std=float(value * std[k]), log=True,
+                at_bound=bool(bound[k]), determined=bool(std[k] < PRIOR_SHARE * curve.std),
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _modes(problem: FitProblem | ModeProblem, result: FitResult) -> ComputedModes | None:
+    """Return the computed partners of the measured modes; None without any."""
+    if isinstance(problem, ModeProblem):
+        return problem.computed(result)
+    own = modes_beside(problem)
+    return None if own is None else own.computed(result)
+
+
+def _misfit(ended: Ended) -> dict[str, float]:
+    """Return the mean squares of the residuals in units of the stated noise, of modes and FRFs [-]."""
+    function, v, noise = ended.function, ended.function.misfit(ended.x), ended.function.noise()
+    groups, size = np.unique(function.groups, return_counts=True)
+    modal = groups >= OF_MODES if isinstance(function, JointFunction) else np.full(len(groups), True)
+    if not isinstance(function, JointFunction | ModeFunction):
+        modal[:] = False
+    noise = np.where(modal, noise, noise / SYSTEMATIC_FROM**2)
+    parts = (("modes", modal), ("frf", ~modal))
+    each = size * v / noise
+    return {name: float(each[own].sum() / size[own].sum()) for name, own in parts if own.any()}
 
 
 def _messages(
-    problem: UpdateProblem,
+    ended: Ended,
+    result: FitResult,
     done: tuple[UpdatedParameter, ...],
-    correlation: NDArray[np.float64],
-    frozen: NDArray[np.bool_],
-    misfit: Mapping[str, float],
-    pairs: ModePairs | None,
+    correlation: Floats,
+    modes: ComputedModes | None,
     ending: Ending,
 ) -> tuple[str, ...]:
     out = []
@@ -154,9 +290,9 @@ def _messages(
         )
     loose = [
         p.name
-        for p, f in zip(done, frozen, strict=True)
+        for p in done
         if not p.determined
-        and not f
+        and p.std > 0
         and not p.at_bound
         and np.isfinite(p.std)
         and dict(away).get(p.name, 0.0) <= NAMED_DEVIATIONS
@@ -169,54 +305,59 @@ def _messages(
         f"{done[i].name} with {done[j].name} ({correlation[i, j]:+.3f})"
         for i in range(len(done))
         for j in range(i)
-        if abs(correlation[i, j]) > NAMED_CORRELATION and done[i].refs and not (frozen[i] or frozen[j])
+        if abs(correlation[i, j]) > NAMED_CORRELATION and done[i].refs
     ]
     if pairs_of:
         out.append(f"correlated, so that only a combination is well known: {'; '.join(pairs_of[:8])}")
-    for name, q in misfit.items():
-        if q > 2:
-            what = "modes" if name == "modes" else "FRFs"
-            out.append(
-                f"the model misses the {what} by {np.sqrt(q):.1f} times the stated noise and model error. "
-                "Standard deviations are widened by it, but the model lacks an effect or is wrong, or the "
-                "start was too far off (try more starts)"
-            )
-    if pairs is not None and problem.modes is not None and pairs.lost:
-        words = ", ".join(f"{problem.modes.frequency[i]:.4g} Hz" for i in pairs.lost)
-        out.append(f"measured modes without a partner in the model: {words}")
-    if problem.curve is not None and not problem.curve.distinct:
-        out.append("the L-curve has no distinct corner: the regularisation weight is arbitrary")
+    fit = replace(result, levels=ended.levels, misfit=ended.function.misfit(ended.x))
+    if fit.gain_to(ended.function.left()) > UNKNOWN_ODDS:
+        worst = ", ".join(f"{name} by {np.sqrt(q):.1f}" for name, q in _misfit(ended).items())
+        out.append(
+            f"the data are not explained: root mean square residuals, over the stated noise, of {worst}. The "
+            "model lacks an effect or is wrong, or the start was too far off (try more starts)"
+        )
+    if modes is not None:
+        f = _frequencies(ended.problem)
+        words = ", ".join(f"{f[i]:.4g} Hz" for i in np.flatnonzero(modes.partner < 0))
+        if words:
+            out.append(f"measured modes without a partner in the model: {words}")
+    if ended.curve is not None and not ended.curve.distinct:
+        out.append(
+            "the L-curve has no distinct corner: the weight of the regularisation is the largest that leaves "
+            "no more than noise"
+        )
     return tuple(out)
 
 
-def _measured_words(problem: UpdateProblem) -> str:
+def _frequencies(problem: FitProblem | ModeProblem) -> Floats:
+    targets = problem.targets if isinstance(problem, ModeProblem) else problem.modes
+    return np.zeros(0) if targets is None else targets.frequency
+
+
+def _measured_words(problem: FitProblem | ModeProblem) -> str:
     """Return the kind of data, in the singular."""
-    parts = []
-    if problem.modes is not None:
-        parts.append("measured mode")
-    if problem.frf is not None:
-        parts.append("measured FRF")
-    return " or ".join(parts)
+    if isinstance(problem, ModeProblem):
+        return "measured mode"
+    return "measured FRF" if problem.modes is None else "measured mode or measured FRF"
 
 
-def _unmoved(problem: UpdateProblem, state: UpdatePoint) -> list[str]:
+def _unmoved(ended: Ended, rows: NDArray[np.int64], modes: ComputedModes | None) -> list[str]:
     """Name the measured modes that no parameter moves and the model misses."""
-    data, point = problem.modes, state.modes
-    if data is None or point is None or problem.frf is not None or state.groups[0].J is None:
+    function = ended.function
+    if not isinstance(ended.problem, ModeProblem) or modes is None:
         return []
-    n, ok = len(data.frequency), point.pairs.partner >= 0
-    width = np.array([u.width for u in problem.unknowns])[problem.parts[0]]
-    J = state.groups[0].J[problem.parts[0], :n] * width[:, None]
-    std = np.sqrt(np.diag(data.covariance))
-    by_log = np.abs(np.linalg.solve(data.whitening(ok), J.T)).max(axis=1, initial=0.0)  # of ln f
-    if data.shapes is not None:
-        rest = state.groups[0].J[problem.parts[0], n:].reshape(len(width), n, -1) * width[:, None, None]
-        by_log = np.maximum(by_log, std * np.abs(rest).max(axis=(0, 2), initial=0.0))
-    off = np.where(ok, point.pairs.computed / data.frequency - 1, 0.0)
-    still = np.flatnonzero(ok & (by_log < SEEN * std) & (np.abs(off) > 2 * std))
+    assert isinstance(function, ModeFunction)
+    _, J = function(ended.x, True)
+    assert J is not None
+    change = np.abs(J[rows] * widths_of(function)[rows, None]).max(axis=0, initial=0.0)
+    change = change / function.least_deviations
+    seen = np.bincount(function.mode_of, change > SEEN, minlength=len(modes.partner)) > 0
+    f, std = _frequencies(ended.problem), ended.problem.targets.frequency_std
+    off = np.where(modes.partner >= 0, modes.frequency / f - 1, 0.0)
+    still = np.flatnonzero(~seen & (np.abs(off) > 2 * std))
     if not still.size:
         return []
-    some = ", ".join(f"{data.frequency[i]:.4g} Hz ({100 * off[i]:+.2g} %)" for i in still[:6])
+    some = ", ".join(f"{f[i]:.4g} Hz ({100 * off[i]:+.2g} %)" for i in still[:6])
     more = f", and {still.size - 6} more" if still.size > 6 else ""
     return [
         f"no parameter moves the modes paired with {some}{more}: check that measured and computed modes are "
@@ -224,74 +365,32 @@ def _unmoved(problem: UpdateProblem, state: UpdatePoint) -> list[str]:
     ]
 
 
-def _stated_error_words(
-    problem: UpdateProblem,
-    state: UpdatePoint,
-    A: NDArray[np.float64],
-    fixed: NDArray[np.bool_],
-    std: NDArray[np.float64],
-) -> list[str]:
-    """Name the parameters whose variance is mostly that of the stated errors of frequencies or amplitudes."""
-    if problem.frf is None:
-        return []
-    out = []
-    _, _, of_shifts, of_gains = problem.parts
-    for name, error, part in (
-        ("model_error", problem.frf.model_error, of_shifts),
-        ("amplitude_error", problem.frf.amplitude_error, of_gains),
-    ):
-        without = fixed.copy()
-        without[part] = True
-        covariance, _ = split_covariance(A, problem.widths, problem.prior_information, without)
-        exact = np.sqrt(covariance.diagonal())
-        some = [
-            f"{u.name} ({s * slope:.2g}; {e * slope:.2g} if it were 0)"
-            for u, s, e, slope in (
-                (u, std[i], exact[i], u.slope(state.x[i])) for i, u in enumerate(problem.unknowns) if u.refs
-            )
-            if 0 < e < STATED_SHARE * s
-        ]
-        if some:
-            out.append(
-                f"the stated {name} of {100 * error:.3g} % makes most of the standard deviation of "
-                f"{', '.join(some)}: state it as well as it is known"
-            )
-    return out
-
-
 def _samples(
-    problem: UpdateProblem, state: UpdatePoint, covariance: NDArray[np.float64], kept: NDArray[np.bool_]
+    ended: Ended,
+    asked: Sequence[ScaledUnknown],
+    covariance: Floats,
+    kept: NDArray[np.bool_],
+    settings: UpdateSettings,
 ) -> Samples:
-    low, high = problem.limits
-    free = ~problem.frozen & ~kept
-    if not free.any():
+    function = ended.function
+    rows = np.concatenate([rows_of(function, asked), _damping_rows(function)])
+    free = rows[~kept[rows]]
+    if not free.size:
         msg = "there is nothing to sample: the data determine none of the unknowns"
         raise ModelError(msg)
-    weights = {g.name: g.factor for g in state.groups}
-    problem = replace(problem, before=None if state.modes is None else state.modes.pairs)
+    low, high = function.limits()[free].T
+    density = marginal_density(function, ended.levels, ended.x, free, function.prior())
 
-    def log_probability(part: NDArray[np.float64]) -> float:
-        x = state.x.copy()
-        x[free] = part
-        if ((x < low) | (x > high)).any():
+    def log_probability(part: Floats) -> float:
+        inside = (part >= low).all() and (part <= high).all()
+        try:
+            return density(part) if inside else -np.inf
+        except np.linalg.LinAlgError:  # no structure there
             return -np.inf
-        trial = problem.tried(x)
-        if trial is None:
-            return -np.inf
-        return -problem.prior(x) - 0.5 * sum(weights[g.name] * g.square for g in trial.groups)
 
     drawn = sample(
-        log_probability, state.x[free], covariance[np.ix_(free, free)], problem.settings.n_samples,
-        seed=problem.settings.seed,
-    )  # fmt: skip
-    x = np.tile(state.x, (len(drawn.values), 1))
-    x[:, free] = drawn.values
-    x = x[:, : problem.parts[1].stop]
-    values = np.stack(
-        [
-            np.exp(column) if u.log else column * u.scale
-            for u, column in zip(problem.unknowns[: x.shape[1]], x.T, strict=True)
-        ],
-        axis=1,
+        log_probability, ended.x[free], covariance[np.ix_(free, free)], settings.n_samples, seed=settings.seed
     )
-    return replace(drawn, values=values)
+    x = np.tile(ended.x, (len(drawn.values), 1))
+    x[:, free] = drawn.values
+    return replace(drawn, values=np.array([values_of(asked, function, row) for row in x]))

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +10,13 @@ from scipy.special import ndtri
 
 from fem.model import Model, ParameterRef
 from fem.summary import fields_summary
-from updating.inference.mode_residual import ModePairs
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import Errors
+from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ComputedModes, ModeProblem
 from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples
-
-if TYPE_CHECKING:
-    from updating.inference.update_problem import UpdateProblem
+from updating.inference.update_settings import UpdateSettings
 
 
 class Ending(Enum):
@@ -28,20 +28,10 @@ class Ending(Enum):
         "the misfit was still falling",
         "allow more iterations, or start nearer: a wrong start makes steps short",
     )
-    STUCK = (
-        "stuck",
-        "no step along the derivatives lowers the misfit, though they say it should",
-        "check whether modes change partners between steps; give shapes, a narrower band, or more starts",
-    )
     NO_PARTNERS = (
         "no partners",
         "no measured mode looks like a mode of the model at the start",
         "check the outputs' points, directions and signs, or raise the number of starts",
-    )
-    NOT_FINITE = (
-        "not finite",
-        "the model has no finite response at the start",
-        "give it damping, and leave out lines at 0 Hz",
     )
     NOTHING_DETERMINED = (
         "nothing determined",
@@ -87,8 +77,6 @@ class UpdatedParameter:
         Whether the data, and not the prior, determine it.
     from_prior : float
         How far the value is from the prior's mean, in its standard deviations; NaN without a prior [-].
-    released : bool
-        Whether the data contradict the prior so much that it was let go (``UpdateSettings.contradicted``).
     """
 
     name: str
@@ -104,7 +92,6 @@ class UpdatedParameter:
     at_bound: bool
     determined: bool
     from_prior: float = np.nan
-    released: bool = False
 
     @property
     def change(self) -> str:
@@ -129,26 +116,17 @@ class UpdateStep:
     stage : str
         ``"modes"``, or up to which frequency FRFs were fitted.
     values : ndarray (n,)
-        Of all unknowns [their units].
+        Of all parameters [their units].
     cost : float
         Negative log posterior up to a constant; comparable within a stage.
-    frequency_error : float
-        Root mean square of the relative errors of natural frequencies; NaN without [-].
-    mac : float
-        Mean of the paired modes'; NaN without shapes [-].
-    frf_db : float
-        Root mean square of the FRFs' error in amplitude; NaN without [dB].
-    lost : tuple of int
-        Measured modes without a partner.
+    errors : Errors
+        How far the model is from what was measured.
     """
 
     stage: str
     values: NDArray[np.float64]
     cost: float
-    frequency_error: float
-    mac: float
-    frf_db: float
-    lost: tuple[int, ...]
+    errors: Errors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +136,7 @@ class Updated:
     Attributes
     ----------
     model : Model
-        With the parameters at their updated values, and the damping if that was fitted.
+        With the parameters at their updated values, the form and the damping as they were fitted.
     parameters : tuple of UpdatedParameter
         Then damping ratios, if they were fitted.
     correlation : ndarray (n, n)
@@ -168,30 +146,26 @@ class Updated:
     path : tuple of UpdateStep
         From the start to the end.
     misfit : mapping of str to float
-        Mean square residual in units of the stated variance, of ``"modes"`` and ``"frf"``; 1 if noise and
-        model error are as stated, more widens the standard deviations.
-    pairs : ModePairs or None
-        Measured modes and their partners.
-    frequency : ndarray (n,)
-        Measured natural frequencies, in the order of the pairs [Hz].
-    shifts : ndarray (k, 3)
-        Of FRFs, errors of natural frequencies with the right parameters: frequency [Hz], relative shift and
-        its standard deviation [-].
-    gains : ndarray (n_out + n_in, 2)
-        The same of the amplitudes of outputs, then inputs: factor and its standard deviation [-].
+        Mean square residual in units of the stated variance, of ``"modes"`` and ``"frf"``; 1 if nothing but
+        noise as stated is left [-].
+    modes : ComputedModes or None
+        Partners of the measured modes, in their order.
     left_out : tuple of (name, reason)
         Parameters that selection kept at their start.
     curve : LCurve or None
         Of the regularisation.
     samples : Samples or None
         Of the values, if asked for.
-    starts : tuple of (values, cost)
+    starts : tuple of (values, log evidence)
         Where several starts led.
     ending : Ending
     messages : tuple of str
         Doubts about the result.
-    problem : UpdateProblem or None
-        What was fitted, for a bootstrap.
+    problem : FitProblem or ModeProblem
+        What was fitted.
+    fitted : FitResult
+        The fit.
+    settings : UpdateSettings
     """
 
     model: Model
@@ -200,17 +174,16 @@ class Updated:
     covariance: NDArray[np.float64]
     path: tuple[UpdateStep, ...]
     misfit: Mapping[str, float]
-    pairs: ModePairs | None
-    frequency: NDArray[np.float64]
-    shifts: NDArray[np.float64]
-    gains: NDArray[np.float64]
+    modes: ComputedModes | None
     left_out: tuple[tuple[str, str], ...]
     curve: LCurve | None
     samples: Samples | None
     starts: tuple[tuple[NDArray[np.float64], float], ...]
     ending: Ending
     messages: tuple[str, ...]
-    problem: "UpdateProblem | None" = field(default=None, repr=False)
+    problem: FitProblem | ModeProblem = field(repr=False)
+    fitted: FitResult = field(repr=False)
+    settings: UpdateSettings
 
     __repr__ = fields_summary
 
@@ -247,7 +220,6 @@ class Updated:
         lines = [f"{'parameter':{width}}  {'start':>11}  {'value':>11}  {'std':>9}  {'change':>8}  unit"]
         for p in self.parameters:
             mark = " (at its bound)" if p.at_bound else "" if p.determined else " (not determined)"
-            mark += " (prior dropped)" if p.released else ""
             std = f"{p.std:9.2g}" if np.isfinite(p.std) else f"{'-':>9}"
             lines.append(
                 f"{p.name:{width}}  {p.start:11.5g}  {p.value:11.5g}  {std}  {p.change:>8}  {p.unit}{mark}"

@@ -135,7 +135,7 @@ class LiveModel:
     def _form_values(self) -> dict[ParameterRef, float]:
         names = {e.name for e in self.form}
         nominal = self.formed.reduced.model.values()
-        refs = ((n.effect, n.parameter) for n in self.formed.nuisances)
+        refs = (ref for n in self.formed.nuisances for ref in n.refs)
         return {ref: float(nominal[ref]) for ref in refs if ref[0] in names}
 
     def _problem(self, h: Hypothesis) -> FitProblem:

@@ -1,7 +1,7 @@
 """Measurements: FRFs with the sensors and excitations that they belong to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -61,8 +61,9 @@ class Sensor:
     body: str = ""
 
     quantity: ClassVar[str] = MOTION
-    """Readings of a motion have the time derivatives of the FRFs' kind, and may have some of the motion
-    across ``direction``; of any other quantity neither is true."""
+    """Readings of a motion have the time derivatives of the FRFs' kind; others have none."""
+    directed: ClassVar[bool] = True
+    """Whether it reads the motion of its point along ``direction``, and by its build some of that across."""
 
     def row(self, model: Model) -> NDArray[np.float64]:
         """Return the reading, or the force of an exciter, as a combination of DOFs, shape (n_dof,).
@@ -153,6 +154,26 @@ class BaseMotion(Sensor):
             raise MeasurementError(msg)
         (base,) = model.of_kind(MovingBase)
         row[ground.dofs] = self.gain * base.mass * amount
+        return row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Combination(Sensor):
+    """A reading, or a force, as a combination of the DOFs of the mesh's points.
+
+    Attributes
+    ----------
+    factors : ndarray (6 n_points,)
+    """
+
+    factors: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    directed: ClassVar[bool] = False
+
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the factors, 0 for DOFs that are not of the mesh's points, shape (n_dof,)."""
+        row = np.zeros(model.n_dof)
+        row[: len(self.factors)] = self.gain * self.factors
         return row
 
 
@@ -425,12 +446,17 @@ def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
     forces = tuple(e for e in measurement.excitations if not isinstance(e, BaseMotion))
-    return Instruments(*places(motions_of(measurement.sensors)), *places(forces))
+    return Instruments(*places(directed_of(measurement.sensors)), *places(forces))
 
 
 def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
     """Return those sensors that read a motion."""
     return tuple(s for s in sensors if s.quantity == MOTION)
+
+
+def directed_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
+    """Return those sensors that read the motion of a point along a direction."""
+    return tuple(s for s in sensors if s.directed)
 
 
 def shapes_like_motions(
@@ -473,8 +499,8 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     """
     cosine = float(np.dot(sensor.direction, excitation.direction))
     near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
-    motion = sensor.quantity == MOTION and not isinstance(excitation, BaseMotion)
-    return float(np.sign(cosine)) if near and motion and abs(cosine) > 0.999 else 0.0
+    alike = sensor.directed and excitation.directed and not isinstance(excitation, BaseMotion)
+    return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:

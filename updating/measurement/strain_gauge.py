@@ -41,6 +41,7 @@ class StrainGauge(Sensor):
     offset: tuple[float, float] = (0.0, 0.0)
 
     quantity: ClassVar[str] = STRAIN
+    directed: ClassVar[bool] = False
 
     def row(self, model: Model) -> NDArray[np.float64]:
         """Return the strain as a combination of DOFs, shape (n_dof,) [1/m for translations].

@@ -10,7 +10,7 @@ from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import Model
 from updating.inference.fit import FitProblem
-from updating.measurement.measurement import MOTION, Sensor
+from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 from updating.quality.cross_prediction import CrossPrediction
 from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses, judge, valued
@@ -29,8 +29,8 @@ def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[H
     """Return the faults that sensor i alone may have."""
     name, series = problem.data.measurement.sensors[i].name, _series(X, i)
     out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), GAIN_LEAST)
-    if not out or problem.data.measurement.sensors[i].quantity != MOTION:
-        return out  # only a motion is predicted in other directions and at other places
+    if not out or not problem.data.measurement.sensors[i].directed:
+        return out  # only the motion of a point is predicted in other directions and at other places
     before = series.losses(series.predicted)
     out += _tilt_hypotheses(problem, X, i, series, before)
     return out + _position_hypotheses(problem, X, i, series, before)

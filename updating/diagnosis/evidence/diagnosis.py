@@ -10,7 +10,7 @@ import numpy as np
 
 from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
-from updating.diagnosis.begin import builder, calibrated, refined
+from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.hypothesis import Hypothesis
@@ -20,11 +20,11 @@ from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, fit
-from updating.inference.form import form_of
+from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, build_fine
+from updating.inference.preparation import N_FIT_LINES
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
@@ -137,34 +137,6 @@ class Searched:
         return sum(self.probability(k) for k in self.hypotheses if k.places == h.places)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Formed:
-    """A model that is fine enough for the data, and its uncertain form.
-
-    Attributes
-    ----------
-    model : Model
-        Without the effects of the form.
-    formed : Model
-        With them.
-    form : tuple of Nuisance
-        Their parameters.
-    mesh_db : float
-        Error of the mesh [dB].
-    n_cut : int
-        Each element was cut into so many.
-    uncut_db : float
-        Error of the mesh before [dB].
-    """
-
-    model: Model
-    formed: Model
-    form: tuple[Nuisance, ...]
-    mesh_db: float
-    n_cut: int = 1
-    uncut_db: float = 0.0
-
-
 def search_by_evidence(
     model: Model,
     measurement: Measurement,
@@ -221,32 +193,6 @@ def begin_search(
     progress("fitting the uncertain parameters", 0.05)
     candidates = candidates_for_test(begun.model, measurement, kinds, exclude)
     return begun_with(whole, begun, candidates, modes=modes, progress=progress, crew=crew, budget=budget)
-
-
-def formed_problem(
-    model: Model,
-    measurement: Measurement,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
-) -> tuple[FitProblem, Formed]:
-    """Return the problem of a model on a mesh that is fine enough, its form among the uncertain parameters.
-
-    Parameters as of :func:`search_by_evidence`.
-    """
-    build = builder(
-        measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
-    )
-    problem, model, n, left, before = build_fine(build, refined(model, model_error), model_error)
-    form, own = form_of(model) if model_error > 0 else ((), ())
-    formed = model.with_effect(*form)
-    every = (*problem.nuisances, *own)
-    reduced = build(formed, every).reduced
-    whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
-    return whole, Formed(model, formed, own, left[0], n, before)
 
 
 def begun_with(

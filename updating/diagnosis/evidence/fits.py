@@ -83,7 +83,7 @@ class Fits:
         free = self.free(base)
         if not self.is_far(base):
             return free, free
-        own = tuple(n for n in self.problem.nuisances if n.effect not in self.fixed(base))
+        own = tuple(n for n in self.problem.nuisances if n.refs[0][0] not in self.fixed(base))
         quick = replace(self.problem, nuisances=own)
         return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 

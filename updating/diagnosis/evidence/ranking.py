@@ -12,11 +12,10 @@ from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.evidence.screening import LEAST_GRIDS, Grid, Screened, look_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
-from updating.inference.belief import FORM_LEFT
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.inference.joint_fit import JointFunction, with_modes
+from updating.inference.joint_fit import with_modes
 from updating.inference.scatter import Scatter, form_scatter
 
 MOST_GRIDS = 100
@@ -152,12 +151,6 @@ class FrfRanking:
         return form_scatter(problem, result, size, self.form_share)
 
     def left(self, problem: FitProblem) -> Any:
-        """Return the square of the level that beams and the mesh leave; of modes beside FRFs, theirs."""
-        left = (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2
-        function = with_modes(
-            problem, problem.function((), (), problem.lines_up_to(np.inf, FULL_LINES)), np.inf
-        )
-        if not isinstance(function, JointFunction):
-            return left
-        frf, modes = function.both
-        return np.append(np.full(len(np.unique(frf.groups)), left), modes.left())
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        lines = problem.lines_up_to(np.inf, FULL_LINES)
+        return with_modes(problem, problem.function((), (), lines), np.inf).left()

@@ -1,6 +1,7 @@
 """Joints of finite extent: elements on their patches, and their stiffness about the normal."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -8,7 +9,9 @@ from fem.effects.joint_patch import JointPatch, turning_parameters
 from fem.elements.splitting import split
 from fem.model import Model
 from updating.inference.parameters import Nuisance
+from updating.inference.unknowns import Uncertain, Unknown
 
+U = TypeVar("U", bound=Uncertain)
 PATCH_REACH = 1.25
 """Elements are short up to this multiple of the stretch on which a joint acts [-]."""
 PATCH_ELEMENTS = 3
@@ -42,11 +45,13 @@ def refined_at(model: Model, patch: JointPatch) -> Model:
     return split(model.with_mesh(mesh), pieces) if mesh is not model.mesh or (pieces > 1).any() else model
 
 
-def with_turning(nuisances: Sequence[Nuisance], model: Model) -> tuple[Nuisance, ...]:
+def with_turning(nuisances: Sequence[U], model: Model) -> tuple[U | Nuisance, ...]:
     """Return uncertain parameters with the stiffnesses about their normals of joints that have patches.
 
-    They replace what is said of these.
+    They replace what is said of these, but for what an update asks for.
     """
     own = {ref: Nuisance(*ref, TWIST_STD) for ref in turning_parameters(model)}
-    kept = tuple(own.pop((n.effect, n.parameter), n) for n in nuisances)
+    for ref in (ref for n in nuisances if isinstance(n, Unknown) for ref in n.refs):
+        own.pop(ref, None)
+    kept = tuple(own.pop(n.refs[0], n) for n in nuisances)
     return (*kept, *own.values())

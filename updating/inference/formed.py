@@ -1,0 +1,117 @@
+"""Problems of fits to models on fine enough meshes, the form of their frames among what is uncertain."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from fem.model import Model
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.form import form_of
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_preparation import build_mode_problem, fine_enough
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.parameters import Nuisance
+from updating.inference.patches import refined_on_patches, with_turning
+from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
+from updating.inference.unknowns import Uncertain
+from updating.measurement.measurement import Measurement
+
+Build = Callable[..., FitProblem]
+"""Makes the problem of a model, with its uncertain parameters unless ``nuisances`` are given."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Formed:
+    """A model that is fine enough for the data, and its uncertain form.
+
+    Attributes
+    ----------
+    model : Model
+        Without the effects of the form.
+    formed : Model
+        With them.
+    form : tuple of Nuisance
+        Their parameters.
+    mesh_db : float
+        Error of the mesh [dB].
+    n_cut : int
+        Each element was cut into so many.
+    uncut_db : float
+        Error of the mesh before [dB].
+    """
+
+    model: Model
+    formed: Model
+    form: tuple[Nuisance, ...]
+    mesh_db: float = 0.0
+    n_cut: int = 1
+    uncut_db: float = 0.0
+
+
+def builder(
+    measurement: Measurement,
+    nuisances: Sequence[Uncertain] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> Build:
+    """Return what makes the fits' problem of a model; parameters as of a diagnosis."""
+
+    def build(model: Model, nuisances: Sequence[Uncertain] = nuisances) -> FitProblem:
+        return build_problem(
+            model, measurement, with_turning(nuisances, model), damping_std=damping_std, band=band,
+            n_lines=n_lines, connections=True, model_error=model_error,
+        )  # fmt: skip
+
+    return build
+
+
+def refined(model: Model, model_error: float) -> Model:
+    """Return a model with mass of higher order, and with short elements on the joints' patches."""
+    model = with_higher_mass(model)
+    return refined_on_patches(model) if model_error > 0 else model
+
+
+def formed_problem(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Uncertain] = (),
+    *,
+    damping_std: float = 0.5,
+    band: tuple[float, float] | None = None,
+    n_lines: int = N_FIT_LINES,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[FitProblem, Formed]:
+    """Return the problem of a model on a mesh that is fine enough, its form among the uncertain parameters.
+
+    Parameters as of :func:`updating.inference.preparation.build_problem`.
+    """
+    build = builder(
+        measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
+    )
+    problem, model, n, left, before = build_fine(build, refined(model, model_error), model_error)
+    form, own = form_of(model) if model_error > 0 else ((), ())
+    formed = model.with_effect(*form)
+    every = (*problem.nuisances, *own)
+    reduced = build(formed, every).reduced
+    whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
+    return whole, Formed(model, formed, own, left[0], n, before)
+
+
+def formed_mode_problem(
+    model: Model,
+    targets: ModeTargets,
+    nuisances: Sequence[Uncertain] = (),
+    *,
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[ModeProblem, Formed]:
+    """Return the same for fits to measured modes."""
+    model, mesh = fine_enough(with_higher_mass(model), targets)
+    form, own = form_of(model) if model_error > 0 else ((), ())
+    formed = model.with_effect(*form)
+    problem = build_mode_problem(
+        formed, targets, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
+    )
+    return problem, Formed(model, formed, own)

@@ -1,0 +1,230 @@
+"""How an update finds the most probable model: which parameters, and from where."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Model, ModelError
+from updating.inference.determined import blind_directions, taking_part
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.fitting import (
+    QUICK_LINES,
+    QUICK_NATS,
+    fit,
+    fit_given,
+    null_fit,
+    with_evidence,
+    with_form_of_damping,
+    with_seen_noise,
+)
+from updating.inference.joint_fit import with_modes
+from updating.inference.linearised import whitened
+from updating.inference.mode_fit import ModeFunction, ModeProblem
+from updating.inference.regularisation import LCurve, l_curve, select_by_pivoting, select_forward
+from updating.inference.scatter import form_scatter
+from updating.inference.solve import Report, Solution
+from updating.inference.unknowns import ScaledUnknown, Unknown, nuisance_unknowns
+from updating.inference.update_result import Ended, result_of, rows_of, values_of
+from updating.inference.update_settings import UpdateSettings
+from updating.inference.updated import Updated, UpdateStep
+
+Floats = NDArray[np.float64]
+Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
+
+_REACH = 3.0
+"""Further starts are drawn within so many of an unknown's possible errors [-]."""
+_WIDEST = 0.5
+"""They are drawn with no more than this error [-]."""
+_TOWARDS = 0.25, 0.5, 1.0
+"""Parts of the way to the model without an effect at which fits start, too [-]."""
+_SMALL_GAIN = 1e-6
+"""Fits end when a step gains less: half the square of its length in standard deviations [nats]."""
+_LINEARISED = 3
+"""So often the problem of a regularisation is linearised."""
+
+
+def update_fitted(
+    problem: FitProblem | ModeProblem, model: Model, unknowns: Sequence[Unknown], settings: UpdateSettings
+) -> Updated:
+    """Return the most probable model, of whose uncertain parameters some were asked for.
+
+    Parameters
+    ----------
+    problem : FitProblem or ModeProblem
+    model : Model
+        The full model that results are values of.
+    unknowns : sequence of Unknown
+        Uncertain parameters of the problem.
+    settings : UpdateSettings
+    """
+    asked = nuisance_unknowns(problem.reduced.model, unknowns)
+    how: dict[str, Any] = {"n_lines": settings.n_lines, "counted_as": settings.n_lines}
+    near: list[FitResult] = []
+    if isinstance(problem, FitProblem):
+        problem, first = with_form_of_damping(problem, null_fit(problem, **how), **how)
+        problem, near = with_seen_noise(problem, first), [first]
+    how |= {"max_iterations": settings.max_iterations, "tolerance": _SMALL_GAIN}
+    whole = problem
+    problem, left_out = _selected(problem, asked, settings)
+    better, starts = _starts(problem, asked, settings, how)
+    path: list[UpdateStep] = []
+
+    def watch(function: FitFunction, stage: float) -> Report:
+        word = _stage_word(function, stage)
+        return lambda x, cost: path.append(
+            UpdateStep(word, values_of(asked, function, x), cost, function.errors(x))
+        )
+
+    first = _function(problem, settings)
+    watch(first, 1.0)(first.start, _cost(first, first.start, settings))
+    if isinstance(problem, ModeProblem) and not _paired(problem):
+        still = Solution(first.start, path[0].cost, np.nan, 0, True)
+        result = with_evidence(first, still, settings.n_lines)
+    else:
+        problem, result = fit_given(problem, (), [*near, *better], **how, watch=watch)
+        if path[0].cost < path[-1].cost - QUICK_NATS:  # bands may lead away from a start that was better
+            problem, result = fit_given(problem, (), [problem.nominal()], **how, watch=watch)
+    small = problem
+    if isinstance(problem, FitProblem):
+        small = replace(problem, scatter=form_scatter(problem, result, result.size))
+    function = _function(small, settings)
+    levels, x = function.levels(counted_as=settings.n_lines), function.moved_to(result)
+    ended = Ended(whole, problem, function, levels, result, x, None, None)
+    if settings.regularisation:
+        ended = _regularised(ended, asked, settings)
+    return result_of(ended, model, asked, tuple(path), starts, left_out, settings)
+
+
+def _paired(problem: ModeProblem) -> bool:
+    """Whether any measured mode has a partner in the model to start from."""
+    return bool((problem.computed(problem.nominal()).partner >= 0).any())
+
+
+def _stage_word(function: FitFunction, stage: float) -> str:
+    if not isinstance(function, ModeFunction):
+        return f"to {function.problem.data.frequency[function.lines[-1]]:.4g} Hz"
+    return "modes" if stage <= 1 else f"modes, {stage:.2g} times their deviations"
+
+
+def _function(problem: FitProblem | ModeProblem, settings: UpdateSettings) -> FitFunction:
+    lines = problem.lines_up_to(np.inf, settings.n_lines)
+    return with_modes(problem, problem.function((), (), lines), np.inf)
+
+
+def _cost(function: FitFunction, x: Floats, settings: UpdateSettings) -> float:
+    levels = function.levels(counted_as=settings.n_lines)
+    return levels.cost(function.misfit(x)) + function.prior().cost(x)
+
+
+def _moved(problem: Problem, asked: Sequence[ScaledUnknown], x: Floats) -> Problem:
+    """Return a problem whose fits begin elsewhere."""
+    start = {u.refs: u.to_value(xi) for u, xi in zip(asked, x.tolist(), strict=True)}
+    nuisances = tuple(
+        replace(n, start=start[n.refs]) if isinstance(n, Unknown) and n.refs in start else n
+        for n in problem.nuisances
+    )
+    return replace(problem, nuisances=nuisances)
+
+
+def _starts(
+    problem: FitProblem | ModeProblem,
+    asked: Sequence[ScaledUnknown],
+    settings: UpdateSettings,
+    how: dict[str, Any],
+) -> tuple[list[FitResult], tuple[tuple[Floats, float], ...]]:
+    """Return the best fit from other starts if it beats the first's, and where all led.
+
+    They are drawn from the priors, and lie on the way to the model without the effects in question.
+    """
+    first, absent = (np.array([getattr(u, key) for u in asked]) for key in ("start", "absent"))
+    gone = np.isfinite(absent) & (absent != first)
+    if settings.n_starts == 1 and not gone.any():
+        return [], ()
+    width = _open_widths(problem, asked)
+    gone &= width > 0
+    elsewhere = [first + part * np.where(gone, absent - first, 0.0) for part in _TOWARDS if gone.any()]
+    low, high = (np.array([getattr(u, key) for u in asked]) for key in ("low", "high"))
+    low, high = np.maximum(low, first - _REACH * width), np.minimum(high, first + _REACH * width)
+    random = np.random.default_rng(settings.seed)
+    for _ in range(settings.n_starts - 1):
+        elsewhere.append(np.clip(first + width * random.standard_normal(len(width)), low, high))
+    quick: dict[str, Any] = how | {"n_lines": min(QUICK_LINES, settings.n_lines)}
+    fits = []
+    for x in [first, *elsewhere]:
+        try:
+            fits.append(fit(_moved(problem, asked, x), **quick))
+        except np.linalg.LinAlgError:  # no structure there
+            continue
+    order = sorted(fits[1:], key=lambda r: -r.log_evidence)
+    better = [r for r in order[:1] if r.log_evidence > fits[0].log_evidence + QUICK_NATS]
+    function = _function(problem, settings)
+    led = tuple((values_of(asked, function, function.moved_to(r)), r.log_evidence) for r in fits)
+    return better, led if settings.n_starts > 1 else ()
+
+
+def _open_widths(problem: FitProblem | ModeProblem, asked: Sequence[ScaledUnknown]) -> Floats:
+    """Return how widely starts are drawn, (n,): 0 of what no data change with, and of what was left out."""
+    function = _function(problem, UpdateSettings())
+    A, _ = whitened(function, function.levels(), function.start, rows_of(function, asked), stated=True)
+    own = [u for u in asked if u.refs in {v.refs for v in function.variables}]
+    blind = blind_directions(A.T @ A, np.array([u.width for u in own]), np.array([u.std**-2.0 for u in own]))
+    width = {
+        u.refs: min(u.width, _WIDEST) for u, lost in zip(own, taking_part(blind), strict=True) if not lost
+    }
+    return np.array([width.get(u.refs, 0.0) for u in asked])
+
+
+def _selected(
+    problem: Problem, asked: Sequence[ScaledUnknown], settings: UpdateSettings
+) -> tuple[Problem, tuple[tuple[str, str], ...]]:
+    """Hold the parameters that selection leaves out at their start; all else counts as noise."""
+    if not settings.select:
+        return problem, ()
+    function = _function(problem, settings)
+    levels = function.levels(counted_as=settings.n_lines)
+    A, r = whitened(function, levels, function.start, rows_of(function, asked), stated=True)
+    A, names = A * np.array([u.width for u in asked]), [u.name for u in asked]
+    pivoting = settings.select == "pivoting"
+    chosen = select_by_pivoting(A, names) if pivoting else select_forward(A, -r, names)
+    if not chosen.kept:
+        return problem, ()
+    gone = {asked[one.index].refs for one in chosen.left_out}
+    kept = tuple(n for n in problem.nuisances if n.refs not in gone)
+    return replace(problem, nuisances=kept), tuple((names[one.index], one.reason) for one in chosen.left_out)
+
+
+def _regularised(ended: Ended, asked: Sequence[ScaledUnknown], settings: UpdateSettings) -> Ended:
+    """Weigh distances from the start by the λ at the corner of the L-curve of the linearised problem.
+
+    Without a distinct corner, as where data can be met exactly, by the largest λ that leaves no more than
+    noise (Morozov, *Soviet Math. Dokl.* 7, 1966, 414).
+    """
+    function, rows = ended.function, rows_of(ended.function, asked)
+    names = ", ".join(u.name for u in asked)
+    L = np.diag([1 / u.width for u in asked])
+    if settings.regularisation == "gsvd":
+        L = np.array(settings.operator, dtype=float, ndmin=2)
+    if L.shape[1] != len(rows):
+        msg = f"the operator has {L.shape[1]} columns; there are {len(rows)} parameters: {names}"
+        raise ModelError(msg)
+    start = ended.x.copy()
+    start[rows] = function.start[rows]
+    x, curve, precision = start, None, np.zeros((len(start), len(start)))
+    for _ in range(_LINEARISED):
+        B, r = whitened(function, ended.levels, x, rows, stated=False)
+        curve = _without_corner(l_curve(B, B @ (x - start)[rows] - r, L), int(B.any(axis=1).sum()))
+        precision[np.ix_(rows, rows)] = curve.chosen**2 * (L.T @ L)
+        prior = replace(function.prior(), precision=precision, about=start)
+        x = function.minimise(x, np.inf, settings.max_iterations, counted_as=settings.n_lines, prior=prior).x
+    return replace(ended, x=x, precision=precision, curve=curve)
+
+
+def _without_corner(curve: LCurve, n_data: int) -> LCurve:
+    """Return an L-curve whose λ is the largest with a mean square residual of 1 if it has no corner."""
+    fair = np.flatnonzero(curve.misfit**2 <= n_data)
+    return curve if curve.distinct or not fair.size else replace(curve, corner=int(fair[-1]))
