@@ -1,13 +1,11 @@
 """Modes identified in the FRFs of a measurement, as a study's measured modes."""
 
 import warnings
-from dataclasses import asdict
-
-import numpy as np
+from dataclasses import asdict, replace
 
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import Measurement, at_one_place, shapes_like_motions
 from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
@@ -51,7 +49,9 @@ def as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
         )
         raise StudyError(msg)
     f_std, shape_std = found.relative_std()
-    return MeasuredModes(found.modes, data.sensors, f_std, shape_std, f"FRFs of {data.name}")
+    shapes, sensors = shapes_like_motions(found.modes.shapes, data.sensors)
+    modes = replace(found.modes, shapes=shapes)
+    return MeasuredModes(modes, sensors, f_std, shape_std, f"FRFs of {data.name}")
 
 
 def _driving(m: Measurement) -> list[tuple[str, str]] | None:
@@ -60,6 +60,6 @@ def _driving(m: Measurement) -> list[tuple[str, str]] | None:
         (s.name, e.name)
         for s in m.sensors
         for e in m.excitations
-        if np.allclose(s.point, e.point, rtol=0, atol=1e-9) and s.direction @ e.direction > 1 - 1e-9
+        if at_one_place(s, e, 1e-9) > 0 and s.direction @ e.direction > 1 - 1e-9
     ]
     return pairs or None

@@ -352,6 +352,7 @@ def frf_arrays(d: Diagnosis) -> dict[str, NDArray[Any]]:
         "kind": np.array(str(measured.kind)),
         "outputs": np.array(measured.outputs, dtype=str),
         "inputs": np.array(measured.inputs, dtype=str),
+        **({"strain": np.array(measured.strain, dtype=str)} if measured.strain else {}),
         "steps": np.array([s.label for s in d.steps], dtype=str),
         "H_model": np.stack([d.frf(k).as_kind(measured.kind).H for k in range(len(d.steps))]),
         "deviation": _deviation(d),

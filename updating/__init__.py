@@ -85,6 +85,7 @@ from updating.measurement.measurement import (
 )
 from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
 from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+from updating.measurement.strain_gauge import StrainGauge
 from updating.measurement.tables import (
     frf_from_labelled,
     labelled_from_frf,
@@ -144,6 +145,7 @@ __all__ = [
     "Sensor",
     "Stabilisation",
     "Step",
+    "StrainGauge",
     "Unknown",
     "UpdateSettings",
     "UpdateStep",

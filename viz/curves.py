@@ -101,7 +101,8 @@ def plot_frf(
                     linewidth=1.2,
                     zorder=3,
                 )
-            _frf_axes(top, low, measured, h, (output, input_), first=c == 0, last=k + columns >= len(pairs))
+            first = c == 0 or bool(measured.strain)  # panels of one row may have different units
+            _frf_axes(top, low, measured, h, (output, input_), first=first, last=k + columns >= len(pairs))
         legend_above(figure, title, curve_keys(figure.axes[0], held_out, floor=floor is not None))
     return figure
 
@@ -116,6 +117,8 @@ def plot_frf_error(
     title: str = "",
 ) -> Figure:
     """Plot the error of models over frequency, 10 lg (Σ |H_model - H|² / Σ |H|²), summed over pairs.
+
+    Strains count as much as motions: all values of either are divided by the root mean square over all lines.
 
     Parameters
     ----------
@@ -175,20 +178,25 @@ def frf_errors(
     pairs = _pairs(measured, pairs, None)
     index = [(measured.outputs.index(o), measured.inputs.index(i)) for o, i in pairs]
     rows, cols = (np.array(k) for k in zip(*index, strict=True))
-    H = measured.H[:, rows, cols]
+    H, size = measured.H[:, rows, cols], np.ones(rows.size)
+    strain = measured.is_strain[rows]
+    if strain.any() and not strain.all():
+        for alike in (strain, ~strain):
+            size[alike] = np.sqrt((np.abs(H[:, alike]) ** 2).mean()) or 1.0
+    H = H / size
     power = _moving(np.sum(np.abs(H) ** 2, axis=1), smooth)
     power = np.where(power > 0, power, np.nan)
     noise = None
     if floor is not None:
         sigma = np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)[:, rows, cols]
-        noise = 10 * np.log10(_moving(np.sum(sigma**2, axis=1), smooth) / power)
+        noise = 10 * np.log10(_moving(np.sum((sigma / size) ** 2, axis=1), smooth) / power)
     out = {}
     for label, model in models.items():
         if model.n_freq != measured.n_freq or not np.allclose(model.frequency, measured.frequency):
             msg = f"model '{label}' has {model.n_freq} lines, not the {measured.n_freq} measured ones"
             raise ValueError(msg)
         part = model.as_kind(measured.kind)
-        got = np.stack([part.select([o], [i]).H[:, 0, 0] for o, i in pairs], axis=1)
+        got = np.stack([part.select([o], [i]).H[:, 0, 0] for o, i in pairs], axis=1) / size
         left = _moving(np.sum(np.abs(got - H) ** 2, axis=1), smooth)
         out[label] = 10 * np.log10(np.maximum(left / power, 1e-30))
     return out, noise
@@ -234,7 +242,8 @@ def _frf_axes(
         top.set_ylim(10 ** (bottom - room), 10 ** (ceiling + room))
     top.set_xlim(frf.frequency[0], frf.frequency[-1])
     if first:
-        top.set_ylabel(f"{frf.quantity} [{frf.unit}]")
+        shown = frf.select([pair[0]], [pair[1]])
+        top.set_ylabel(f"{shown.quantity} [{shown.unit}]")
     if last:
         (top if low is None else low).set_xlabel("frequency [Hz]")
     if low is None:

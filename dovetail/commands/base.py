@@ -72,12 +72,12 @@ def run(options: Options, progress: Progress) -> None:
     """Compute FRFs from the base and write them."""
     RESULTS.check(options)
     study = at_asked_speed(loaded(options, ("sensors",)), options)
-    require_sensors(study)
-    frequency = asked_lines(study, options, len(study.sensors) * max(1, len(options.motion)))
+    sensors = require_sensors(study)
+    frequency = asked_lines(study, options, len(sensors) * max(1, len(options.motion)))
     progress("computing FRFs")
     kind = KINDS[options.response]
-    found = _frf(options, study, frequency, sensor_rows(study.model, study.sensors), _motions(options), kind)
-    names = tuple(s.name for s in study.sensors)
+    found = _frf(options, study, frequency, sensor_rows(study.model, sensors), _motions(options), kind)
+    names = tuple(s.name for s in sensors)
     if options.vtu is not None:
         _write_shapes(options, study, found)
     found = FRF.from_arrays(frequency, found.H, found.kind, names, found.inputs)

@@ -6,6 +6,7 @@ from pathlib import Path
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded, say
 from dovetail.commands.frf import add_lines, asked_lines
+from dovetail.commands.load_cases import refuse_gauges
 from dovetail.commands.stepping import said
 from dovetail.disk.output import Output, OutputError, Progress, write_json
 from dovetail.units.pool import pool_of
@@ -61,6 +62,7 @@ def run(options: Options, progress: Progress) -> None:
     if not study.nuisances and not study.damping_std:
         msg = f"{study.path}: nothing in it is uncertain; give standard deviations in [uncertain]"
         raise OutputError(msg)
+    refuse_gauges(study)
     n_frfs = len(study.sensors) * len(study.excitations)
     frequency = asked_lines(study, options, max(n_frfs, 1))
     measured = study.measurements[0].frf.kind if study.measurements else FRFKind.ACCELERANCE

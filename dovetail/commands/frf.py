@@ -20,7 +20,7 @@ from dovetail.file.settings import MOST_LINES
 from dovetail.study import Study
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz
-from updating.measurement.measurement import BaseMotion
+from updating.measurement.measurement import STRAIN, BaseMotion
 
 HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
@@ -78,7 +78,8 @@ def run(options: Options, progress: Progress) -> None:
     own = study.frf(frequency, options.kind)
     driven = zip(study.excitations, labels[1], strict=True)
     base = [label for e, label in driven if isinstance(e, BaseMotion)]
-    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels, base=base)
+    strain = [label for s, label in zip(study.sensors, labels[0], strict=True) if s.quantity == STRAIN]
+    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels, base=base, strain=strain)
     writer = writers[suffix]
     if writer is not None:
         writer(options.out, computed)

@@ -21,6 +21,7 @@ from dovetail.file.config import NEEDS
 from dovetail.update import identify_study
 from fem.io import UFF_SUFFIXES, write_npz
 from fem.io.atomic import replacing
+from updating.measurement.measurement import motions_of
 from updating.modal.peaks import peak_words
 
 HELP = "identify natural modes from measured FRFs or ambient responses, with their uncertainty"
@@ -84,8 +85,14 @@ def run(options: Options, progress: Progress) -> None:
         write_npz(options.out, found.modes, std_of(found))
     elif options.out is not None:
         nodes = NodeNumbers(study)
-        names = dict(zip(data.frf.outputs, nodes.labels("outputs", data.sensors), strict=True))
-        write_with_nodes(options.out, nodes, modes=found.modes, dofs=names)
+        moving = motions_of(data.sensors)  # dataset 55 would call strains displacements
+        if not moving:
+            msg = f"{options.out}: all sensors read strain, and universal files have motions; write .npz"
+            raise OutputError(msg)
+        names = dict(zip((s.name for s in moving), nodes.labels("outputs", moving), strict=True))
+        rows = [k for k, s in enumerate(data.sensors) if s in moving]
+        modes = replace(found.modes, shapes=found.modes.shapes[rows], labels=tuple(names))
+        write_with_nodes(options.out, nodes, modes=modes, dofs=names)
     for path, kind in ((options.picture, "stabilisation"), (options.synthesis, "synthesis")):
         if path is not None:
             from viz.modal import plot_stabilisation, plot_synthesis

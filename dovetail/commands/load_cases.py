@@ -7,6 +7,7 @@ from dovetail.commands.common import Options
 from dovetail.file.table import StudyError
 from dovetail.study import Study
 from fem.analysis.statics import StaticSolution
+from updating.measurement.measurement import Sensor, motions_of
 
 
 def add_cases(p: argparse.ArgumentParser) -> None:
@@ -39,10 +40,30 @@ def solved_case(study: Study, name: str | None) -> StaticSolution:
     return study.static(*([] if name is None else [name]))
 
 
-def require_sensors(study: Study) -> None:
-    """Raise a StudyError for a study without sensors, where responses are read."""
-    if not study.sensors:
-        msg = f"{study.path.name}: the study has no sensors, so that there is no response; give [[sensors]]"
+def require_sensors(study: Study) -> tuple[Sensor, ...]:
+    """Return the sensors of motions, at which responses are computed; strain gauges are not among them.
+
+    Raises
+    ------
+    StudyError
+        If there is none.
+    """
+    found = motions_of(study.sensors)
+    if not found:
+        none = "no sensors of motions" if study.sensors else "no sensors"
+        msg = f"{study.path.name}: the study has {none}, so that there is no response; give [[sensors]]"
+        raise StudyError(msg)
+    return found
+
+
+def refuse_gauges(study: Study) -> None:
+    """Raise a StudyError for a study with sensors that read no motion, where all FRFs have one unit."""
+    gauges = [s.name for s in study.sensors if s not in motions_of(study.sensors)]
+    if gauges:
+        msg = (
+            f"{study.path.name}: {', '.join(gauges[:4])}{' …' if len(gauges) > 4 else ''} measure no motion, "
+            "and ensembles are of motions alone; leave them out"
+        )
         raise StudyError(msg)
 
 

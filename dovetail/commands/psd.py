@@ -52,7 +52,7 @@ def run(options: Options, progress: Progress) -> None:
     """Print root mean squares; draw and write densities."""
     RESULTS.check(options, InputFile(options.psd, "the excitation's density"))
     study = at_asked_speed(loaded(options, ("sensors",)), options)
-    require_sensors(study)
+    sensors = require_sensors(study)
     table = read_columns(options.psd, ("frequency",))
     driven = driven_by(study, table, density=True)
     progress("computing densities")
@@ -69,8 +69,8 @@ def run(options: Options, progress: Progress) -> None:
             relative=options.relative,
         )
 
-    found = solved(sensor_rows(study.model, study.sensors))
-    names, unit = [s.name for s in study.sensors], UNITS[options.response]
+    found = solved(sensor_rows(study.model, sensors))
+    names, unit = [s.name for s in sensors], UNITS[options.response]
     square = f"({unit})²/Hz"
     if options.out is not None:
         header = ",".join(["frequency [Hz]", *(f"{name} [{square}]" for name in names)])

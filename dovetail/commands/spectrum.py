@@ -22,7 +22,7 @@ from fem.analysis.tabulated import Tabulated
 from fem.effects.spin import Spin
 from fem.model import DIRECTIONS
 from fem.system import assemble
-from updating.measurement.measurement import sensor_rows
+from updating.measurement.measurement import motions_of, sensor_rows
 
 HELP = "combine the largest responses of modes to a response spectrum of the base"
 FREQUENCY, PERIOD, TIME = "frequency", "period", "time"
@@ -72,11 +72,12 @@ def run(options: Options, progress: Progress) -> None:
     refuse_rotors(study)
     table = read_columns(options.spectrum, (FREQUENCY, PERIOD, TIME))
     spectra, rigid = _spectra(table, options.zeta)
+    sensors = motions_of(study.sensors)
     progress("combining modes")
     found = solve_spectrum(
         assemble(study.model),
         spectra,
-        sensor_rows(study.model, study.sensors),
+        sensor_rows(study.model, sensors),
         n_modes=options.number,
         max_frequency=options.max,
         combination=options.combine,
@@ -123,7 +124,7 @@ def run(options: Options, progress: Progress) -> None:
             "members": {m: dict(zip(SECTION_FORCES, own, strict=True)) for m, own in members.items()},
             "sensors": {
                 s.name: {"displacement": u, "acceleration": a}
-                for s, u, a in zip(study.sensors, found.displacement, found.acceleration, strict=True)
+                for s, u, a in zip(sensors, found.displacement, found.acceleration, strict=True)
             },
             "assumptions": study.assumptions,
             "warnings": study.warnings,
@@ -198,9 +199,9 @@ def _lines(
     members: dict[str, np.ndarray],
 ) -> list[str]:
     """Return what is printed."""
-    d = found.directions
+    d, sensors = found.directions, motions_of(study.sensors)
     head = "".join(f"{f'S {k} m/s²':>12}{f'mass {k} %':>10}" for k in d)
-    width = max([len(m) for m in (*members, *reactions, *(s.name for s in study.sensors))] + [8])
+    width = max([len(m) for m in (*members, *reactions, *(s.name for s in sensors))] + [8])
     out = [
         f"{study.name}: {found.combination.upper()} of {found.modes.n_modes} modes"
         f"{', missing mass added' if found.missing_mass else ''}",
@@ -225,9 +226,9 @@ def _lines(
     out += [
         f"{m:{width}} " + "".join(f"{v:12.5g}" for v in own) for m, own in zip(members, forces, strict=True)
     ]
-    if study.sensors:
+    if sensors:
         out += ["", f"{'sensor':{width}} {'relative m':>12}{'m/s²':>12}"]
         moved, accelerated = without_rounding(found.displacement), without_rounding(found.acceleration)
-        for s, u, a in zip(study.sensors, moved, accelerated, strict=True):
+        for s, u, a in zip(sensors, moved, accelerated, strict=True):
             out.append(f"{s.name:{width}} {u:12.5g}{a:12.5g}")
     return out

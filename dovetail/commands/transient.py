@@ -100,7 +100,7 @@ def run(options: Options, progress: Progress) -> None:
     read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
     RESULTS.check(options, *read)
     study = at_asked_speed(loaded(options, ("sensors",)), options)
-    require_sensors(study)
+    sensors = require_sensors(study)
     system = assemble(study.model, reciprocal=False)
     initial = _initial(study, system, options)
     excitation = _excitation(study, options, initial)
@@ -110,7 +110,7 @@ def run(options: Options, progress: Progress) -> None:
     found = solve_transient(
         system,
         excitation,
-        sensor_rows(study.model, study.sensors),
+        sensor_rows(study.model, sensors),
         method=options.method,
         n_modes=options.number,
         max_frequency=options.max,
@@ -119,7 +119,7 @@ def run(options: Options, progress: Progress) -> None:
         relative=options.relative,
         snapshots=() if options.vtu is None else frames,
     )
-    names = [s.name for s in study.sensors]
+    names = [s.name for s in sensors]
     if options.out is not None:
         _write(options.out, found, names)
     if options.vtu is not None:

@@ -31,7 +31,7 @@ def run(options: Options, progress: Progress) -> None:
     """Print largest amplitudes; draw and write them over speed."""
     RESULTS.check(options)
     study = loaded(options, ("sensors",))
-    require_sensors(study)
+    sensors = require_sensors(study)
     if not study.unbalances:
         msg = f"{study.path.name}: the study has no unbalance; give [[unbalances]]"
         raise StudyError(msg)
@@ -41,10 +41,10 @@ def run(options: Options, progress: Progress) -> None:
         study.model,
         study.unbalances,
         rpm * RPM,
-        sensor_rows(study.model, study.sensors),
+        sensor_rows(study.model, sensors),
         lambda k, n: progress("solving over speed", k, n),
     )
-    names = [s.name for s in study.sensors]
+    names = [s.name for s in sensors]
     amplitude = np.abs(found.displacement)
     phase = np.degrees(np.angle(found.displacement))
     if options.out is not None:

@@ -632,7 +632,9 @@ class _Reader:
 
         with attempt():
             sensors = read_sensors(top, geometry, nodes, notes, attempt, self.path.parent)
-            responses = labels_of(raw, "outputs") or ([] if raw_modes is None else raw_modes.modes.labels)
+            responses = labels_of(raw, "outputs", motions=True) or (
+                [] if raw_modes is None else raw_modes.modes.labels
+            )
             if responses and not sensors:
                 sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
                 notes.append(

@@ -113,7 +113,7 @@ def _refuse_reversed(
     if not names:
         return
     beside = comparison.beside if len(names) == len(sense) else None
-    like = None if beside is None else kind_beside_model(m.frf.kind, beside, evidence)
+    like = None if beside is None else kind_beside_model(m.frf, beside, evidence)
     if like is not None:
         r.table.refuse(
             "kind" if "kind" in r.table.values else "file",
@@ -196,7 +196,8 @@ def _turn_remedies(m: Measurement, f: Misphased, beside: BesideModel | None) -> 
     kinds = [k for k in FRFKind if k.derivatives - m.frf.kind.derivatives in turns]
     # The factor between two kinds is iω: as large as ω beside the model, where i alone is 1.
     by_phase = [f"phase = {-90 * t}" for t in turns]
-    of_kind = [f'kind = "{k}"' for k in kinds] if f.of != "excitation" else []
+    no_kind = f.of == "excitation" or (f.of == "sensor" and set(f.names) <= set(m.frf.strain))
+    of_kind = [] if no_kind else [f'kind = "{k}"' for k in kinds]
     if by_kind is None:
         return turn, [*of_kind, *by_phase]
     return turn, (of_kind if by_kind else by_phase) or by_phase

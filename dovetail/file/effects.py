@@ -13,7 +13,7 @@ from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Instruments, Model, ModelError, Parameter
-from updating.measurement.measurement import Sensor, sensor_point
+from updating.measurement.measurement import Sensor, directed_of, sensor_point
 
 
 def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
@@ -215,9 +215,13 @@ def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseli
 
 def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Instruments:
     points = [
-        np.array([sensor_point(model.mesh, s) for s in g], dtype=np.int64) for g in (sensors, excitations)
+        np.array([sensor_point(model.mesh, s) for s in g], dtype=np.int64)
+        for g in (directed_of(sensors), excitations)
     ]
-    axes = [np.array([s.direction for s in g], dtype=float).reshape(-1, 3) for g in (sensors, excitations)]
+    axes = [
+        np.array([s.direction for s in g], dtype=float).reshape(-1, 3)
+        for g in (directed_of(sensors), excitations)
+    ]
     return Instruments(points[0], axes[0], points[1], axes[1])
 
 

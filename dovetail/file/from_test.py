@@ -146,8 +146,16 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
     """Return node and direction of each response and force that is a translation, by label."""
     out: dict[str, dict[str, tuple[int, int]]] = {"outputs": {}, "inputs": {}}
     left: list[str] = []
+    strains = list(dict.fromkeys(x for frf in frfs for x in frf.strain))
+    if strains:
+        notes.append(
+            f"the strains {', '.join(strains[:8])} are left out, as the file does not give their distance "
+            'from the axis of a member; write [[sensors]] with quantity = "strain" for them'
+        )
     for key, part in out.items():
         for label in dict.fromkeys(x for frf in frfs for x in getattr(frf, key)):
+            if label in strains and key == "outputs":
+                continue
             try:
                 node, direction = parse_label(label)
             except UffError:

@@ -465,4 +465,6 @@ def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence
                 f"({', '.join(have[:6])} …)",
             )
     base = [new for old, new in zip(frf.inputs, inputs or frf.inputs, strict=True) if old in frf.base]
-    return FRF.from_arrays(frf.frequency, frf.H, frf.kind, outputs or frf.outputs, inputs or frf.inputs, base)
+    names = outputs or frf.outputs
+    strain = [new for old, new in zip(frf.outputs, names, strict=True) if old in frf.strain]
+    return FRF.from_arrays(frf.frequency, frf.H, frf.kind, names, inputs or frf.inputs, base, strain)

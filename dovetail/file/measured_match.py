@@ -11,7 +11,7 @@ from dovetail.file.sensors import Channel
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRF
 from updating.measurement.held_out import EXAMPLE, Band, band_of
-from updating.measurement.measurement import BaseMotion, Measurement, at_values_of
+from updating.measurement.measurement import STRAIN, BaseMotion, Measurement, at_values_of
 from updating.quality.corrections import Fault, set_right
 
 
@@ -42,6 +42,13 @@ def match(
                     'force; for a shaker table give [[excitations]] base = "x", or give kind if the file is '
                     "wrong",
                 )
+        for c, label, _ in rows:
+            if label in r.frf.strain and c.sensor.quantity != STRAIN:
+                c.table.refuse(
+                    "",
+                    f"channel {label} of {r.name} measures strain, and sensor '{c.sensor.name}' a motion; "
+                    'give quantity = "strain" and offset, or another label',
+                )
         used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
         for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
             rest = [x for x in have if x not in {label for _, label, _ in got}]
@@ -62,7 +69,8 @@ def match(
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
         H = H * sign if r.phase else np.abs(H)
         base = [c.sensor.name for c, _, _ in columns if isinstance(c.sensor, BaseMotion)]
-        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names, base=base)
+        strain = [c.sensor.name for c, _, _ in rows if c.sensor.quantity == STRAIN]
+        frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names, base=base, strain=strain)
         _refuse_zero(r, frf)
         picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
         chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
@@ -155,9 +163,10 @@ def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:
         )
 
 
-def labels_of(raw: Sequence[RawMeasurement], which: str) -> list[str]:
-    """Return the labels of all responses or forces of the files, each once."""
-    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which)))
+def labels_of(raw: Sequence[RawMeasurement], which: str, motions: bool = False) -> list[str]:
+    """Return the labels of all responses or forces of the files, each once, or of ``motions`` alone."""
+    left_out = {x for r in raw for x in r.frf.strain} if motions else ()
+    return list(dict.fromkeys(x for r in raw for x in getattr(r.frf, which) if x not in left_out))
 
 
 def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | None) -> float | None:

@@ -20,7 +20,7 @@ from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
 from updating.inference.unknowns import Unknown, checked_unknowns
 from updating.inference.update_settings import UpdateSettings
-from updating.measurement.measurement import Sensor
+from updating.measurement.measurement import Sensor, shapes_like_motions
 from updating.modal.identification import LARGEST_MPD, LEAST_MPC
 
 TARGETS: tuple[str, ...] = ("frf", "modes", "frequencies")
@@ -286,6 +286,7 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
             "mode out",
         )
     names = tuple(s.name for s in at)
+    shapes, at = shapes_like_motions(shapes, at)
     return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name, **more)
 
 

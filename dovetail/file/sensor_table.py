@@ -13,8 +13,8 @@ from dovetail.file.table import Source, StudyError, Table
 from fem.io.columns import text_of
 from updating.measurement.matching import SCALES
 
-NUMBERS = ("gain", "mass", "sign", "phase", "position", "node")
-TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor")
+NUMBERS = ("gain", "mass", "sign", "phase", "position", "node", "offset_y", "offset_z")
+TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor", "quantity")
 FLAGS = ("conjugate",)
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
@@ -24,7 +24,7 @@ COLUMNS: dict[str, str] = {
 }  # fmt: skip
 """Columns by their headings in small letters; those of pyFBS among them."""
 
-_PLACE, _VECTOR = ("x", "y", "z"), ("dx", "dy", "dz")
+_PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")
 _UNIT = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
 _REAL = r"\d+(,\d+)?([eE][+-]?\d+)?"
 _COMMA_NUMBER = re.compile(rf"[+-]?{_REAL}(\s*[+-]\s*{_REAL}[ij])?")
@@ -131,7 +131,7 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
             msg = f"{name}, column {title}: the column {found[key]} says the same"
             raise StudyError(msg)
         found[key] = title
-        if unit and key in _PLACE:
+        if unit and key in (*_PLACE, *_OFFSET):
             if unit[1] not in SCALES:
                 msg = f"{name}, column {title}: the unit '{unit[1]}' is not allowed; {', '.join(SCALES)} are"
                 raise StudyError(msg)
@@ -140,11 +140,14 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
         close = difflib.get_close_matches(title.lower(), COLUMNS, 1, 0.75)
         hint = f"; did you mean '{close[0]}'?" if close else ""
         notes.append(f"{name}: the column {title} is not used{hint}")
-    for group in (_PLACE, _VECTOR):
+    for group in (_PLACE, _VECTOR, _OFFSET):
         some = [key for key in group if key in found]
-        if some and len(some) < 3:
+        if some and len(some) < len(group):
             missing = next(key for key in group if key not in found)
-            msg = f"{name}: it has the column {found[some[0]]} and no column {missing}; all three are needed"
+            msg = (
+                f"{name}: it has the column {found[some[0]]} and no column {missing}; all of "
+                f"{', '.join(group)} are needed"
+            )
             raise StudyError(msg)
     if not found:
         msg = f"{name}: no heading is known ({', '.join(head[:8])}); allowed are {', '.join(COLUMNS)}"
@@ -174,7 +177,7 @@ def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str
         if out["node"] != int(out["node"]):
             raise source.error((row, "node"), f"'{cells['node']}' is not allowed; a whole number is needed")
         out["node"] = int(out["node"])
-    for group, key in ((_PLACE, "point"), (_VECTOR, "direction")):
+    for group, key in ((_PLACE, "point"), (_VECTOR, "direction"), (_OFFSET, "offset")):
         some = [k for k in group if k in out]
         if not some:
             continue

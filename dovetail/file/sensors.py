@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from dovetail.file.geometry import TOUCH, Geometry
 from dovetail.file.sensor_table import sensor_tables
+from dovetail.file.strain_gauges import read_strain_gauge
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
-from updating.measurement.measurement import BaseMotion, Sensor, place_sensors
+from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
 
 Nodes = Mapping[int, NDArray[np.float64]]
 """Coordinates of the nodes of the measured files [m]."""
@@ -145,6 +146,10 @@ def read_sensors(
 def _sensors_of(
     t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, own_kind: bool = False
 ) -> Iterator[Channel]:
+    if own_kind and t.text("quantity", MOTION, (MOTION, STRAIN)) == STRAIN:
+        gauge = _placed(t, geometry, read_strain_gauge(t, geometry), notes)
+        yield Channel(gauge, t, t.text("label", ""), convention=read_convention(t))
+        return
     sign = t.number("sign", 1.0)
     if abs(sign) != 1:
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
@@ -282,6 +287,10 @@ def read_excitations(
                 if name not in by_name:
                     t.refuse("sensor", f"there is no sensor '{name}'; {suggest(name, by_name)}")
                 at, label = by_name[name], t.text("label", by_name[name].label)
+                if at.sensor.quantity != MOTION:
+                    t.refuse(
+                        "sensor", f"'{name}' measures {at.sensor.quantity}; a force acts where a motion is"
+                    )
                 found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
             elif "base" in t:
                 found = [_base_motion(t, held)]

@@ -140,7 +140,8 @@ class LazyComparison:
         frequency = factor * self.measurement.frf.frequency[self._lines]
         if factor > 1 and not _shown(self._system(), float(np.median(frequency))):
             return None
-        return _beside(frequency, self.measurement.frf.H[self._lines], self._computed(frequency))
+        frf = self.measurement.frf
+        return _beside(frequency, frf.H[self._lines], self._computed(frequency), frf.is_strain)
 
     @cached_property
     def _lines(self) -> NDArray[np.int64]:
@@ -151,7 +152,17 @@ class LazyComparison:
     def _computed(self) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
         m = self.measurement
         rows, columns = (sensor_rows(self.model, part) for part in (m.sensors, m.excitations))
-        return frf_function(self._system(), m.frf.frequency[self._lines], rows, columns, m.frf.kind)
+        of_kind = frf_function(self._system(), m.frf.frequency[self._lines], rows, columns, m.frf.kind)
+        strain, power = m.frf.is_strain, m.frf.kind.derivatives
+        if not strain.any():
+            return of_kind
+
+        def computed(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+            H = np.array(of_kind(frequency))
+            H[:, strain] /= (2j * np.pi * frequency[:, None, None]) ** power
+            return H
+
+        return computed
 
 
 def _shown(system: System, frequency: float) -> bool:
@@ -165,12 +176,18 @@ def _shown(system: System, frequency: float) -> bool:
 
 
 def _beside(
-    frequency: NDArray[np.float64], measured: NDArray[np.complex128], H: NDArray[np.complex128]
+    frequency: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+    H: NDArray[np.complex128],
+    strain: NDArray[np.bool_],
 ) -> BesideModel:
     H = np.where(np.isfinite(H), H, 0.0)  # at a resonance without damping there is no ratio
     # Motions by rounding alone, as across the plane of a plane frame, have no ratio.
     size = np.median(np.abs(H), axis=0)
-    there = (H != 0) & (size > _MOVES * size.max())
+    largest = np.zeros(size.shape)
+    for alike in (strain, ~strain):
+        largest[alike] = size[alike].max(initial=0.0)
+    there = (H != 0) & (size > _MOVES * largest)
     ratio = np.where(there, measured / np.where(there, H, 1.0), complex("nan"))
     return BesideModel(frequency, ratio, H)
 
@@ -247,7 +264,7 @@ def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -
         return ""
     level, _ = _centre(y)
     factor = 10**level
-    like = kind_beside_model(frf.kind, beside, evidence)
+    like = kind_beside_model(frf, beside, evidence)
     if like is not None:
         return (
             f"are called {frf.kind}, and beside the model's they look like {like}, {factor:.3g} times the "
@@ -277,18 +294,19 @@ def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -
     )
 
 
-def kind_beside_model(kind: FRFKind, beside: BesideModel, evidence: PhaseEvidence | None) -> FRFKind | None:
+def kind_beside_model(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -> FRFKind | None:
     """Return the kind that FRFs look like beside the model's, None for their own.
 
     Parameters
     ----------
-    kind : FRFKind
-        Their name in messages.
+    frf : FRF
+        Measured; its strains say nothing of the kind.
     beside : BesideModel
     evidence : PhaseEvidence or None
         A kind whose phase it contradicts is left out.
     """
-    x, y = _medians(beside)
+    kind, moving = frf.kind, ~frf.is_strain
+    x, y = _medians(BesideModel(beside.frequency, beside.ratio[:, moving], beside.computed[:, moving]))
     if not x.size:
         return None
     level, spread = _centre(y)

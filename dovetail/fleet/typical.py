@@ -89,7 +89,7 @@ def typical_measurement(triaged: Triaged) -> Measurement:
     common = np.where(known, median[0] + 1j * median[1], 0.0)
     data = fleet.problem.data
     H, frf = fleet.problem.receptance(_at_mean(fleet, p)) * np.exp(-common), data.measurement.frf
-    typical = FRF.from_arrays(data.frequency, H, "receptance", frf.outputs, frf.inputs, frf.base)
+    typical = FRF.from_arrays(data.frequency, H, "receptance", frf.outputs, frf.inputs, frf.base, frf.strain)
     return replace(
         data.measurement,
         frf=typical.as_kind(frf.kind),

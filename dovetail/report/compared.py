@@ -9,6 +9,7 @@ from dovetail.report.shown import Shown
 from dovetail.result import RunResult
 from fem.summary import counted
 from updating.inference.fit_data import TRANSVERSE, FitData
+from updating.measurement.measurement import MOTION
 
 
 def check_first(result: RunResult | ModeRunResult) -> Markup:
@@ -126,7 +127,7 @@ def _sensor_places(result: RunResult) -> Markup:
             rows.append(
                 [
                     s.name,
-                    word,
+                    word if s.quantity == MOTION else f"{word} ({s.quantity})",
                     *(f"{x:.4g}" for x in s.point),
                     " ".join(f"{x:g}" for x in np.round(s.direction, 4) + 0.0),
                 ]

@@ -34,9 +34,19 @@ from fem.model import Model
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
+from updating.measurement.measurement import motions_of
 from viz.curves import frf_errors
 from viz.interactive.error import error_map_figure, probability_figure, ranking_figure, staircase_figure
-from viz.interactive.frf import COHERENCE, MAGNITUDE, MEASURED, PHASE, Curves, frf_curves, frf_error_figure
+from viz.interactive.frf import (
+    COHERENCE,
+    MAGNITUDE,
+    MEASURED,
+    PHASE,
+    Curves,
+    frf_curves,
+    frf_error_figure,
+    magnitude_title,
+)
 from viz.interactive.frf import frf_figure as figure_of_frfs
 from viz.interactive.model import model_figure
 from viz.interactive.modes import MeasuredShape, modes_figure
@@ -186,6 +196,11 @@ def _frf(result: RunResult, figures: Figures) -> Figure:
     labels = list(compared.frfs)
     errors = {label: pair_errors(result, step) for label, step in zip(labels, compared.steps, strict=True)}
     figures.data["frf"] = frf_store(curves, coherence, errors)
+    if d.measured.strain:  # FRFs have different units
+        figures.data["frf"]["titles"] = [
+            [magnitude_title(d.measured.select([o], [i])) for i in d.measured.inputs]
+            for o in d.measured.outputs
+        ]
     return figure
 
 
@@ -304,9 +319,12 @@ def measured_shapes(result: RunResult, modes: Modes) -> dict[int, MeasuredShape]
     d = result.diagnosis
     if not d.problem.data.phase:  # amplitudes do not tell which sensors move against each other
         return {}
-    sensors = d.problem.data.measurement.sensors
+    sensors = motions_of(d.problem.data.measurement.sensors)
+    if not sensors:
+        return {}
     points, directions = (np.array([getattr(s, key) for s in sensors]) for key in ("point", "direction"))
-    frf = d.measured.select(lines=d.measured.frequency > 0).as_kind("receptance")
+    names = [s.name for s in sensors]
+    frf = d.measured.select(names, lines=d.measured.frequency > 0).as_kind("receptance")
     out: dict[int, MeasuredShape] = {}
     for k in range(modes.n_rigid, modes.n_modes):
         f = modes.frequency[k]

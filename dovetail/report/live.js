@@ -272,6 +272,7 @@
       await window.Plotly.restyle(plot, { x: xs, y: ys }, rows);
       const title = plot.layout.title && plot.layout.title.text;
       await window.Plotly.relayout(plot, { "yaxis.range": limits(first),
+        ...(raw.titles ? { "yaxis.title.text": raw.titles[o][i] } : {}),
         ...(title ? { "title.text": "<b>" + plain(out.value + " / " + into.value) + "</b>" } : {}) });
       const parts = [];
       for (const label in raw.errors) {

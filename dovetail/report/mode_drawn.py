@@ -13,6 +13,7 @@ from dovetail.report.figures import Figures, moving_modes
 from dovetail.report.pictures import DPI, N_MODES, Album, Say, add_modes, mode_heading, save_staircase
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.reported_modes import ReportedModes
+from updating.measurement.measurement import MOTION
 from viz import frequencies, heat_maps
 from viz.interactive.error import probability_figure, staircase_figure
 from viz.interactive.frequencies import deviations_figure, mac_figure
@@ -197,10 +198,11 @@ def measured_shapes(result: ModeRunResult, drawn: ReportedModes) -> dict[int, Me
     if not t.has_shapes:
         return {}
     points, directions = (np.array([getattr(s, key) for s in t.sensors]) for key in ("point", "direction"))
+    moving = np.array([s.quantity == MOTION for s in t.sensors])
     out: dict[int, MeasuredShape] = {}
     for i, k in enumerate(drawn.partner):
-        known = np.isfinite(t.shapes[:, i])
-        if k >= 0:
+        known = np.isfinite(t.shapes[:, i]) & moving
+        if k >= 0 and known.any():
             shape = real_shape(t.shapes[known, i])
             out[int(k)] = points[known], shape[:, None] * directions[known]
     return out

@@ -22,6 +22,9 @@ WITHOUT_PHASE = (
 TRANSMISSIBILITY = "transmissibility"
 """An acceleration for an acceleration: an accelerance in which a motion is in place of the force."""
 
+STRAIN = ("strain per force", "1/N"), ("strain per acceleration", "s²/m")
+"""Name and SI unit of FRFs whose response is a strain, of any kind: to a force, and to an acceleration."""
+
 
 class FRFKind(StrEnum):
     """Response per unit force: displacement, velocity or acceleration."""
@@ -108,6 +111,9 @@ class FRF:
     base : tuple of str
         Those of ``inputs`` that are accelerations, of a base for example, in place of forces: FRFs to them
         are transmissibilities.
+    strain : tuple of str
+        Those of ``outputs`` that are strains, in place of motions: ``kind`` says nothing of them, and they
+        are the same in every kind [1/N].
     """
 
     frequency: NDArray[np.float64]
@@ -117,6 +123,7 @@ class FRF:
     inputs: tuple[str, ...]
     accuracy: Accuracy | None = None
     base: tuple[str, ...] = ()
+    strain: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return kind, unit, lines and labels on one line."""
@@ -126,17 +133,26 @@ class FRF:
 
     @property
     def quantity(self) -> str:
-        """Name of the FRFs: their kind, or transmissibility; both where it has inputs of both sorts."""
-        return self._of_inputs(str(self.kind), self.kind.to_base[0])
+        """Name of the FRFs: their kind, transmissibility or strain per force; all that there are."""
+        return ", ".join(name for name, _ in self._quantities)
 
     @property
     def unit(self) -> str:
-        """SI unit of translational FRFs; two where it has forces and accelerations as inputs."""
-        return self._of_inputs(self.kind.unit, self.kind.to_base[1])
+        """SI unit of the FRFs of translations and strains; one for each name in ``quantity``."""
+        return ", ".join(unit for _, unit in self._quantities)
 
-    def _of_inputs(self, of_forces: str, of_base: str) -> str:
-        driven = [name in self.base for name in self.inputs]
-        return ", ".join([of_forces] * (not all(driven)) + [of_base] * any(driven))
+    @property
+    def _quantities(self) -> list[tuple[str, str]]:
+        """Return names and units, motions before strains and forces before accelerations."""
+        motion = (str(self.kind), self.kind.unit), self.kind.to_base
+        outputs = {name in self.strain for name in self.outputs}
+        inputs = {name in self.base for name in self.inputs}
+        return [(STRAIN if o else motion)[i] for o in sorted(outputs) for i in sorted(inputs)]
+
+    @property
+    def is_strain(self) -> NDArray[np.bool_]:
+        """Whether each output is a strain, shape (n_out,)."""
+        return np.array([name in self.strain for name in self.outputs], dtype=bool)
 
     @property
     def has_phase(self) -> bool:
@@ -192,17 +208,19 @@ class FRF:
         outputs: Sequence[str] | None = None,
         inputs: Sequence[str] | None = None,
         base: Sequence[str] = (),
+        strain: Sequence[str] = (),
     ) -> "FRF":
         """Build an FRF from bare arrays, checking them.
 
         ``H`` (n_freq, n_out) has the responses to one force, ``H`` (n_freq,) one response to one force.
-        ``base`` names the inputs that are accelerations.
+        ``base`` names the inputs that are accelerations, ``strain`` the outputs that are strains.
 
         Raises
         ------
         FRFError
             For shapes that do not fit, frequencies that do not increase or are negative, values that are not
-            finite, labels given twice, a base that is no input, or an unknown kind.
+            finite, labels given twice, a base that is no input, a strain that is no output, or an unknown
+            kind.
         """
         try:
             kind = FRFKind(kind)
@@ -231,13 +249,15 @@ class FRF:
                 twice = next(name for name in names if names.count(name) > 1)
                 msg = f"the {word} label '{twice}' occurs twice; labels must differ"
                 raise FRFError(msg)
-        stranger = next((name for name in base if name not in inputs), None)
-        if stranger is not None:
-            msg = (
-                f"there is no input '{stranger}' that could be an acceleration; the data have "
-                f"{', '.join(inputs)}"
-            )
-            raise FRFError(msg)
+        for word, what, some, names in (
+            ("input", "an acceleration", base, inputs),
+            ("output", "a strain", strain, outputs),
+        ):
+            stranger = next((name for name in some if name not in names), None)
+            if stranger is not None:
+                have = ", ".join(names)
+                msg = f"there is no {word} '{stranger}' that could be {what}; the data have {have}"
+                raise FRFError(msg)
         if not np.isfinite(frequency).all() or (frequency < 0).any():
             msg = "frequencies must be finite and not negative [Hz]"
             raise FRFError(msg)
@@ -258,7 +278,7 @@ class FRF:
             raise FRFError(msg)
         frequency.flags.writeable = False
         H.flags.writeable = False
-        return cls(frequency, H, kind, outputs, inputs, base=tuple(base))
+        return cls(frequency, H, kind, outputs, inputs, base=tuple(base), strain=tuple(strain))
 
     @property
     def n_freq(self) -> int:
@@ -271,7 +291,7 @@ class FRF:
         return 2 * np.pi * self.frequency
 
     def as_kind(self, kind: FRFKind | str) -> "FRF":
-        """Convert between receptance, mobility and accelerance by powers of iω.
+        """Convert between receptance, mobility and accelerance by powers of iω; strains stay as they are.
 
         Raises
         ------
@@ -282,16 +302,22 @@ class FRF:
         power = kind.derivatives - self.kind.derivatives
         if power == 0:
             return self
-        if power < 0 and self.frequency[0] == 0:
+        moving = ~self.is_strain
+        if power < 0 and self.frequency[0] == 0 and moving.any():
             msg = (
                 f"a line at 0 Hz cannot be converted from {self.kind} to {kind}; "
                 "leave it out with select(band=…)"
             )
             raise FRFError(msg)
         accuracy = self.accuracy
+        omega = self.omega[:, None, None]
         if accuracy is not None and accuracy.bound is not None:
-            accuracy = replace(accuracy, bound=accuracy.bound * self.omega[:, None, None] ** power)
-        H = self.H * (1j * self.omega[:, None, None]) ** power
+            bound = np.array(accuracy.bound)
+            bound[:, moving] *= omega**power
+            accuracy = replace(accuracy, bound=bound)
+        H = np.array(self.H)
+        if moving.any():
+            H[:, moving] *= (1j * omega) ** power
         return replace(self, H=H, kind=kind, accuracy=accuracy)
 
     def select(
@@ -348,4 +374,5 @@ class FRF:
             tuple(self.inputs[k] for k in j),
             accuracy,
             tuple(self.inputs[k] for k in j if self.inputs[k] in self.base),
+            tuple(self.outputs[k] for k in i if self.outputs[k] in self.strain),
         )

@@ -1,7 +1,8 @@
 """FRFs and modes as arrays in ``.npz`` files, and FRFs written as tables.
 
 Keys of an ``.npz`` file with FRFs: ``frequency`` (n_freq,) [Hz], ``H`` (n_freq, n_out, n_in), ``kind``,
-``outputs``, ``inputs``, and ``base``, the inputs that are accelerations, where there are some; with modes:
+``outputs``, ``inputs``, and where there are some ``base``, the inputs that are accelerations, and ``strain``,
+the outputs that are strains; with modes:
 ``frequency`` (n_modes,) [Hz], ``shapes`` (n_dof, n_modes), and where they are known ``zeta`` (n_modes,),
 ``labels`` (n_dof,), ``n_rigid``, and relative standard deviations
 ``frequency_std``, ``zeta_std`` and ``shape_std`` (n_modes,) [-].
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, TRANSMISSIBILITY, FRFError, FRFKind
+from fem.analysis.frf import FRF, STRAIN, TRANSMISSIBILITY, FRFError, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
 
@@ -54,6 +55,8 @@ def write_npz(
         }
         if data.base:
             arrays["base"] = np.array(data.base, dtype=str)
+        if data.strain:
+            arrays["strain"] = np.array(data.strain, dtype=str)
     else:
         arrays = {"frequency": data.frequency, "shapes": data.shapes, "n_rigid": np.array(data.n_rigid)}
         if data.zeta is not None:
@@ -93,7 +96,8 @@ def read_npz(path: str | os.PathLike[str], kind: FRFKind | str | None = None) ->
     if given == TRANSMISSIBILITY:
         given = FRFKind.ACCELERANCE
         base = inputs or [f"in{k + 1}" for k in range(np.shape(H)[-1] if np.ndim(H) else 0)]
-    return _checked(frequency, H, given, outputs, inputs, name, base)
+    strain = typed(arrays, "strain", name, "text", 1).tolist() if "strain" in arrays else ()
+    return _checked(frequency, H, given, outputs, inputs, name, base, strain)
 
 
 def _checked(
@@ -104,9 +108,10 @@ def _checked(
     inputs: Sequence[str] | None,
     name: str,
     base: Sequence[str] = (),
+    strain: Sequence[str] = (),
 ) -> FRF:
     try:
-        return FRF.from_arrays(frequency, H, kind, outputs, inputs, base)
+        return FRF.from_arrays(frequency, H, kind, outputs, inputs, base, strain)
     except (FRFError, ValueError, TypeError) as reason:
         msg = f"{name}: {reason}"
         raise TableError(msg) from reason
@@ -268,7 +273,8 @@ def _required(arrays: dict[str, NDArray[Any]], key: str, name: str, needed: str)
 def write_csv(path: str | os.PathLike[str], frf: FRF) -> None:
     """Write FRFs as a table: ``frequency_Hz``, then ``re(out/in)`` and ``im(out/in)`` of each.
 
-    Nothing is lost. The first line says the kind: ``# kind: accelerance, (m/s²)/N``.
+    Nothing is lost. The first line says the kind: ``# kind: accelerance, (m/s²)/N``. Strains have their unit
+    beside their names: ``re(out/in) [1/N]``.
 
     Raises
     ------
@@ -285,12 +291,14 @@ def write_csv(path: str | os.PathLike[str], frf: FRF) -> None:
     pairs = [(i, j) for j in range(len(frf.inputs)) for i in range(len(frf.outputs))]
     head = ["frequency_Hz"]
     for i, j in pairs:
-        head += [f"{part}({frf.outputs[i]}/{frf.inputs[j]})" for part in ("re", "im")]
+        unit = f" [{STRAIN[0][1]}]" if frf.outputs[i] in frf.strain else ""
+        head += [f"{part}({frf.outputs[i]}/{frf.inputs[j]}){unit}" for part in ("re", "im")]
     columns = [frf.frequency]
     for i, j in pairs:
         columns += [frf.H[:, i, j].real, frf.H[:, i, j].imag]
     with replacing(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as file:
-        file.write(f"# kind: {frf.kind}, {frf.unit}\n")
+        moving = [name for name in frf.outputs if name not in frf.strain] or None
+        file.write(f"# kind: {frf.kind}, {frf.select(moving).unit}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
         writer.writerows([repr(float(v)) for v in row] for row in np.column_stack(columns))

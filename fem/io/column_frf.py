@@ -14,7 +14,7 @@ from fem.io.arrays import TableError
 from fem.io.columns import Columns, read_columns
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
-from fem.io.units import LONGEST_HEADING
+from fem.io.units import LONGEST_HEADING, Heading, split_heading
 
 _PARTS: dict[str, str] = {
     "real": r"re|real|realteil|realpart",
@@ -185,7 +185,9 @@ class _Table:
         values = [self._values(curve) * u.factor for curve, u in zip(curves, unit, strict=True)]
         H = np.array([values[k] for k in order]).reshape(shape).transpose(2, 1, 0)
         try:
-            frf = FRF.from_arrays(frequency, H, unit[0].kind, outputs, inputs)
+            strain = [o for k, o in enumerate(outputs) if unit[order[k]].kind is None]
+            kind = next((u.kind for u in unit if u.kind is not None), FRFKind.RECEPTANCE)
+            frf = FRF.from_arrays(frequency, H, kind, outputs, inputs, strain=strain)
         except FRFError as reason:
             self.refuse(str(reason))
         phased = {c.form not in ("magnitude", "decibel") for c in curves}
@@ -221,10 +223,13 @@ class _Table:
             return replace(
                 column, unit=column.unit or cell, level=column.level or decibel_reference(cell) is not None
             )
-        own = _OWN.fullmatch(cell)
+        heading = split_heading(cell)
+        if frf_unit(heading.unit) is None:
+            heading = Heading(cell)
+        own = _OWN.fullmatch(heading.name)
         if own is not None:
             part = {"re": "real", "im": "imag"}[own[1]]
-            return replace(column, part=part, pair=(own[2], own[3]))
+            return replace(column, part=part, pair=(own[2], own[3]), unit=column.unit or heading.unit)
         unit, text = column.unit, cell
         for found in _BRACKETS.finditer(cell):
             inside = (found[1] if found[1] is not None else found[2]).strip()
@@ -510,7 +515,7 @@ class _Table:
         return outputs, inputs, [where[o, i] for i in inputs for o in outputs]
 
     def _units(self, curves: Sequence[_Curve]) -> list[Unit]:
-        """Return kind and factor to SI of each FRF; all are of one kind."""
+        """Return kind and factor to SI of each FRF; all but strains are of one kind."""
         stated = self._stated_kind()
         labels = [self._label(c) for c in curves] if self.asked.unit_labels else [""] * len(curves)
         units = [frf_unit(label) if label else None for label in labels]
@@ -521,7 +526,7 @@ class _Table:
                     "known; "
                     "give scale, the factor to SI, with which unit labels do not count, and kind"
                 )
-        found = {u.kind: k for k, u in reversed(list(enumerate(units))) if u is not None}
+        found = {u.kind: k for k, u in reversed(list(enumerate(units))) if u is not None and u.kind}
         if len(found) > 1:
             (one, i), (other, j) = list(found.items())[:2]
             self.refuse(
@@ -537,6 +542,8 @@ class _Table:
                 "which unit labels do not count"
             )
         kind = kind or stated
+        if kind is None and None not in units:  # strains alone
+            kind = FRFKind.RECEPTANCE
         if kind is None:
             self.refuse(f"it does not say the kind of its FRFs; give kind, one of {', '.join(FRFKind)}")
         if found and None in units:

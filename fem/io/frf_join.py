@@ -78,9 +78,10 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
         if own is not None:
             gamma[:, at[0], at[1]] = own[:, i, j]
     base = [name for name in inputs if any(name in frf.base for frf in frfs)]
+    strain = [name for name in outputs if any(name in frf.strain for frf in frfs)]
     labels = tuple(dict.fromkeys(label for r in readings for group in r.axes for label in group))
     return Reading(
-        (FRF.from_arrays(first.frequency, H, first.kind, outputs, inputs, base),),
+        (FRF.from_arrays(first.frequency, H, first.kind, outputs, inputs, base, strain),),
         (labels,) if labels else (),
         readings[0].phase,
         gamma if any(known) else None,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from fem.analysis.frf import FRFKind
 from fem.io.uff_units import FREQUENCY, abscissa_factor
-from fem.io.units import MOMENT, quotient_of, size_of
+from fem.io.units import FORCE, MOMENT, quotient_of, size_of, strain_of
 
 _DECIBEL = re.compile(r"^\s*dB\b\s*(?:\(?\s*(?:re|rel|ref)\.?:?\s*)?(?P<rest>.*?)\)?\s*$", re.IGNORECASE)
 _REFERENCE = re.compile(r"^(?P<size>[0-9.]+(?:[eE][+-]?\d+)?)?\s*\*?\s*(?P<unit>.*)$")
@@ -26,20 +26,27 @@ class Unit:
 
     Attributes
     ----------
-    kind : FRFKind
+    kind : FRFKind or None
+        None of a strain, which is the same in every kind.
     factor : float
-        Its size [SI unit of the kind].
+        Its size [SI unit of the kind, 1/N of a strain].
     """
 
-    kind: FRFKind
+    kind: FRFKind | None
     factor: float
 
 
 def frf_unit(label: str) -> Unit | None:
-    """Return kind and size of the unit of a translation for a force or moment, such as ``g/N``, or None."""
+    """Return kind and size of the unit of a translation for a force or moment, such as ``g/N``, or None.
+
+    A number for a force, such as ``µε/N``, is the unit of a strain.
+    """
     size, powers = size_of(label) or (0.0, None)
     _, (_, under) = quotient_of(label)
     kinds = (kind for kind in FRFKind if powers == (-1, under != MOMENT, -kind.derivatives, 0))
+    strain = strain_of(label)
+    if strain is not None and strain[1][1] == FORCE:
+        return Unit(None, strain[0] / strain[1][0])
     return next((Unit(kind, size) for kind in kinds), None)
 
 

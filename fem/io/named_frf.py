@@ -387,7 +387,7 @@ class _File:
         """Return the kind, the factor to its SI unit, and notes on them."""
         unit = self._unit(main) if self.asked.unit_labels else None
         asked = self.asked.known_kind(self.name)
-        if unit is not None:
+        if unit is not None and unit.kind is not None:
             if asked is not None and asked != unit.kind:
                 self.refuse(
                     f"the array '{main.key}' has the unit '{main.array.unit}', that of {unit.kind}, and "
@@ -415,6 +415,11 @@ class _File:
             self.refuse(
                 f"the array '{main.key}' has the unit '{label}', which is none of FRFs that is known; give "
                 "scale, the factor to SI, with which unit labels do not count, and kind"
+            )
+        if unit.kind is None:
+            self.refuse(
+                f"the array '{main.key}' has the unit '{label}' of strains, which are read from .npz, "
+                "tables and universal files; write it as .npz with strain, the names of those outputs"
             )
         return unit
 

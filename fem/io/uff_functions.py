@@ -209,6 +209,9 @@ def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record
         slanted: dict[tuple[Any, ...], dict[int, Record]] = {}
         for function, kind in out:
             label = getattr(function, end)
+            if end == "response" and function.is_strain:  # the strain along an axis is no component
+                kept.append((function, kind))
+                continue
             new = nodes.global_label(label)
             if new is not None:
                 n_turned += new != label
@@ -285,8 +288,12 @@ class _Group:
 
 
 def _unit_labels(function: Function) -> dict[tuple[str, bool], str]:
-    turned, moment = (abs(parse_label(end)[1]) > 3 for end in (function.response, function.reference))
-    return {("response", turned): function.unit.lower(), ("force", moment): function.denominator_unit.lower()}
+    """Return the unit labels that records of one matrix share; strains join motions whatever theirs is."""
+    moment = abs(parse_label(function.reference)[1]) > 3
+    force = {("force", moment): function.denominator_unit.lower()}
+    if function.is_strain:
+        return force
+    return force | {("response", abs(parse_label(function.response)[1]) > 3): function.unit.lower()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -321,6 +328,7 @@ def frf_groups(records: Sequence[Record], file: str) -> FRFGroups:
     groups: list[_Group] = []
     out = FRFGroups()
     twice = _Twice()
+    records = _strains_apart(records)
     for function, kind in records:
         alike = [g for g in groups if g.alike(function, kind)]
         cell = function.response, function.reference
@@ -346,6 +354,15 @@ def frf_groups(records: Sequence[Record], file: str) -> FRFGroups:
     for group in groups:
         _add_parts(out, group, f"load case {group.first.load_case}" if len(cases) > 1 else "", file)
     return out
+
+
+def _strains_apart(records: Sequence[Record]) -> list[Record]:
+    """Return records with another label of strains whose degree of freedom has a motion as well."""
+    motions = {f.response for f, _ in records if not f.is_strain}
+    return [
+        (replace(f, response=f"{f.response} strain") if f.is_strain and f.response in motions else f, kind)
+        for f, kind in records
+    ]
 
 
 @dataclass(slots=True, eq=False)
@@ -391,7 +408,8 @@ def _add_parts(out: FRFGroups, group: _Group, run: str, file: str) -> None:
         H = np.stack([np.stack([cells[o, i].values for i in inputs], -1) for o in outputs], 1)
         try:
             base = [i for i in inputs if any(cells[o, i].of_motion for o in outputs)]
-            frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs, base)
+            strain = [o for o in outputs if any(cells[o, i].is_strain for i in inputs)]
+            frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs, base, strain)
         except FRFError as reason:
             msg = f"{file}: FRFs from {first.place} on: {reason}"
             raise UffError(msg) from reason

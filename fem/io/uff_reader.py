@@ -153,7 +153,8 @@ class FileReader:
         function, notes = function_of(block)
         for note in notes:
             self.notes.add(note, f"{note} ({block.name})")
-        kind = function.kind or self.kind
+        # a strain takes the kind of the other records once these are known
+        kind = function.kind or self.kind or (FRFKind.RECEPTANCE if function.is_strain else None)
         reason = frf_refusal(function, kind) if function.function_type in FRF_TYPES else ""
         if reason:
             self._skip_frf(function, reason)
@@ -218,7 +219,9 @@ class FileReader:
         """Return FRFs in SI along the global axes."""
         units, converted = given
         out: list[Record] = []
-        for f, kind in self.records:
+        of_motions = next((kind for f, kind in self.records if not f.is_strain), None)
+        for f, own in self.records:
+            kind = of_motions if f.is_strain and of_motions is not None else own
             factor, by_file, said = response_and_force(f, kind, units, self.unit_labels)
             if said:
                 self.skipped.add(f"FRF {said}", f"{f.place}: FRF {f.response}/{f.reference}: {said}")

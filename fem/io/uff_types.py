@@ -11,6 +11,8 @@ from fem.io.uff_format import UffError
 
 MOTIONS = {8: FRFKind.RECEPTANCE, 11: FRFKind.MOBILITY, 12: FRFKind.ACCELERANCE}
 """Kinds of response by their data types: displacement, velocity and acceleration."""
+STRAIN = 3
+"""Data type of a strain."""
 _FORCES = (9, 13)
 
 FUNCTION_TYPES = (
@@ -89,8 +91,8 @@ class Function:
     values : ndarray (n,)
         Ordinate, real or complex.
     x_type, ordinate_type, denominator_type : int
-        Specific data types: 8 displacement, 11 velocity, 12 acceleration, 13 force, 17 time, 18 frequency, 0
-        unknown.
+        Specific data types: 3 strain, 8 displacement, 11 velocity, 12 acceleration, 13 force, 17 time,
+        18 frequency, 0 unknown.
     x_unit, unit, denominator_unit : str
         Labels of the units; empty where there is none.
     title : tuple of str
@@ -140,6 +142,11 @@ class Function:
             return None
         order = MOTIONS[self.ordinate_type].derivatives - MOTIONS[self.denominator_type].derivatives + 2
         return tuple(FRFKind)[order] if 0 <= order <= 2 else None
+
+    @property
+    def is_strain(self) -> bool:
+        """Whether it is a strain for a force, which is the same in every kind."""
+        return self.ordinate_type == STRAIN and self.denominator_type in _FORCES
 
     @property
     def of_motion(self) -> bool:

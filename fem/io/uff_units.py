@@ -11,7 +11,7 @@ from fem.analysis.frf import FRFKind
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
 from fem.io.uff_types import MOTIONS, Function, Units
-from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of
+from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, strain_of
 
 _FREQUENCIES = {
     "hz": 1.0, "hertz": 1.0, "cps": 1.0, "cycles/s": 1.0, "khz": 1e3, "rads": 0.5 / np.pi, "rpm": 1 / 60,
@@ -115,7 +115,11 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     if f.of_motion:
         return _between_motions(f, units, labels)
     turned, moment = (abs(parse_label(end)[1]) > 3 for end in (f.response, f.reference))
-    motion = motion_factor(f.unit, kind, turned) if f.unit else None
+    if f.is_strain:
+        strain = strain_of(f.unit) if f.unit else None
+        motion = None if strain is None else strain[0]
+    else:
+        motion = motion_factor(f.unit, kind, turned) if f.unit else None
     force = force_factor(f.denominator_unit, moment) if f.denominator_unit else _force_in(f.unit, moment)
     unknown = [
         f"'{label}'"
@@ -125,10 +129,11 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     if not labels:
         motion = 1.0 if motion in (1.0, G0) else None
         force = 1.0 if force == 1.0 or motion is not None else None
-    response = 1.0 if turned else units.length
+    response = 1.0 if turned or f.is_strain else units.length
     reference = units.force * (units.length if moment else 1.0)
     factor = (motion or 1 / response) / (force or 1 / reference)
-    words = f"the unit label {' and '.join(unknown)} is not known for FRFs of kind {kind} and is ignored"
+    what = "strains" if f.is_strain else f"FRFs of kind {kind}"
+    words = f"the unit label {' and '.join(unknown)} is not known for {what} and is ignored"
     return factor, reference / response, words if unknown and labels else ""
 
 

@@ -31,6 +31,7 @@ _NUMERATOR = {
     FRFKind.MOBILITY: (11, "Velocity", "m/s", "rad/s"),
     FRFKind.ACCELERANCE: (12, "Acceleration", "m/s^2", "rad/s^2"),
 }
+_STRAIN = (3, "Strain", "m/m", "m/m")
 
 
 def write_uff(
@@ -296,7 +297,8 @@ def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> l
             ends = (_dof(response, dofs), _dof(reference, dofs))
             values = _columns(frf, i, j, bool(step))
             payload = _payload(values, binary, double, bool(step))
-            head = _function_head(frf, ends, double, start, step, reference in frf.base)
+            strain = response in frf.strain
+            head = _function_head(frf, ends, double, start, step, reference in frf.base, strain)
             kind = f"{58:6d}"
             if binary:
                 kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
@@ -401,17 +403,19 @@ def _function_head(
     start: float,
     step: float,
     driven: bool,
+    strain: bool,
 ) -> str:
     (node, direction), (reference, sense) = ends
-    kind, word, unit, turned = _NUMERATOR[frf.kind]
+    kind, word, unit, turned = _STRAIN if strain else _NUMERATOR[frf.kind]
     moment = abs(sense) > 3
     below = (13, "Moment" if moment else "Force", "N*m" if moment else "N")
     if driven:
         number, name, *labels = _NUMERATOR[FRFKind.ACCELERANCE]
         below = (number, name, labels[moment])
+    title = word if strain else frf.kind
     return "".join(
         [
-            f"{_line(f'{frf.kind} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
+            f"{_line(f'{title} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
             *(f"{'NONE':<80}\n" for _ in range(4)),
             f"{5 if driven else 4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
             f"{'NONE':<10}{reference:10d}{sense:4d}\n"

@@ -20,6 +20,11 @@ _LENGTHS = {
 }  # fmt: skip
 _GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}
 _ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
+_STRAINS = {
+    "%": 0.01, "strain": 1.0, "ε": 1.0, **dict.fromkeys(
+        ("ue", "µe", "μe", "uε", "µε", "με", "ustrain", "µstrain", "μstrain", "microstrain"), 1e-6
+    ),
+}  # fmt: skip
 _FORCES = {
     "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
     "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
@@ -56,7 +61,7 @@ _DIMENSIONS: tuple[tuple[dict[str, float], Dimension], ...] = (
     ({"hz": 1.0, "khz": 1e3}, (0, 0, -1, 0)),
     (_ANGLES, (0, 0, 0, 1)),
     ({"kg": 1.0}, (1, -1, 2, 0)),
-    ({"%": 0.01}, NUMBER),
+    (_STRAINS, NUMBER),
 )
 _CASES: dict[str, Size] = {
     "MN": (1e6, FORCE),
@@ -79,11 +84,12 @@ _OTHER_WORDS = (
     (r"\bmps\b", "m/s"), (r"\s+per\s+", "/"), (r"\s+squared\b", "^2"), (r"\bsince\b.*$", ""),
 )  # fmt: skip
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμ°%]+))")
+_TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμε°%]+))")
 _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")
 _LONGEST = 60
 """Characters of a label."""
 
+_LENGTH_RATIO = re.compile(r"\(?\s*([nuµμm]?m\s*/\s*m?m|in\s*/\s*in)\s*\)?\s*(?:/(.+)|$)")
 _BRACKETS = re.compile(r"(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
 LONGEST_HEADING = 200
 """Characters of a heading that is looked into; a longer one is no name with a unit."""
@@ -112,6 +118,20 @@ def quotient_of(label: str) -> tuple[Size, Size]:
     if under == [(1e-9, LENGTH, -1)]:  # no motion is divided by nanometres: N m in small letters
         under = [(1.0, MOMENT, -1)]
     return _product(over), _product([(size, powers, -n) for size, powers, n in under])
+
+
+def strain_of(label: str) -> tuple[float, Size] | None:
+    """Return the size of a unit of strain, and what it is divided by: 1e-6 and N of µε/N; None for others.
+
+    A length over a length at the front is a strain, as in (m/m)/N; the unit m/(N m) is a motion for a moment.
+    """
+    ratio = _LENGTH_RATIO.match(label.strip())
+    one, rest = (size_of(ratio[1]), ratio[2]) if ratio else (None, "")
+    under = size_of(rest) if rest else (1.0, NUMBER)
+    if one is not None and under is not None:
+        return one[0], under
+    (size, powers), under = quotient_of(label)
+    return (size, under) if powers == NUMBER and size_of(label) is not None else None
 
 
 def moment_of(symbol: str) -> float | None:

@@ -13,7 +13,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.measurement.measurement import Sensor
+from updating.measurement.measurement import Sensor, directed_of
 
 N_COMPARED_LINES = 60
 """Lines at which predictions are compared."""
@@ -195,7 +195,8 @@ def _present(problem: FitProblem, kind: str) -> Sequence[Sensor]:
 
 def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float) -> bool:
     return any(
-        np.linalg.norm(s.point - xyz) < 0.02 * size and abs(float(s.direction @ axis)) > 0.9 for s in sensors
+        np.linalg.norm(s.point - xyz) < 0.02 * size and abs(float(s.direction @ axis)) > 0.9
+        for s in directed_of(sensors)
     )
 
 

@@ -359,7 +359,8 @@ class FitProblem:
 
     def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
         m = self.data.measurement.frf
-        frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs, m.base).as_kind(m.kind)
+        frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs, m.base, m.strain)
+        frf = frf.as_kind(m.kind)
         return frf if self.data.phase else replace(frf, H=np.abs(frf.H).astype(complex))
 
 

@@ -122,8 +122,8 @@ def prepare(
 
     The measurement's held-out bands are held out, or without any every fourth block of lines. An FRF is left
     out if its level, computed and measured, lies more than 60 dB (measured: 50 dB) under the median level of
-    all, or if it is noise at most lines, or no more there than ``TRANSVERSE`` of the motion across its
-    sensor. A mask of the measurement takes precedence.
+    all of its quantity, or if it is noise at most lines, or no more there than ``TRANSVERSE`` of the motion
+    across its sensor. A mask of the measurement takes precedence.
 
     Parameters
     ----------
@@ -178,11 +178,16 @@ def counted_values(
         Receptances of the nominal model, of which those that symmetry makes zero are told.
     """
     level = np.sqrt((np.abs(frf.H) ** 2).mean(axis=0))
-    mask = level > 10 ** (-50 / 20) * np.median(level[level > 0])
+    calculated = None
     if computed is not None:
-        acceleration = np.abs(computed) * (2 * np.pi * frf.frequency[:, None, None]) ** 2
-        calculated = np.sqrt((acceleration**2).mean(axis=0))
-        mask &= calculated > 10 ** (-60 / 20) * np.median(calculated)
+        powers = np.where(frf.is_strain[:, None], 1.0, (2 * np.pi * frf.frequency[:, None, None]) ** 2)
+        calculated = np.sqrt((np.abs(computed * powers) ** 2).mean(axis=0))
+    mask = np.zeros(level.shape, dtype=bool)
+    for alike in (frf.is_strain, ~frf.is_strain):  # levels of one quantity can be compared
+        if level[alike].any():
+            mask[alike] = level[alike] > 10 ** (-50 / 20) * np.median(level[alike][level[alike] > 0])
+        if calculated is not None and alike.any():
+            mask[alike] &= calculated[alike] > 10 ** (-60 / 20) * np.median(calculated[alike])
     mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
     return mask & (mask.mean(axis=0) > LEAST_HEARD)
 

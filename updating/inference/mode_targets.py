@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from fem.summary import fields_summary
-from updating.measurement.measurement import Sensor
+from updating.measurement.measurement import Sensor, shapes_like_motions
 
 LIKENESS = 3.0
 """How much more the logarithm of a frequency ratio weighs than 1 - MAC where modes are matched [-]."""
@@ -84,13 +84,18 @@ class ModeTargets:
         held_out: Sequence[int] = (),
         name: str = "modes",
     ) -> "ModeTargets":
-        """Return measured modes in rising order, shapes of length 1; ``held_out`` counts from 0 as given."""
+        """Return measured modes in rising order, shapes of length 1; ``held_out`` counts from 0 as given.
+
+        Strains count as much as motions (:func:`updating.measurement.measurement.shapes_like_motions`).
+        """
         f = np.asarray(frequency, dtype=float)
         n, order = len(f), np.argsort(f, kind="stable")
         each = [np.broadcast_to(np.asarray(s, dtype=float), (n,))[order] for s in (
             frequency_std, np.full(n, np.nan) if zeta is None else zeta, zeta_std, shape_std,
         )]  # fmt: skip
         psi = np.zeros((0, n)) if shapes is None else np.asarray(shapes)
+        if len(psi) and len(sensors) == len(psi):
+            psi, sensors = shapes_like_motions(psi, sensors)
         length = np.sqrt(np.nansum(np.abs(psi) ** 2, axis=0))
         psi = (psi / np.where(length > 0, length, 1.0))[:, order]
         seen = np.zeros(n, dtype=bool)

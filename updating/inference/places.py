@@ -45,7 +45,7 @@ def channels(model: Model, places: Places, names: Sequence[str] | None = None) -
         raise ModelError(msg)
     nowhere = np.zeros(3)
     return tuple(
-        Combination(name, nowhere, nowhere, row=row)
+        Combination(name, nowhere, nowhere, factors=row)
         for name, row in zip(_distinct(labels or own), columns[:n].T, strict=True)
     )
 

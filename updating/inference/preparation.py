@@ -25,10 +25,10 @@ from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve
 from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import (
-    Combination,
     Measurement,
     MeasurementError,
     Sensor,
+    directed_of,
     with_instruments,
 )
 
@@ -257,15 +257,20 @@ def _prepared(
     f = measurement.frf.select(band=band).frequency if band else measurement.frf.frequency
     f, n = f[f > 0], len(measurement.sensors)
     square = [
-        replace(s, direction=d) for s in measurement.sensors for d in np.linalg.svd([s.direction])[2][1:]
+        replace(s, direction=d)
+        for s in directed_of(measurement.sensors)
+        for d in np.linalg.svd([s.direction])[2][1:]
     ]
-    known = model_error > 0 and not any(isinstance(s, Combination) for s in measurement.sensors)
-    sensors = (*measurement.sensors, *(square if known else ()))
+    sensors = (*measurement.sensors, *(() if model_error == 0 else square))
     outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
     engine = ParametricFRF(reduced, outputs, inputs, f, ())
     values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
     nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
-    return prepare(measurement, nominal, band, across=_across(f, moved) if moved.size else None)
+    if not moved.size:
+        return prepare(measurement, nominal, band)
+    across = np.zeros(nominal.shape)
+    across[:, [s.directed for s in measurement.sensors]] = _across(f, moved)
+    return prepare(measurement, nominal, band, across=across)
 
 
 def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:

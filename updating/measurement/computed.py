@@ -9,7 +9,7 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.model import Model
 from fem.system import assemble
-from updating.measurement.measurement import BaseMotion, Sensor, sensor_rows, with_moving_base
+from updating.measurement.measurement import STRAIN, BaseMotion, Sensor, sensor_rows, with_moving_base
 
 
 def computed_frf(
@@ -21,6 +21,8 @@ def computed_frf(
 ) -> FRF:
     """Return the FRFs of a model; its base moves where an excitation is a motion of the base.
 
+    Of a strain gauge they are strains, whatever the kind.
+
     Parameters
     ----------
     model : Model
@@ -28,6 +30,7 @@ def computed_frf(
     frequency : array_like (n_freq,)
         [Hz].
     kind : FRFKind or str
+        Of the sensors that read a motion.
 
     Raises
     ------
@@ -38,7 +41,8 @@ def computed_frf(
     model = with_moving_base(model, excitations)
     outputs, inputs = (sensor_rows(model, part) for part in (sensors, excitations))
     system = assemble(model, reciprocal=False)
-    H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, kind).H
+    H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, FRFKind.RECEPTANCE).H
     names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
     base = [s.name for s in excitations if isinstance(s, BaseMotion)]
-    return FRF.from_arrays(frequency, H, kind, names, forces, base)
+    strain = [s.name for s in sensors if s.quantity == STRAIN]
+    return FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, names, forces, base, strain).as_kind(kind)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,13 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, FRFKind
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
-from fem.ground import MovingGround
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of
 from fem.summary import counted, span, summary
 from updating.measurement.noise import noise_from_coherence
+
+MOTION, STRAIN = "motion", "strain"
+"""Quantities that a channel may read."""
 
 
 class MeasurementError(ValueError):
@@ -23,6 +26,8 @@ class MeasurementError(ValueError):
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensor:
     """A translational sensor or exciter at a place on the structure.
+
+    Another kind of channel is a subclass in a file of its own, with a ``row`` and a ``quantity``.
 
     Attributes
     ----------
@@ -55,6 +60,72 @@ class Sensor:
     relative: bool = False
     body: str = ""
 
+    quantity: ClassVar[str] = MOTION
+    """Readings of a motion have the time derivatives of the FRFs' kind; others have none."""
+    directed: ClassVar[bool] = True
+    """Whether it reads the motion of its point along ``direction``, and by its build some of that across."""
+
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the reading, or the force of an exciter, as a combination of DOFs, shape (n_dof,).
+
+        Raises
+        ------
+        MeasurementError
+            As :func:`sensor_rows`.
+        """
+        row, ground = np.zeros(model.n_dof), model.ground
+        dofs, motion = _motion_at(model, self)
+        row[dofs] = self.gain * (np.asarray(self.direction) @ motion)
+        if self.relative and ground is not None:
+            row[ground.dofs] = -self.gain * (ground.directions @ np.asarray(self.direction))
+        return row
+
+    def placed(self, mesh: Mesh, tolerance: float) -> Mesh:
+        """Return a mesh with the points that the reading needs: one at the sensor.
+
+        Raises
+        ------
+        MeasurementError
+            If it is farther from its member, or the nearest one, than the tolerance [m].
+        """
+        _, distance = mesh.nearest_point(self.point)
+        if distance <= 1e-6 * mesh.size:
+            return mesh
+        member, position, distance = mesh.nearest_on_members(self.point)
+        self._refuse_distant(member, distance, tolerance)
+        return mesh.with_point_on(member, position)
+
+    def on_member(self, mesh: Mesh, tolerance: float) -> tuple[str, float]:
+        """Return the member that it sits on, and its arc length there [m].
+
+        Raises
+        ------
+        MeasurementError
+            If it is farther from that member than the tolerance [m].
+        """
+        if self.member is None:
+            member, position, distance = mesh.nearest_on_members(self.point)
+        else:
+            (member,) = mesh.members_of(self.member)
+            chain, s = mesh.points[mesh.member_points(member)], mesh.member_positions(member)
+            t = np.diff(chain, axis=0)
+            xi = np.clip(((self.point - chain[:-1]) * t).sum(axis=1) / (t**2).sum(axis=1), 0.0, 1.0)
+            away = np.linalg.norm(chain[:-1] + xi[:, None] * t - self.point, axis=1)
+            k = int(np.argmin(away))
+            position, distance = float(s[k] + xi[k] * (s[k + 1] - s[k])), float(away[k])
+        self._refuse_distant(member, distance, tolerance)
+        return member, position
+
+    def _refuse_distant(self, member: str, distance: float, tolerance: float) -> None:
+        """Raise a MeasurementError for a sensor that is too far from a member."""
+        if distance > tolerance:
+            of = "nearest member" if self.member is None else "member"
+            msg = (
+                f"sensor '{self.name}' at {np.asarray(self.point).tolist()} m is {distance:.3g} m from the "
+                f"{of} '{member}'; at most {tolerance:.3g} m is allowed"
+            )
+            raise MeasurementError(msg)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseMotion(Sensor):
@@ -65,6 +136,26 @@ class BaseMotion(Sensor):
     pictures mark it.
     """
 
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
+
+        Raises
+        ------
+        MeasurementError
+            If the base rests in the model, or does not move along the direction.
+        """
+        row, along, ground = np.zeros(model.n_dof), np.asarray(self.direction, dtype=float), model.ground
+        if ground is None:
+            msg = f"'{self.name}' is a motion of the base, which rests in this model; see with_moving_base"
+            raise MeasurementError(msg)
+        amount = ground.translated(along)
+        if np.abs(amount @ ground.directions - along).max() > 1e-6:
+            msg = f"'{self.name}' moves the base along {along.tolist()}, where the model's base does not move"
+            raise MeasurementError(msg)
+        (base,) = model.of_kind(MovingBase)
+        row[ground.dofs] = self.gain * base.mass * amount
+        return row
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Combination(Sensor):
@@ -72,10 +163,18 @@ class Combination(Sensor):
 
     Attributes
     ----------
-    row : ndarray (6 n_points,)
+    factors : ndarray (6 n_points,)
     """
 
-    row: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    factors: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    directed: ClassVar[bool] = False
+
+    def row(self, model: Model) -> NDArray[np.float64]:
+        """Return the factors, 0 for DOFs that are not of the mesh's points, shape (n_dof,)."""
+        row = np.zeros(model.n_dof)
+        row[: len(self.factors)] = self.gain * self.factors
+        return row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,6 +250,14 @@ class Measurement:
         if self.coherence is not None and ((self.coherence < 0) | (self.coherence > 1)).any():
             low, high = np.nanmin(self.coherence), np.nanmax(self.coherence)
             msg = f"the coherence of '{self.name}' runs from {low:.3g} to {high:.3g}; 0 to 1 is allowed"
+            raise MeasurementError(msg)
+        strains = tuple(s.name for s in self.sensors if s.quantity == STRAIN)
+        if set(strains) != set(self.frf.strain):
+            msg = (
+                f"the FRFs of '{self.name}' have the strains {', '.join(self.frf.strain) or 'none'}, the "
+                f"strain gauges are {', '.join(strains) or 'none'}; they must agree: FRF.from_arrays(…, "
+                "strain=…)"
+            )
             raise MeasurementError(msg)
         for word, have, want in (
             ("responses", self.frf.outputs, self.sensors),
@@ -240,17 +347,7 @@ def place_sensors(mesh: Mesh, sensors: tuple[Sensor, ...], tolerance: float | No
     """
     tolerance = 0.02 * mesh.size if tolerance is None else tolerance
     for sensor in sensors:
-        _, distance = mesh.nearest_point(sensor.point)
-        if distance <= 1e-6 * mesh.size:
-            continue
-        member, position, distance = mesh.nearest_on_members(sensor.point)
-        if distance > tolerance:
-            msg = (
-                f"sensor '{sensor.name}' at {sensor.point.tolist()} m is {distance:.3g} m from the nearest "
-                f"member '{member}'; at most {tolerance:.3g} m is allowed"
-            )
-            raise MeasurementError(msg)
-        mesh = mesh.with_point_on(member, position)
+        mesh = sensor.placed(mesh, tolerance)
     return mesh
 
 
@@ -342,14 +439,68 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
 
 
 def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
-    """Return where a measurement's sensors and excitations are, as points of a mesh."""
+    """Return where a measurement's sensors of motion and its excitations are, as points of a mesh."""
 
     def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
     forces = tuple(e for e in measurement.excitations if not isinstance(e, BaseMotion))
-    return Instruments(*places(measurement.sensors), *places(forces))
+    return Instruments(*places(directed_of(measurement.sensors)), *places(forces))
+
+
+def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
+    """Return those sensors that read a motion."""
+    return tuple(s for s in sensors if s.quantity == MOTION)
+
+
+def directed_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
+    """Return those sensors that read the motion of a point along a direction."""
+    return tuple(s for s in sensors if s.directed)
+
+
+def shapes_like_motions(
+    shapes: NDArray[Any], sensors: Sequence[Sensor]
+) -> tuple[NDArray[Any], tuple[Sensor, ...]]:
+    """Return shapes whose rows are alike in size for all quantities, and the sensors that read so.
+
+    A shape of motions [m] and strains [-] would otherwise be one of motions alone. All rows of a quantity get
+    one factor, the power of 2 that brings their root mean square nearest to that of the motions: the same for
+    two states of a structure. It becomes part of the gain, so that computed shapes have it as well.
+
+    Parameters
+    ----------
+    shapes : ndarray (n_out, n_modes)
+        NaN where nothing was measured.
+    sensors : sequence of Sensor
+        Of the rows.
+    """
+    quantity = np.array([s.quantity for s in sensors])
+    if not len(shapes) or len(set(quantity)) < 2:
+        return shapes, tuple(sensors)
+    factor = np.ones(len(sensors))
+    size = {q: np.sqrt(np.nanmean(np.abs(shapes[quantity == q]) ** 2)) for q in set(quantity)}
+    reference = size.get(MOTION, 1.0)
+    for q, own in size.items():
+        if own > 0 and reference > 0:
+            factor[quantity == q] = 2.0 ** np.round(np.log2(reference / own))
+    like = (replace(s, gain=s.gain * f) for s, f in zip(sensors, factor.tolist(), strict=True))
+    return shapes * factor[:, None], tuple(like)
+
+
+def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
+    """Return 1 or -1 if a sensor reads the motion of a force's place, along or against the force, else 0.
+
+    Parameters
+    ----------
+    sensor, excitation : Sensor
+    tolerance : float
+        Largest distance [m].
+    """
+    cosine = float(np.dot(sensor.direction, excitation.direction))
+    near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
+    alike = sensor.directed and excitation.directed and not isinstance(excitation, BaseMotion)
+    return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
 
 def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
@@ -359,21 +510,10 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     ------
     MeasurementError
         If the mesh has no point where a sensor sits (:func:`place_sensors`), the model lacks the sprung mass
-        that carries one, or the base of a :class:`BaseMotion` rests in the model.
+        that carries one, or the base of a :class:`BaseMotion` rests in the model; and as the ``row`` of a
+        channel of another kind says.
     """
-    rows, ground = np.zeros((len(sensors), model.n_dof)), model.ground
-    for i, s in enumerate(sensors):
-        if isinstance(s, BaseMotion):
-            rows[i] = _base_force(model, ground, s)
-            continue
-        if isinstance(s, Combination):
-            rows[i, : len(s.row)] = s.gain * s.row
-            continue
-        dofs, motion = _motion_at(model, s)
-        rows[i, dofs] = s.gain * (np.asarray(s.direction) @ motion)
-        if s.relative and ground is not None:
-            rows[i, ground.dofs] = -s.gain * (ground.directions @ np.asarray(s.direction))
-    return rows
+    return np.array([s.row(model) for s in sensors]).reshape(len(sensors), model.n_dof)
 
 
 def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -385,18 +525,3 @@ def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray
         msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
         raise MeasurementError(msg)
     return motion
-
-
-def _base_force(model: Model, ground: MovingGround | None, motion: BaseMotion) -> NDArray[np.float64]:
-    """Return the force on the base that gives it the acceleration 1 along a direction, (n_dof,)."""
-    row, along = np.zeros(model.n_dof), np.asarray(motion.direction, dtype=float)
-    if ground is None:
-        msg = f"'{motion.name}' is a motion of the base, which rests in this model; see with_moving_base"
-        raise MeasurementError(msg)
-    amount = ground.translated(along)
-    if np.abs(amount @ ground.directions - along).max() > 1e-6:
-        msg = f"'{motion.name}' moves the base along {along.tolist()}, where the model's base does not move"
-        raise MeasurementError(msg)
-    (base,) = model.of_kind(MovingBase)
-    row[ground.dofs] = motion.gain * base.mass * amount
-    return row

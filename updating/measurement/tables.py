@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.uff_format import UffError, label_of, parse_label
-from updating.measurement.measurement import MeasurementError, Sensor
+from updating.measurement.measurement import MOTION, MeasurementError, Sensor
 
 COORDINATE = np.dtype([("node", "u8"), ("direction", "i1")])
 """A degree of freedom in labelled arrays: node, and 1 to 6 for X, Y, Z, RX, RY, RZ, negative if opposite."""
@@ -103,7 +103,7 @@ def table_from_sensors(
     ----------
     sensors : sequence of Sensor
     quantity : str
-        ``"Acceleration"``, ``"Force"``, …
+        ``"Acceleration"``, ``"Force"``, … of motions; strain gauges have ``"Strain"``.
     scale : float
         Metres in the table's unit of length.
     """
@@ -117,7 +117,7 @@ def table_from_sensors(
     table: dict[str, list[Any]] = {
         "Name": [s.name for s in sensors],
         "Description": ["" for _ in sensors],
-        "Quantity": [quantity for _ in sensors],
+        "Quantity": [quantity if s.quantity == MOTION else s.quantity.capitalize() for s in sensors],
         "Grouping": groups,
     }
     for i in range(3):

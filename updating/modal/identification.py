@@ -132,6 +132,11 @@ def identify_modes(
         raise IdentificationError(msg)
     if isinstance(frf, FRF):
         whole = frf
+        if frf.strain and frf.kind != FRFKind.RECEPTANCE:  # residues of strains are those of receptances
+            if std is not None:
+                sigma = _standard_deviation(std, frf)
+                std = np.abs(_receptances(replace(frf, H=sigma.astype(complex))).H)
+            whole = _receptances(frf)
     elif H is None:
         msg = "frequencies are given without FRFs; identify_modes takes an FRF, or frequencies and H"
         raise IdentificationError(msg)
@@ -175,6 +180,8 @@ def identify_modes(
         f"noise: {noise}",
     )
     done = _result(task, found, points, stabilisation, choices)
+    if isinstance(frf, FRF) and frf.strain:
+        done = _of_kind(done, frf)
     for text in peak_words(done.unexplained):
         warnings.warn(text, stacklevel=2)
     return done
@@ -294,6 +301,18 @@ def _driving_points(
                 raise IdentificationError(msg)
         out.append((at[0], at[1], 1))
     return tuple(out)
+
+
+def _receptances(frf: FRF) -> FRF:
+    """Return FRFs as receptances, without a line at 0 Hz."""
+    return frf.select(lines=frf.frequency > 0).as_kind(FRFKind.RECEPTANCE)
+
+
+def _of_kind(found: IdentifiedModes, frf: FRF) -> IdentifiedModes:
+    """Return modes whose synthesised FRFs and noise are of the kind of given FRFs, but for strains."""
+    noise, strain = replace(found.synthesised, H=found.noise.astype(complex), strain=frf.strain), frf.strain
+    synthesised = replace(found.synthesised, strain=strain).as_kind(frf.kind)
+    return replace(found, synthesised=synthesised, noise=np.abs(noise.as_kind(frf.kind).H))
 
 
 def _turned(frf: FRF) -> FRF:

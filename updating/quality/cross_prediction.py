@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from fem.system import sum_contributions
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.measurement.measurement import MOTION
 
 N_PREDICTION_LINES = 200
 """At most this many lines are predicted."""
@@ -138,6 +139,7 @@ class CrossPrediction:
     field : Field
     measured : ndarray (n_lines, n_out, n_in)
         y, receptances.
+        Readings of other quantities are multiplied so that they are as large as those of motions.
     seen : ndarray of bool (n_lines, n_out, n_in)
         Values that count.
     variance : ndarray (n_lines, n_out, n_in)
@@ -287,9 +289,10 @@ def _predicted(
     data, lines = problem.data, field.lines[some]
     share, error, rough, loose = prior
     weight = field.weight(rough, loose, some)
-    y = data.H[lines]
-    seen = data.mask[lines] & (y != 0)
     rows = problem.vectors[0].T @ field.shapes
+    like_motions = _like_motions(problem, field, rows)
+    y, rows = data.H[lines] * like_motions[:, None], rows * like_motions[:, None]
+    seen = data.mask[lines] & (y != 0)
     power = np.where(seen, np.abs(y) ** 2, 0.0)
     mean_power = power.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
     mean_power = np.where(mean_power > 0, mean_power, 1.0)
@@ -315,3 +318,18 @@ def _predicted(
     alpha = (inverse @ delta[..., None])[..., 0]
     variance = (1 / np.einsum("lioo->lio", inverse)).transpose(0, 2, 1)
     return CrossPrediction(field, y, seen, variance, prior, weight, rows, share**2 * unit, inverse, alpha)
+
+
+def _like_motions(problem: FitProblem, field: Field, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return factors that make readings of all quantities as large as motions, by the model, (n_out,).
+
+    One of all readings of a quantity; 1 of motions, or where there are none.
+    """
+    quantity = np.array([s.quantity for s in problem.data.measurement.sensors])
+    out = np.ones(len(quantity))
+    if MOTION not in quantity or (quantity == MOTION).all():
+        return out
+    size = np.log(np.maximum(np.sqrt((rows**2) @ field.weight(0.0, 0.0).mean(axis=0)), 1e-300))
+    for q in set(quantity) - {MOTION}:
+        out[quantity == q] = np.exp(np.median(size[quantity == MOTION]) - np.median(size[quantity == q]))
+    return out

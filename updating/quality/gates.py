@@ -11,7 +11,7 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData, prepare
 from updating.inference.fit_result import FitResult
-from updating.measurement.measurement import BaseMotion, Measurement
+from updating.measurement.measurement import Measurement, at_one_place
 from updating.quality.corrections import Fault, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.phase import misphased, phase_evidence
@@ -346,10 +346,9 @@ def reciprocity(problem: FitProblem) -> tuple[Reciprocity, ...]:
     at: list[tuple[int, float]] = []
     for e in m.excitations:
         found = (-1, 1.0)
-        for i, s in enumerate(() if isinstance(e, BaseMotion) else m.sensors):
-            cosine = float(np.dot(s.direction, e.direction))
-            if np.linalg.norm(s.point - e.point) < 1e-6 * size and abs(cosine) > 0.999:
-                found = (i, float(np.sign(cosine)))
+        for i, s in enumerate(m.sensors):
+            if sign := at_one_place(s, e, 1e-6 * size):
+                found = (i, sign)
         at.append(found)
     out = []
     for k in range(len(m.excitations)):

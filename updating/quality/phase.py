@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
-from updating.measurement.measurement import BaseMotion, Measurement
+from updating.measurement.measurement import Measurement, at_one_place
 
 ANTICAUSAL_RATIO = 2.0
 """Energy of one direction of time over that of the other beyond which the direction is certain [-]."""
@@ -131,7 +131,8 @@ def phase_evidence(frf: FRF) -> PhaseEvidence:
     log_ratio, deviations, ringing, lines = (np.full(shape, np.nan) for _ in range(4))
     sense = np.full(shape, complex("nan"))
     keep = frf.frequency > 0
-    frequency, expected = frf.frequency[keep], 1j**frf.kind.derivatives
+    frequency = frf.frequency[keep]
+    expected = np.where(frf.is_strain, 1.0, 1j**frf.kind.derivatives)
     if frequency.size >= LEAST_LINES:
         for j in range(shape[1]):  # one force at a time bounds the memory
             log_ratio[:, j], deviations[:, j], ringing[:, j], lines[:, j], sense[:, j] = _evidence(
@@ -141,9 +142,12 @@ def phase_evidence(frf: FRF) -> PhaseEvidence:
 
 
 def _evidence(
-    frequency: NDArray[np.float64], H: NDArray[np.complex128], expected: complex
+    frequency: NDArray[np.float64], H: NDArray[np.complex128], expected: NDArray[np.complex128]
 ) -> tuple[NDArray[Any], ...]:
-    """Return the five arrays of :class:`PhaseEvidence` for the responses to one force, (n_out,) each."""
+    """Return the five arrays of :class:`PhaseEvidence` for the responses to one force, (n_out,) each.
+
+    ``expected`` (n_out,) is the phase of a response to a slow force.
+    """
     size = np.abs(H)
     unit = H / (np.where(size > 0, size, 1.0) * expected)
     lines = (unit.real**2 - unit.imag**2).mean(axis=0)
@@ -204,7 +208,10 @@ def _energy(h: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def _residues(
-    ringing: NDArray[np.complex128], noise: NDArray[np.float64], n: int, expected: complex
+    ringing: NDArray[np.complex128],
+    noise: NDArray[np.float64],
+    n: int,
+    expected: NDArray[np.complex128],
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Return the mean cosine of twice the residues' angle from the expected one, and their mean direction.
 
@@ -216,7 +223,7 @@ def _residues(
     for k in range(columns):
         gated = np.zeros(2 * n, dtype=complex)
         gated[_WINDOW_WIDTH : _WINDOW_WIDTH + len(ringing)] = ringing[:, k]
-        g = np.fft.fft(gated) / expected
+        g = np.fft.fft(gated) / expected[k]
         size = np.abs(g)
         peak = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
         peak = peak[size[peak] > _NOISE_MULTIPLE * noise[k]]
@@ -249,12 +256,10 @@ def driven_points(measurement: Measurement, tolerance: float) -> list[tuple[int,
         Largest distance [m].
     """
     return [
-        (i, j, float(np.sign(cosine)))
+        (i, j, sign)
         for j, e in enumerate(measurement.excitations)
-        if not isinstance(e, BaseMotion)
         for i, s in enumerate(measurement.sensors)
-        if np.linalg.norm(s.point - e.point) <= tolerance
-        and abs(cosine := float(np.dot(s.direction, e.direction))) > 0.999
+        if (sign := at_one_place(s, e, tolerance))
     ]
 
 

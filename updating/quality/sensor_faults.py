@@ -29,8 +29,8 @@ def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[H
     """Return the faults that sensor i alone may have."""
     name, series = problem.data.measurement.sensors[i].name, _series(X, i)
     out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), GAIN_LEAST)
-    if not out:
-        return []
+    if not out or not problem.data.measurement.sensors[i].directed:
+        return out  # only the motion of a point is predicted in other directions and at other places
     before = series.losses(series.predicted)
     out += _tilt_hypotheses(problem, X, i, series, before)
     return out + _position_hypotheses(problem, X, i, series, before)
@@ -100,10 +100,13 @@ def _position_hypotheses(
 
 def swap_hypotheses(problem: FitProblem, X: CrossPrediction, suspects: Sequence[int]) -> list[Hypothesis]:
     """Return the pairs of suspects whose labels may be exchanged, each predicted from all others."""
-    names = [s.name for s in problem.data.measurement.sensors]
+    sensors = problem.data.measurement.sensors
+    names = [s.name for s in sensors]
     out = []
     for b, i in enumerate(suspects):
         for j in suspects[:b]:
+            if sensors[i].quantity != sensors[j].quantity:
+                continue
             seen = X.seen[:, [i, j]] & X.seen[:, [j, i]]
             count = int(seen.sum())
             if count < 20:

@@ -175,6 +175,11 @@ def frf_figure(
     return Figure(traces, look)
 
 
+def magnitude_title(frf: FRF) -> str:
+    """Return the title of the axis of one FRF's amplitude, with its unit."""
+    return f"{frf.quantity}<br>[{_decibel(frf.unit)}]"
+
+
 def magnitude_range(magnitude: ArrayLike) -> tuple[float, float]:
     """Return the ends of the amplitude's axis, which leave out only the deepest antiresonances [dB]."""
     known = np.asarray(magnitude, dtype=float)
@@ -252,9 +257,7 @@ def _axes(frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: boo
             "frequency [Hz]", range=ends, anchor=lowest, hoverformat=".5~g",
             unifiedhovertitle={"text": "%{x:.5~g} Hz"},
         ),
-        "yaxis": axis(
-            f"{frf.quantity}<br>[{_decibel(frf.unit)}]", domain=[split + 0.03, 1], range=list(limits)
-        ),
+        "yaxis": axis(magnitude_title(frf), domain=[split + 0.03, 1], range=list(limits)),
     }  # fmt: skip
     if phases:
         out["yaxis2"] = axis(

@@ -10,7 +10,7 @@ from plotly.graph_objects import Figure
 
 from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
-from updating.measurement.measurement import Sensor
+from updating.measurement.measurement import MOTION, Sensor
 from viz import style
 from viz.interactive.solids import (
     SYMBOLS,
@@ -205,7 +205,7 @@ def _instrument_traces(
         colours = [style.GREEN if force else style.SENSOR] * len(group)
         marker |= {"color": colours[0]}
     hover = [
-        f"{word} <b>{plain(s.name)}</b>, {_direction(s)}"
+        f"{word} <b>{plain(s.name)}</b>, {_direction(s)}{'' if s.quantity == MOTION else f', {s.quantity}'}"
         + (f"<br>error {e:.2f} dB" if np.isfinite(e) else "")
         for s, e in zip(group, known, strict=True)
     ]
