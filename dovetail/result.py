@@ -22,6 +22,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import DampingCurve
+from updating.inference.unknowns import nuisance_unknowns
 from updating.quality.faults import Fault
 
 SCHEMA = "dovetail-result/2"
@@ -177,26 +178,22 @@ def uncertain_of(
     """Return the uncertain parameters before and after a fit, with the damping if asked."""
     out = []
     there = {e.name for e in model.effects}
-    for n in problem.nuisances:
-        if n.effect not in there:  # corners that were in the model before the verdict was "unexplained"
+    for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
+        name, parameter = u.ref
+        if name not in there:  # corners that were in the model before the verdict was "unexplained"
             continue
-        effect = problem.reduced.model.effect(n.effect)
-        (p,) = (p for p in effect.parameters() if p.name == n.parameter)
-        ref = (n.effect, n.parameter)
-        fitted = final.values.get(ref, np.nan)
-        moved = (
-            np.log(fitted / p.value) if p.log and fitted > 0 else (fitted - p.value) / (abs(p.value) or 1.0)
-        )
-        at_bound = bool(np.isfinite(moved) and abs(moved) > 3.9 * n.std)
+        effect = problem.reduced.model.effect(name)
+        fitted = float(final.values.get(u.ref, np.nan))
+        moved = (u.to_x(fitted) - u.mean) / u.std
         out.append(
             Uncertain(
-                f"{n.effect}.{n.parameter}",
-                p.unit,
-                float(p.value),
-                float(fitted),
-                float(n.std * (abs(p.value) or 1.0)),
-                float(final.std.get(ref, np.nan)),
-                at_bound,
+                f"{name}.{parameter}",
+                u.unit,
+                u.nominal,
+                fitted,
+                float(u.std * (abs(u.nominal) if u.log else u.scale)),
+                float(final.std.get(u.ref, np.nan)),
+                bool(np.isfinite(moved) and abs(moved) > 3.9),
                 effect.where if effect.is_form else "",
             )
         )

@@ -14,7 +14,6 @@ from dovetail.identified import as_measured, modes_in
 from dovetail.modes_pipeline import mode_problem_and_model, targets_of
 from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
 from fem.analysis.modes import solve_modes
-from fem.effects.section_shear import SectionShear
 from fem.model import Effect, Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
@@ -154,11 +153,9 @@ def update_study(study: Study) -> StudyUpdate:
                 "well it predicts them"
             )
     asked = {ref for u in plan.unknowns for ref in u.refs}
-    shear = tuple(
-        n for n in study.nuisances if n.effect == SectionShear.kind and not asked.intersection(n.refs)
-    )
+    beside = tuple(n for n in plan.beside if not asked.intersection(n.refs))
     own = replace(
-        study, model=study.model.with_effect(*plan.effects), nuisances=(*plan.unknowns, *shear),
+        study, model=study.model.with_effect(*plan.effects), nuisances=(*plan.unknowns, *beside),
         damping_std=study.damping_std if plan.damping else 0.0,
     )  # fmt: skip
     data = None

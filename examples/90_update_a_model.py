@@ -35,11 +35,11 @@ noise = np.random.default_rng(1).standard_normal((2, *exact.shape))
 H = exact * (1 + 0.01 * (noise[0] + 1j * noise[1]))
 
 priors = dict.fromkeys(truth, 0.2)
-updated = update(model, priors, frf=H, lines=lines, outputs=sensors, inputs=hammer, amplitude_error=0.001)
+updated = update(model, priors, frf=H, lines=lines, outputs=sensors, inputs=hammer, model_error=0.0)
 
 print(updated.table())
 for step in updated.path:
-    print(f"{step.stage:14} {step.frf_db:7.3f} dB  {np.round(step.values[:4], 3)}")
+    print(f"{step.stage:14} {step.errors.frf_db:7.3f} dB  {np.round(step.values[:4], 3)}")
 error = (updated.values[:4] - list(truth.values())) / updated.std[:4]
 print("errors in standard deviations:", error.round(1))
 

@@ -598,11 +598,11 @@ class _Reader:
         """Read ``[update]``."""
         shaped = has_phase or (modes is not None and bool(modes.sensors))
         has = {"frf": has_frf, "modes": shaped, "frequencies": has_phase or modes is not None}
-        known = [unknown_of(model, n) for n in nuisances if n.effect != SectionShear.kind]
-        plan = UpdatePlan()
+        beside = tuple(n for n in nuisances if n.effect == SectionShear.kind)
+        known, plan = [unknown_of(model, n) for n in nuisances if n not in beside], UpdatePlan()
         with self._if_all_was_read():
             plan = read_plan(self.top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
-        return plan
+        return replace(plan, beside=beside)
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:
         """Read the measured files: FRFs, modes, and the coordinates of their nodes."""

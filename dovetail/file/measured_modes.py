@@ -18,6 +18,7 @@ from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
 from fem.io.arrays import MODE_STD
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
+from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import Unknown, checked_unknowns
 from updating.inference.update_settings import UpdateSettings
 from updating.measurement.measurement import Sensor, shapes_like_motions
@@ -115,6 +116,8 @@ class UpdatePlan:
     settings : UpdateSettings
     effects : tuple of Effect
         Candidates that parameters are of and the model has not; they join it for the update.
+    beside : tuple of Nuisance
+        What is uncertain beside the unknowns.
     """
 
     to: tuple[str, ...] = ()
@@ -122,6 +125,7 @@ class UpdatePlan:
     damping: bool = True
     settings: UpdateSettings = UpdateSettings()  # noqa: RUF009 - frozen
     effects: tuple[Effect, ...] = ()
+    beside: tuple[Nuisance, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

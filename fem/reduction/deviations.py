@@ -160,7 +160,7 @@ class DeviatingFRF(ParametricFRF):
                 moving[i, id(factor)] = i, factor, before + term.spread(X)
         by_zeta = [total["K"], total["connections"]][: 2 if connections else 1]
         their = [np.full(len(self.omega), 2j)] * len(by_zeta)
-        if self.modal:
+        if self.viscous:
             MV = total["M"] @ state.V
             by_zeta[0], their[0] = (MV * np.sqrt(np.maximum(state.lam, 0.0))) @ MV.T, 2j * self.omega
         changing = [X for *_, X in moving.values()] + by_zeta

@@ -232,7 +232,9 @@ class LocalChanges:
         engine, total = self.engine, dict(self.total)
         engine.add(total, term, 1.0)
         damped = None if term.damps(self.zeta.ndim > 1) else self.damped
-        state = ModalSolution.of(engine.reduced, total, engine.omega, self.zeta, damped, modal=engine.modal)
+        state = ModalSolution.of(
+            engine.reduced, total, engine.omega, self.zeta, damped, viscous=engine.viscous
+        )
         return np.moveaxis(times((state.V.T @ engine.outputs).T, state.solve(engine.inputs)), 2, 0)
 
     def _place(self, term: Term, matrices: list[NDArray[np.float64]]) -> _Place:

@@ -1,6 +1,6 @@
 """One solved state of a reduced model: modes by one eigenproblem, and damping at each line."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,8 +45,9 @@ class ModalSolution:
         zeta: NDArray[np.float64],
         damped: NDArray[np.float64] | None,
         losses: NDArray[np.float64] | None = None,
+        modal: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
         *,
-        modal: bool = False,
+        viscous: bool = False,
     ) -> "ModalSolution":
         """Solve the eigenproblem of a reduced model's matrices, and prepare the local damping at each line.
 
@@ -63,7 +64,10 @@ class ModalSolution:
             An orthonormal basis of the motions that local damping acts on; found here if None.
         losses : ndarray (r, r), optional
             A structural damping i X so small that it counts by what it does to each mode alone.
-        modal : bool
+        modal : callable, optional
+            From natural frequencies [Hz] to modal damping ratios, which add 2iζ_r ω_r ω to each mode as a
+            model's do.
+        viscous : bool
             Whether ``zeta`` adds 2iζ(ω) ω_r ω to each mode, as viscous modal damping does, in place of
             2iζ(ω) ω_r², which is that of a loss factor. Its changes with K and M are then those at the
             resonances.
@@ -78,11 +82,14 @@ class ModalSolution:
         inertia: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
         by_zeta = 2j * lam[:, None] * np.ones(len(omega))
         stiffness, mass = elastic + 2j * zeta, inertia
-        if modal:
+        if viscous:
             by_zeta = 2j * np.sqrt(np.maximum(lam, 0.0))[:, None] * omega
             stiffness, mass = elastic + 1j * zeta, inertia + 1j * zeta * omega**2
         # Arrays over modes, columns and lines are kept in this order: a product from the left is then one
         # GEMM.
+        if modal is not None:
+            omega_r = np.sqrt(np.maximum(lam, 0.0))
+            inertia = inertia + 2j * (modal(omega_r / (2 * np.pi)) * omega_r)[:, None] * omega
         if losses is not None:
             inertia = inertia + 1j * np.einsum("rm,rs,sm->m", V, losses, V, optimize=True)[:, None]
         inverse = (1 / (lam[:, None] * elastic + by_zeta * zeta + inertia))[:, None, :]

@@ -79,7 +79,7 @@ class ParametricFRF:
         Whether outputs and inputs are combinations of the basis's columns already, (r + p, n).
     decay : float
         σ of the complex frequencies ω - iσ at which receptances are computed [rad/s]. Laws are those at ω.
-    modal : bool
+    viscous : bool
         Whether ζ is that of viscous modal damping, as of :class:`ModalSolution`.
     """
 
@@ -95,10 +95,10 @@ class ParametricFRF:
         *,
         projected: bool = False,
         decay: float = 0.0,
-        modal: bool = False,
+        viscous: bool = False,
     ) -> None:
         basis = reduced.basis
-        self.reduced, self.modal = reduced, modal
+        self.reduced, self.viscous = reduced, viscous
         self.refs = tuple(refs)
         self.omega: NDArray[Any] = 2 * np.pi * np.asarray(frequency, dtype=float)
         if decay:
@@ -285,7 +285,7 @@ class ParametricFRF:
         total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
         losses = self.losses(values)
-        state = ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses, modal=self.modal)
+        state = ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses, viscous=self.viscous)
         return state, total, alone
 
     def losses(self, values: NDArray[np.float64]) -> NDArray[np.float64] | None:

@@ -108,8 +108,8 @@ def test_masses_and_gains_act_in_updating_and_diagnosis():
     measured = measurement(model, sensors, lines)
     wrong = model.with_values({("frame", "E:steel"): 200e9})
     found = update(
-        wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0, amplitude_error=0,
-        damping=False,
+        wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0,
+        damping_std=0.0,
     )  # fmt: skip
     assert found["frame E:steel"].value == pytest.approx(210e9, rel=1e-5)
     problem = build_problem(model, measured, ())

@@ -127,7 +127,7 @@ def _at_joint(
     """Return the receptances of sensors and of a joint's motion, without its law."""
     f, refs = problem.data.frequency[lines], list(current.values)
     engine = ParametricFRF(
-        problem.reduced, *problem.vectors_with(law), f, refs, current.effects, modal=problem.modal
+        problem.reduced, *problem.vectors_with(law), f, refs, current.effects, viscous=problem.viscous
     )
     values, zeta = np.array(list(current.values.values())), problem.damping.ratio(f, current.zeta)
     return Receptances.of(engine.evaluate(values, zeta, gradient=False)[0])

@@ -247,7 +247,7 @@ class _Prediction:
         self, fit: FitResult, outputs: Floats, inputs: Floats, frequency: Floats, *, slopes: bool
     ) -> tuple[Complexes, Complexes | None]:
         p, refs = self.problem, list(fit.values)
-        engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects, modal=p.modal)
+        engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects, viscous=p.viscous)
         zeta = p.damping.ratio(frequency, fit.zeta)
         values = np.array([fit.values[r] for r in refs])
         H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)

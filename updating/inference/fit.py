@@ -65,7 +65,7 @@ class FitProblem:
     decay : float
         σ of the complex frequencies ω - iσ at which the data are (:func:`updating.inference.damped.damped`)
         [rad/s].
-    modal : bool
+    viscous : bool
         Whether damping ratios are those of viscous modal damping between resonances, rather than of a loss
         factor.
     pieces : int
@@ -84,7 +84,7 @@ class FitProblem:
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
-    modal: bool = False
+    viscous: bool = False
     pieces: int = 0
 
     def __repr__(self) -> str:
@@ -143,7 +143,7 @@ class FitProblem:
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
             self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
-            decay=self.decay, modal=self.modal,
+            decay=self.decay, viscous=self.viscous,
         )  # fmt: skip
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
@@ -241,7 +241,7 @@ class FitProblem:
         refs = [ref for ref in result.values if ref[0] != element.name]
         f = self.data.frequency[lines]
         ends = self.vectors_with(element)
-        engine = ParametricFRF(self.reduced, *ends, f, refs, linear, modal=self.modal)
+        engine = ParametricFRF(self.reduced, *ends, f, refs, linear, viscous=self.viscous)
         zeta = self.damping.ratio(f, result.zeta)
         block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)

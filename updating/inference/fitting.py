@@ -239,7 +239,7 @@ def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tup
     """Return a fit with the more probable form of damping between resonances, and its problem."""
     if not isinstance(problem, FitProblem):
         return problem, result
-    other = replace(problem, modal=not problem.modal)
+    other = replace(problem, viscous=not problem.viscous)
     small = replace(other, scatter=form_scatter(other, result, result.size))
     again = refit(small, result, **how)
     return (other, again) if again.log_evidence > result.log_evidence else (problem, result)

@@ -368,7 +368,7 @@ def finer_receptances(
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
     outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, (), modal=problem.modal)
+    engine = ParametricFRF(reduced, outputs, inputs, f, (), viscous=problem.viscous)
     return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
 
@@ -412,7 +412,7 @@ def direct_responses(
     f = problem.data.frequency[lines]
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
     connections = connection_stiffness(system) if others else None
-    reduced = replace(problem, modal=False).receptance(result, lines)
+    reduced = replace(problem, viscous=False).receptance(result, lines)
     ratio, responses = [], []
     backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):
