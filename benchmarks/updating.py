@@ -1,4 +1,4 @@
-"""Time the parts of an updating: an iteration on FRFs for two meshes, and mode sensitivities.
+"""Time the parts of an updating: iterations on FRFs and on modes for two meshes.
 
 Run it with one thread:  OPENBLAS_NUM_THREADS=1 python -m benchmarks.updating [elements per member …]
 
@@ -14,10 +14,12 @@ import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.effects import MemberStiffness
-from updating.inference.frf_data import frf_data
-from updating.inference.frf_residual import FRFResidual
-from updating.inference.mode_data import mode_data
-from updating.inference.mode_residual import mode_jacobian, mode_residual
+from updating.inference.arrays import frf_data, mode_data
+from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_preparation import build_mode_problem
+from updating.inference.preparation import build_problem
+from updating.inference.unknowns import Unknown
 
 LINES = np.linspace(5.0, 120.0, 250)
 BAYS = 6
@@ -48,39 +50,39 @@ def seconds(call: Callable[[], object], repeats: int = 1) -> float:
 def row(elements: int) -> tuple[float, str]:
     """Return the time of an iteration and one line of the table."""
     model = tower(elements)
-    refs = [(e.name, "change") for e in model.of_kind(MemberStiffness)]
-    outputs = [(p, d) for p in range(2, 2 * BAYS + 2, 2) for d in "xy"]
-    inputs = [(2 * BAYS, "x"), (BAYS, "y")]
-    data = frf_data(
-        model, np.ones((LINES.size, len(outputs), 2)), lines=LINES, outputs=outputs, inputs=inputs, noise=0.01
-    )
-    values = np.zeros(len(refs))
-    made: list[FRFResidual] = []
-    basis = seconds(lambda: made.append(FRFResidual(data, model, refs)))
-    residual = made[0]
-    residual.evaluate(values, True)  # terms of linear parameters are projected once
+    asked = [Unknown(((e.name, "change"),)) for e in model.of_kind(MemberStiffness)]
+    places = [(p, d) for p in range(2, 2 * BAYS + 2, 2) for d in "xy"], [(2 * BAYS, "x"), (BAYS, "y")]
+    H = np.ones((LINES.size, len(places[0]), 2))
+    data = frf_data(model, H, lines=LINES, outputs=places[0], inputs=places[1], noise=0.01)
+    made: list[FitProblem] = []
+    basis = seconds(lambda: made.append(build_problem(model, data, asked, model_error=0.0)))
+    iteration, of_modes = _iteration(made[0]), mode_data(model, frequency=np.linspace(5.0, 60.0, 10))
+    by_modes = _iteration(build_mode_problem(model, of_modes, asked, model_error=0.0))
+    n_free, n_basis = assemble(model).n_free, made[0].reduced.basis.n_main
+    return iteration, f"{n_free:8d}{n_basis:8d}{basis:10.3f}{iteration:11.4f}{by_modes:11.4f}"
+
+
+def _iteration(problem: FitProblem | ModeProblem) -> float:
+    """Return the time of one evaluation with derivatives and one without [s]."""
+    function = problem.function((), (), problem.lines_up_to(np.inf, LINES.size))
+    x = function.start
+    function(x, True)  # terms of linear parameters are projected once
+    steps = iter(1e-6 * np.arange(1, 100))
 
     def iterate() -> None:
-        residual.evaluate(values, True)
-        residual.evaluate(values, False)
+        function(x + next(steps), True)
+        function(x + next(steps), False)
 
-    iteration = seconds(iterate, 5)
-    modes = mode_data(model, frequency=np.linspace(5.0, 60.0, 10))
-    points: list[object] = []
-    solved = seconds(lambda: points.append(mode_residual(modes, model)))
-    slopes = seconds(lambda: mode_jacobian(modes, points[0], refs))  # type: ignore[arg-type]
-    n_free = assemble(model).n_free
-    n_basis = residual.reduced.basis.n_main
-    times = f"{basis:10.3f}{iteration:11.4f}{solved:10.3f}{slopes:10.3f}"
-    text = f"{n_free:8d}{n_basis:8d}{times}{slopes / solved:9.3f}"
-    return iteration, text
+    return seconds(iterate, 5)
 
 
 if __name__ == "__main__":
     print(f"{3 * BAYS} members' stiffness, {LINES.size} lines, {2 * BAYS} x 2 FRFs; CPU seconds.")
-    print("basis: made once for each point of departure; iteration: residuals and derivatives by the engine;")
-    print("modes, slopes: 10 modes and their derivatives on the whole mesh, and their ratio\n")
-    print("  n_free   basis      made  iteration     modes    slopes    ratio")
+    print(
+        "basis: made once for each point of departure; iterations: residuals of FRFs, and of ten modes, and"
+    )
+    print("their derivatives\n")
+    print("  n_free   basis      made       FRFs      modes")
     times = []
     for count in [int(a) for a in sys.argv[1:]] or [10, 100]:
         seconds_of, text = row(count)

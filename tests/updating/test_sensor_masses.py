@@ -111,7 +111,7 @@ def test_masses_and_gains_act_in_updating_and_diagnosis():
         wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0,
         damping_std=0.0,
     )  # fmt: skip
-    assert found["frame E:steel"].value == pytest.approx(210e9, rel=1e-5)
+    assert found["frame E:steel"].value == pytest.approx(210e9, rel=1e-4)
     problem = build_problem(model, measured, ())
     assert np.nanmax(np.abs(problem.log_ratio(problem.nominal()))) < 1e-3
 
