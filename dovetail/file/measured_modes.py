@@ -338,7 +338,7 @@ def read_plan(
     has : mapping of str to bool
         Which of ``TARGETS`` the study has data for.
     default : sequence of Unknown
-        Unknowns unless the study gives them.
+        What is uncertain, unless ``[[update.parameters]]`` say more of it.
     candidates : callable
         Return the candidates of a kind of effect.
     """
@@ -376,7 +376,8 @@ def read_plan(
             seen[ref] = k + 1
         unknowns += found
     t.finish()
-    return UpdatePlan(tuple(to), tuple(unknowns) or tuple(default), damping, settings, tuple(more.values()))
+    unknowns += [u for u in default if not any(ref in seen for ref in u.refs)]
+    return UpdatePlan(tuple(to), tuple(unknowns), damping, settings, tuple(more.values()))
 
 
 def _unknowns(

@@ -9,6 +9,7 @@ import pytest
 
 import dovetail
 from dovetail.disk.output import OutputError
+from dovetail.update import update_study
 from fem.model import ModelError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -97,12 +98,21 @@ def test_the_form_may_be_said_to_be_right(tmp_path):
     assert held.fitted.std["frame", "E:steel"] < 0.5 * free.fitted.std["frame", "E:steel"]
 
 
-def test_a_fit_of_what_was_found_is_the_diagnosis():
+def test_a_diagnosis_a_fit_and_an_update_give_one_answer(tmp_path):
     """Values within a tenth of a standard deviation, and equal deviations to 5 %."""
-    study = dovetail.load_study(EXAMPLES / "first-frame" / "study.toml")
+    folder = Path(shutil.copytree(EXAMPLES / "first-frame", tmp_path / "first-frame"))
+    study = dovetail.load_study(folder / "study.toml")
     found = study.diagnose()
     last = found.steps[-1].result
     again = study.add(*found.findings).fit().fitted
+    (finding,) = found.findings
+    asked = f'\n[[update.parameters]]\neffect = "{finding.effect.name}"\nstart = 1e4\n'
+    (folder / "update.toml").write_text(study.text + asked, encoding="utf-8")
+    updated = update_study(dovetail.load_study(folder / "update.toml")).updated.fitted
+    ours = {(effect.removeprefix("known "), p): v for (effect, p), v in updated.values.items()}
+    std = {(effect.removeprefix("known "), p): v for (effect, p), v in updated.std.items()}
+    assert ours.keys() == again.values.keys()
     for ref, value in last.values.items():
-        assert again.values[ref] == pytest.approx(value, abs=0.1 * last.std[ref])
-        assert again.std[ref] == pytest.approx(last.std[ref], rel=0.05)
+        for values, deviations in ((again.values, again.std), (ours, std)):
+            assert values[ref] == pytest.approx(value, abs=0.1 * last.std[ref])
+            assert deviations[ref] == pytest.approx(last.std[ref], rel=0.05)

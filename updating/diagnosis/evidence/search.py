@@ -157,6 +157,10 @@ def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothes
     return fits.pruned(problem, ended, base)
 
 
+def _again(fits: tuple[Fits], h: Hypothesis) -> Hypothesis:
+    return fits[0].again(h)
+
+
 def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
     fits, anew = shared
     return fits.fully(near.effects, values_of(near.effects), near, anew=anew)
@@ -670,7 +674,28 @@ class Search:
             self.known[h.key] = h = (
                 self.fits.fully(h.effects, values_of(h.effects), h) if anew else self.fits.again(h)
             )
-        return h
+        return self.with_own_damping(h)
+
+    def with_own_damping(self, h: Hypothesis) -> Hypothesis:
+        """Return a hypothesis with the more probable form of damping between resonances.
+
+        If it is not that of the search, the search goes on with it, and so do those that are nearly as
+        probable.
+        """
+        problem = self.fits.problem
+        if not isinstance(problem, FitProblem):
+            return h
+        fits = replace(self.fits, problem=replace(problem, viscous=not problem.viscous))
+        own = fits.again(h)
+        if own.score <= h.score:
+            return h
+        self.fits = fits
+        others = (k for k in self.known.values() if k.key != h.key and self.is_full(k))
+        near = [k for k in others if k.score > h.score - BEAM_NATS]
+        for k in (own, *self.workers.map(_again, (fits,), near)):
+            self.known[k.key] = k
+        self.say(f"   the other form of damping gains {own.score - h.score:.1f}, for {1 + len(near)}")
+        return own
 
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
