@@ -47,14 +47,6 @@ def _information(
     return values, vectors
 
 
-def held(
-    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return A with directions without information held by a width each, so that no step follows rounding."""
-    V = blind_directions(A, width, prior) / width[:, None]
-    return A + V @ V.T
-
-
 def split_covariance(
     A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64], fixed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
