@@ -99,7 +99,18 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
         [e.rebased(model) for e in reported.changes],
     )
     measured = study.measurements or study.amplitudes
-    return with_values(text, {("measurements", 0, "compared"): compared}) if measured else text
+    if not measured:
+        return text
+    text = with_values(text, {("measurements", 0, "compared"): compared})
+    return with_form_of_damping(text, study, reported.problem)
+
+
+def with_form_of_damping(text: str, study: Study, problem: FitProblem) -> str:
+    """Return the text of a study with the form of damping between resonances that a fit has chosen."""
+    (first, *_) = study.measurements or study.amplitudes
+    if problem.viscous == first.viscous:
+        return text
+    return with_values(text, {("measurements", 0, "viscous"): problem.viscous})
 
 
 def mode_found_text(result: ModeRunResult, folder: Path) -> str:

@@ -22,6 +22,7 @@ from dovetail.file.effects import candidate_named, candidates_of, with_given_val
 from dovetail.file.faults import tilted
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
+from dovetail.file.toml import with_values
 from dovetail.file.writing import rebased_values
 from dovetail.found import text_with_model
 from dovetail.mode_result import ModeRunResult
@@ -59,6 +60,7 @@ from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.findings import Finding
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import with_fitted_damping
 from updating.inference.fitting import fit_given
@@ -414,8 +416,11 @@ class Study(config.Study):
             model = with_fitted_damping(problem, result, model)
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
+        if isinstance(problem, FitProblem):
+            for key in ("measurements", "amplitudes"):
+                more[key] = tuple(replace(m, viscous=problem.viscous) for m in getattr(self, key))
         if found:
-            more["measurements"] = tuple(set_right(m, found) for m in self.measurements)
+            more["measurements"] = tuple(set_right(m, found) for m in more["measurements"])
             more["sensors"] = tilted(self.sensors, found)
         return replace(self, model=model, added=added, start=start, **more)
 
@@ -446,6 +451,8 @@ class Study(config.Study):
         text = text_with_model(
             self, path.parent, values, damping, [e.rebased(self.model) for e in effects], self.faults, changes
         )
+        if any(m.viscous for m in (*self.measurements, *self.amplitudes)):
+            text = with_values(text, {("measurements", 0, "viscous"): True})
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
             names = ", ".join(unnamed)

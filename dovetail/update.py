@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.file.config import Study, read_study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
-from dovetail.found import text_with_model, values_in
+from dovetail.found import text_with_model, values_in, with_form_of_damping
 from dovetail.identified import as_measured, modes_in
 from dovetail.modes_pipeline import mode_problem_and_model, targets_of
 from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
@@ -17,6 +17,7 @@ from fem.analysis.modes import solve_modes
 from fem.model import Effect, Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
+from updating.inference.fit import FitProblem
 from updating.inference.fitted_damping import fitted_damping
 from updating.inference.update_run import update_fitted
 from updating.inference.updated import Updated
@@ -155,8 +156,8 @@ def update_study(study: Study) -> StudyUpdate:
     asked = {ref for u in plan.unknowns for ref in u.refs}
     beside = tuple(n for n in plan.beside if not asked.intersection(n.refs))
     own = replace(
-        study, model=study.model.with_effect(*plan.effects), nuisances=(*plan.unknowns, *beside),
-        damping_std=study.damping_std if plan.damping else 0.0,
+        study, baseline=None, baseline_frfs=None, model=study.model.with_effect(*plan.effects),
+        nuisances=(*plan.unknowns, *beside), damping_std=study.damping_std if plan.damping else 0.0,
     )  # fmt: skip
     data = None
     if "frf" in to:
@@ -213,6 +214,8 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     here, there = (
         text_with_model(study, place, values, damping, effects, ()) for place in (study.path.parent, folder)
     )
+    if isinstance(updated.problem, FitProblem):
+        there = with_form_of_damping(there, study, updated.problem)
     return there, tuple(_left_unsaid(here, study, updated, values | _values_of(effects), damping is not None))
 
 
@@ -231,6 +234,7 @@ def _left_unsaid(
     except StudyError as reason:
         return [f"the study with the updated values cannot be read: {reason}"]
     have = model.values()
+    have |= {(name.removeprefix("known "), p): v for (name, p), v in have.items()}
     out = [
         f"{names[ref]} = {value:.6g} has no place in the study file, which keeps the old value"
         for ref, value in values.items()

@@ -19,6 +19,7 @@ from dovetail.disk.output import Output, OutputError, Progress, result_folder, w
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
+from updating.inference.updated import Updated
 
 HELP = "update uncertain parameters to measured modes or FRFs, with their uncertainty"
 EXAMPLE = "dovetail update study.toml --out out/updated"
@@ -96,6 +97,7 @@ def run(options: Options, progress: Progress) -> None:
         f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
         u.table(),
         *errors_before_and_after(result),
+        *_sampled(u),
         *(lines_of(refits) if refits is not None else ()),
         *(f"note: {text}" for text in (*result.notes, *unsaid, *study.measured_notes)),
         f"{options.out / REPORT} and {options.out / STUDY} are written",
@@ -109,6 +111,26 @@ def _table_of(found: Bootstrap) -> str:
     table.writerow([f"{p.name} [{p.unit}]" for p in found.updated.parameters])
     table.writerows([f"{value:.10g}" for value in row] for row in found.values)
     return out.getvalue()
+
+
+def _quantiles(u: Updated) -> list[dict[str, Any]]:
+    """Return quantiles of the samples of all parameters."""
+    assert u.samples is not None
+    each = {"5": 0.05, "50": 0.5, "95": 0.95}
+    rows = [u.samples.quantile(q) for q in each.values()]
+    return [
+        {"name": p.name, "unit": p.unit, **{k: float(row[i]) for k, row in zip(each, rows, strict=True)}}
+        for i, p in enumerate(u.parameters)
+    ]
+
+
+def _sampled(u: Updated) -> list[str]:
+    if u.samples is None:
+        return []
+    lines = [f"samples: {len(u.samples.values)}, worth {u.samples.n_independent:.0f} independent ones"]
+    for q in _quantiles(u):
+        lines.append(f"  {q['name']}: {q['50']:.5g}, 5 to 95 %: {q['5']:.5g} to {q['95']:.5g} {q['unit']}")
+    return lines
 
 
 def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]:
@@ -127,6 +149,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         ],
         "correlation": u.correlation,
         "misfit": dict(u.misfit),
+        **({} if u.samples is None else {"samples": _quantiles(u)}),
         "path": [
             {
                 "stage": s.stage, "values": s.values, "frequency_error": s.errors.frequency,

@@ -63,6 +63,8 @@ class RawMeasurement:
         ``frequency_unit``, the unit of the file's frequencies, one of ``FREQUENCY_UNITS``.
     phase : bool
         Whether its values have a phase; without it they are amplitudes.
+    viscous : bool
+        As of the measurement.
     """
 
     table: Table
@@ -77,6 +79,7 @@ class RawMeasurement:
     compared: Path | None = None
     axis_unit: str = "Hz"
     phase: bool = True
+    viscous: bool = False
 
 
 def read_files(
@@ -111,7 +114,7 @@ def read_files(
         again = _repeats(t, folder, kind, (notes, said), frfs)
         averages = t.number("averages", read.averages, least=1)
         coherent = _coherence(t, folder, read, said)
-        chosen = t.text("compared", None)
+        chosen, viscous = t.text("compared", None), t.flag("viscous", False)
         compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
             t.refuse("averages", f"{averages:g} is not allowed; a whole number of averages is needed")
@@ -152,6 +155,7 @@ def read_files(
                     compared,
                     axis_unit,
                     read.phase,
+                    viscous,
                 )
             )
     return out, nodes

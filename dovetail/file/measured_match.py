@@ -78,7 +78,7 @@ def match(
         with r.table.at("coherence"):
             measurement = Measurement(
                 frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1],
-                phase=r.phase,
+                phase=r.phase, viscous=r.viscous,
             )  # fmt: skip
         with r.table.at():
             measurement = set_right(measurement, faults) if faults else measurement

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import pickle
 import subprocess
 import sys
 import tomllib
@@ -17,6 +18,7 @@ from dovetail.cli import main
 from dovetail.disk.output import null_keys
 from dovetail.ensemble import bootstrap
 from dovetail.ensemble.bootstrap import run_bootstrap
+from dovetail.pipeline import formed_fit_problem
 from dovetail.units.folder import FolderError
 from dovetail.units.pool import pool_of
 from dovetail.update import update_study
@@ -580,3 +582,43 @@ def test_a_bootstrap_on_dask_has_the_numbers_of_one_process(by_frequencies, tmp_
     assert np.unique(found["one"][1]).size == 12
     np.testing.assert_array_equal(found["one"][1], found["dask"][1])
     assert found["one"][0] == found["dask"][0]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_study_that_was_updated_is_updated_to_the_same(bracket, tmp_path, capsys):
+    """The form that the first update wrote keeps its priors, and its places are known."""
+    path, _ = bracket
+    found = []
+    for name, study in (("first", path), ("second", tmp_path / "first" / "study.toml")):
+        assert main(["update", str(study), "--out", str(tmp_path / name)]) == 0
+        assert "has no place in the study file" not in capsys.readouterr().out
+        data = json.loads((tmp_path / name / "update.json").read_text(encoding="utf-8"))
+        found.append(next(p for p in data["parameters"] if p["name"] == "frame E:steel"))
+    assert found[1]["value"] == pytest.approx(found[0]["value"], abs=0.5 * found[0]["std"])
+    assert found[1]["std"] == pytest.approx(found[0]["std"], rel=0.1)
+
+
+def test_a_study_with_a_baseline_is_updated_to_its_second_state(bracket):
+    path, exact = bracket
+    both = path.with_name("both.toml")
+    listed = ", ".join(f"{f:.6f}" for f in exact[:4])
+    first = ", ".join(f"{f:.6f}" for f in exact[:4] * np.sqrt(200 / 210))
+    text = f"{TEXT}\n[modes]\nfrequency = [{listed}]\n\n[baseline.modes]\nfrequency = [{first}]\n"
+    both.write_text(text + "\n[fit]\nform = false\n", encoding="utf-8")
+    E = update_study(load_study(both)).updated["frame E:steel"]
+    assert E.value == pytest.approx(210e9, rel=1e-3)
+    assert 0 < E.std < 0.01 * E.value
+
+
+def test_damping_over_frequency_reaches_other_processes(bracket):
+    path, _ = bracket
+    own = path.with_name("over.toml")
+    text = path.read_text(encoding="utf-8")
+    own.write_text(
+        text.replace("modal = 0.008", "modal = { frequency = [5.0, 200.0], ratio = [0.006, 0.009] }")
+    )
+    problem = formed_fit_problem(load_study(own))
+    again = pickle.loads(pickle.dumps(problem.damping))
+    np.testing.assert_array_equal(
+        again.ratio([20.0, 90.0], again.start), problem.damping.ratio([20.0, 90.0], again.start)
+    )

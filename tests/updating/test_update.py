@@ -418,3 +418,45 @@ def test_settings_are_checked():
         UpdateSettings(regularisation="gsvd")
     with pytest.raises(ValueError, match="n_starts is 0; at least 1 is needed"):
         UpdateSettings(n_starts=0)
+
+
+# ------------------------------------------------------------------------------------- several things at once
+
+
+def test_regularised_frfs_keep_what_the_data_say():
+    model, places = frame()
+    truth = {CHANGES[0]: 0.1, CHANGES[2]: -0.12}
+    lines, outputs, drives = np.arange(10.0, 400.0, 1.0), places[::3], [places[0], places[7]]
+    H = noisy(frfs_of(model.with_values(truth), outputs, drives, lines).H, 0.01)
+    settings = UpdateSettings(regularisation="tikhonov", n_lines=300)
+    data = {"frf": H, "lines": lines, "outputs": outputs, "inputs": drives, "noise": 0.01}
+    result = textbook(model, list(truth), **data, settings=settings)
+    np.testing.assert_allclose(result.values[:2], list(truth.values()), atol=0.01)
+
+
+def test_parameters_that_are_left_out_are_not_regularised():
+    model = planar(beam(10, effects=(fix(0),)))
+    how = UpdateSettings(select="pivoting", regularisation="tikhonov")
+    result = textbook(model, [E, RHO], frequency=1.02 * frequencies_of(model, n=5), settings=how)
+    assert len(result.left_out) == 1
+    assert np.isfinite(result.values).all()
+
+
+def test_a_loss_factor_stays_in_the_model():
+    model = beam(10, effects=(fix(0),)).with_damping(fem.Damping.structural(0.02))
+    lines, places = np.arange(5.0, 200.0, 1.0), [(1, "z"), (5, "z")]
+    H = noisy(frfs_of(model, places, places[:1], lines).H, 0.01)
+    result = textbook(model, [E], frf=H, lines=lines, outputs=places, inputs=places[:1], noise=0.01)
+    again = frfs_of(result.model, places, places[:1], lines).H
+    assert np.abs(np.log(np.abs(again / H))).std() < 0.02
+
+
+def test_what_cannot_be_is_refused():
+    model = beam(4, effects=(fix(0),))
+    for arguments, words in (
+        ({"damping_std": -1.0}, "damping_std is -1.0"),
+        ({"model_error": np.nan}, "model_error is nan"),
+        ({"numbers": [-1]}, "count from 0"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            update(model, [E], frequency=[10.0], **arguments)

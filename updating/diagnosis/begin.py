@@ -36,14 +36,16 @@ def begin(
     return build_fine(build, refined(model, model_error), model_error)[0]
 
 
-def begin_fitted(problem: FitProblem) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
+def begin_fitted(
+    problem: FitProblem, *, choose_damping: bool = True
+) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Return a problem with faults of the measurement set right, its complete fit, and these faults."""
-    right, result, faults = calibrated(problem)
+    right, result, faults = calibrated(problem, choose_damping=choose_damping)
     return right, right.assessed(replace(scattered(right, result), level=np.nan)), faults
 
 
 def calibrated(
-    problem: FitProblem, *, n_lines: int = FULL_LINES, checked: bool = True
+    problem: FitProblem, *, n_lines: int = FULL_LINES, checked: bool = True, choose_damping: bool = True
 ) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:
     """Return a problem with faults of the measurement set right, its fit, and these faults.
 
@@ -56,8 +58,12 @@ def calibrated(
     n_lines : int
     checked : bool
         Whether faults are looked for.
+    choose_damping : bool
+        Whether the form of damping between resonances is the more probable one, rather than the problem's.
     """
-    problem, null = with_form_of_damping(problem, null_fit(problem, n_lines=n_lines), n_lines=n_lines)
+    null = null_fit(problem, n_lines=n_lines)
+    if choose_damping:
+        problem, null = with_form_of_damping(problem, null, n_lines=n_lines)
     right, result, faults = problem, null, ()
     if checked:
         right, result, faults = find_faults(problem, problem.assessed(null))

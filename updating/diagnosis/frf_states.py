@@ -25,7 +25,7 @@ from updating.diagnosis.evidence.diagnosis import (
 )
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
-from updating.inference.fitting import FULL_LINES, fit
+from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
@@ -58,7 +58,7 @@ def calibrate_frfs(
     problem, begun = formed_problem(
         model, before, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
-    null = fit(problem, n_lines=FULL_LINES)
+    problem, null = with_form_of_damping(problem, fit(problem, n_lines=FULL_LINES))
     problem, result, faults = find_faults(problem, problem.assessed(null))
     for _ in range(N_BASES):
         problem = _with_modes_of(fitted_model(begun.formed, result), problem)

@@ -54,7 +54,8 @@ def frf_data(
             return frf if noise is None else replace(frf, scatter=_level(noise, frf.frf.H.shape))
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs
-        own = {"name": frf.name, "phase": frf.phase, "scatter": frf.noise}
+        known = ("name", "phase", "coherence", "averages", "scatter", "compared", "held_out", "viscous")
+        own = {key: getattr(frf, key) for key in known}
         frf = frf.frf
     labelled = isinstance(frf, FRF)
     if not isinstance(frf, FRF):
@@ -81,8 +82,12 @@ def frf_data(
         raise ModelError(msg)
     if noise is not None:
         own["scatter"] = _level(noise, frf.H.shape)
-    names = ([s.name for s in part] for part in (sensors, excitations))
-    frf = FRF.from_arrays(frf.frequency, frf.H, frf.kind, *names)
+    outs, ins = (tuple(s.name for s in part) for part in (sensors, excitations))
+    frf = replace(
+        frf, outputs=outs, inputs=ins,
+        strain=tuple(name for name, old in zip(outs, frf.outputs, strict=True) if old in frf.strain),
+        base=tuple(name for name, old in zip(ins, frf.inputs, strict=True) if old in frf.base),
+    )  # fmt: skip
     return Measurement(frf, sensors, excitations, **own)
 
 
@@ -141,6 +146,8 @@ def mode_data(
     if modes is not None:
         elastic = modes.frequency > 0
         frequency, shapes = modes.frequency[elastic], modes.shapes[:, elastic]
+        given = (np.asarray(s, dtype=float) for s in (frequency_std, shape_std, zeta_std))
+        frequency_std, shape_std, zeta_std = (s[elastic] if s.shape == elastic.shape else s for s in given)
         zeta = None if modes.zeta is None else np.asarray(modes.zeta, dtype=float)[elastic]
         labels = modes.labels or None
         if not shapes.shape[0]:
@@ -157,6 +164,9 @@ def mode_data(
         raise ModelError(msg)
     if numbers is not None and len(numbers) != f.size:
         msg = f"{len(numbers)} numbers of modes are given for {f.size} frequencies"
+        raise ModelError(msg)
+    if numbers is not None and min(numbers, default=0) < 0:
+        msg = f"the modes' numbers are {list(numbers)}; they count from 0"
         raise ModelError(msg)
     deviations = [np.broadcast_to(np.asarray(s, dtype=float), f.shape) for s in (frequency_std, shape_std)]
     if not all((np.isfinite(s) & (s > 0)).all() for s in deviations):

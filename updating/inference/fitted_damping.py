@@ -1,5 +1,6 @@
 """The damping of a fitted model, for the model and for study files."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -44,8 +45,9 @@ def fitted_damping(
 
 def with_fitted_damping(problem: FitProblem | ModeProblem, result: FitResult, model: Model) -> Model:
     """Return a fitted model with its damping, and that of connections where they have their own."""
-    damping, connections = fitted_damping(problem, result, model)
-    model = model.with_damping(damping)
+    ratios, connections = fitted_damping(problem, result, model)
+    own = replace(model.damping, frequency=ratios.frequency, ratio=ratios.ratio, powers=ratios.powers)
+    model = model.with_damping(own)
     if connections is None:
         return model
     known = [e.name for e in model.of_kind(ConnectionDamping)]

@@ -186,7 +186,12 @@ Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
 
 
 def fit_given(
-    problem: Problem, effects: Sequence[Effect] = (), others: Sequence[FitResult] = (), **how: Any
+    problem: Problem,
+    effects: Sequence[Effect] = (),
+    others: Sequence[FitResult] = (),
+    *,
+    choose_damping: bool = True,
+    **how: Any,
 ) -> tuple[Problem, FitResult]:
     """Return the most probable model with given effects, from their values and from their own starts.
 
@@ -201,6 +206,8 @@ def fit_given(
         With the values to start from first.
     others : sequence of FitResult
         Points from which fits without effects begin, too.
+    choose_damping : bool
+        Whether the form of damping between resonances is the more probable one, rather than the problem's.
     **how
         As of :func:`fit`.
     """
@@ -232,7 +239,7 @@ def fit_given(
         # What was bent on the former basis would stay so: from nominal uncertain parameters, too.
         fits = [fit(problem, effects, now, **how), refit(problem, result, **how)]
         result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
-    return with_form_of_damping(problem, result, **how)
+    return with_form_of_damping(problem, result, **how) if choose_damping else (problem, result)
 
 
 def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tuple[Problem, FitResult]:

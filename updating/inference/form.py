@@ -24,7 +24,7 @@ def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
     known = {_place(e): e for kind in FORMS for e in model.of_kind(kind)}
     every = [known.get(_place(e), e) for kind in FORMS for e in kind.propose(model)]
     std = FORM_SECTION | FORM_ZONE
-    own = [Nuisance(e.name, p.name, std[p.name]) for e in every for p in e.parameters()]
+    own = [Nuisance(e.name, p.name, std[p.name], 0.0) for e in every for p in e.parameters()]
     return tuple(e for e in every if e not in known.values()), tuple(own)
 
 

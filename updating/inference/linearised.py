@@ -54,6 +54,17 @@ def whitened(
     return A - Q @ (Q.T @ A), b - Q @ (Q.T @ b)
 
 
+def stated_quadratic(function: FitFunction, levels: Costs, x: Floats) -> tuple[Floats, Floats]:
+    """Return slopes (n,) and curvature (n, n) at x of the cost with residuals counted by their noise."""
+    r, J = function(x, True)
+    assert J is not None
+    member, prior = np.unique(function.groups, return_inverse=True)[1], function.prior()
+    near = Quadratic.of(r, J, member, ROBUST, levels)
+    worth, std = levels.weight(levels.noise), np.minimum(prior.std, FLAT)
+    off = np.where(np.isfinite(prior.std), x - prior.mean, 0.0)
+    return worth @ near.slope + off / std**2, near.normal(worth, std)
+
+
 def covariance_of(
     function: FitFunction,
     levels: Costs,

@@ -23,12 +23,16 @@ class Nuisance:
     effect, parameter : str
         Names of an effect of the model and of its parameter.
     std : float
-        Relative standard deviation [-]; of the logarithm for positive quantities.
+        Relative standard deviation [-]; of the logarithm for positive quantities. With a mean that of the
+        parameter in its unit.
+    mean : float or None
+        Mean of a normal prior [unit of the parameter]; the model's value unless given.
     """
 
     effect: str
     parameter: str
     std: float
+    mean: float | None = None
 
     @property
     def refs(self) -> tuple[ParameterRef]:

@@ -1,7 +1,7 @@
 """Preparation of a diagnosis: a reduced model, the data to compare it with, and the accuracy of both."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from fem.effects.joint import PointPair
 from fem.elements.frame import Frame
 from fem.elements.splitting import split
 from fem.linalg.solvers import factorise
-from fem.model import Model
+from fem.model import Damping, Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
@@ -147,7 +147,10 @@ def build_problem(
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
-    return FitProblem(reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, model_error)
+    return FitProblem(
+        reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, model_error,
+        viscous=measurement.viscous,
+    )  # fmt: skip
 
 
 def _reduced(
@@ -177,21 +180,41 @@ def _reduced(
     return reduced, curve, modes
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class NominalRatio:
+    """The nominal damping ratio over frequency, with that of connections if they have their own.
+
+    Attributes
+    ----------
+    damping : Damping
+    least : float
+        Least ratio of members [-].
+    others : ConnectionDamping or None
+    connections : bool
+        Whether connections have a ratio of their own.
+    """
+
+    damping: Damping
+    least: float
+    others: ConnectionDamping | None
+    connections: bool
+
+    def __call__(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ζ at frequencies [Hz], (n_freq,), or with connections that and theirs, (2, n_freq)."""
+        members = np.maximum(self.damping.ratio_at(frequency), self.least)
+        if not self.connections:
+            return members
+        own = self.others.ratio_at(frequency) if self.others else None
+        return np.stack([members, members if own is None else np.maximum(own, LEAST_RATIO)])
+
+
 def nominal_ratio(
     model: Model, knots: NDArray[np.float64], other: ConnectionDamping | None, connections: bool
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """Return the nominal damping ratio over frequency, with that of connections if they have their own."""
+) -> NominalRatio:
+    """Return the nominal damping ratio of a model, ``NOMINAL_RATIO`` where it has no damping."""
     d = model.damping
     given = d.alpha or d.beta or d.loss_factor or d.ratio_at(knots).any()
-    least = LEAST_RATIO if given else NOMINAL_RATIO
-
-    def ratio(f: NDArray[np.float64]) -> NDArray[np.float64]:
-        members = np.maximum(d.ratio_at(f), least)
-        if not connections:
-            return members
-        return np.stack([members, np.maximum(other.ratio_at(f), LEAST_RATIO) if other else members])
-
-    return ratio
+    return NominalRatio(d, LEAST_RATIO if given else NOMINAL_RATIO, other, connections)
 
 
 def counted_data(
@@ -263,7 +286,7 @@ def _prepared(
     ]
     sensors = (*measurement.sensors, *(() if model_error == 0 else square))
     outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, ())
+    engine = ParametricFRF(reduced, outputs, inputs, f, (), viscous=measurement.viscous)
     values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
     nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
     if not moved.size:

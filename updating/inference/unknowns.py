@@ -289,6 +289,8 @@ def unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
     """
     ref = nuisance.effect, nuisance.parameter
     p = _parameter(model, ref)
+    if nuisance.mean is not None:
+        return Unknown((ref,), std=nuisance.std, prior="normal", mean=nuisance.mean, start=p.value)
     # A nuisance is known relative to its value; one that is 0, in its unit.
     return Unknown((ref,), std=nuisance.std if p.log else nuisance.std * (abs(p.value) or 1.0))
 

@@ -106,6 +106,10 @@ def update(
         For FRFs of too few lines, or of which no value can be compared.
     """
     settings, unknowns = settings or UpdateSettings(), checked_unknowns(model, parameters)
+    for what, value in (("damping_std", damping_std), ("model_error", model_error)):
+        if not (np.isfinite(value) and value >= 0):
+            msg = f"{what} is {value}; it must be finite and not negative"
+            raise ModelError(msg)
     targets = _targets(model, frequency, shapes, modes, outputs, numbers, frequency_std, shape_std)
     if targets is None and frf is None:
         msg = "there is nothing to update to; give frequency, modes or frf"

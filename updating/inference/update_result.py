@@ -39,6 +39,9 @@ PRIOR_SHARE = 0.9
 NAMED_DEVIATIONS = 4.0
 """Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
 
+FAR_BESIDES = 2.5
+"""What varies besides and is further from nominal, in prior standard deviations, is named [-]."""
+
 KNOWN_DAMPING = 1e-3
 """Damping that is known better than this beforehand is no parameter of an update [-]."""
 
@@ -49,8 +52,8 @@ class Ended:
 
     Attributes
     ----------
-    whole, problem : FitProblem or ModeProblem
-        As it began, and with the basis of the end and the parameters that selection kept.
+    problem : FitProblem or ModeProblem
+        With the basis of the end, and the parameters that selection kept.
     function : FitFunction
         Of all lines.
     levels : Costs
@@ -63,7 +66,6 @@ class Ended:
     curve : LCurve or None
     """
 
-    whole: FitProblem | ModeProblem
     problem: FitProblem | ModeProblem
     function: FitFunction
     levels: Costs
@@ -146,6 +148,7 @@ def result_of(
         *_messages(ended, result, done, correlation, modes, ending),
         *blind_words(blind[use], names, _measured_words(problem), moved[use]),
         *_unmoved(ended, rows, modes),
+        *_moved_besides(ended, rows),
     )
     samples = None
     if settings.n_samples:
@@ -216,7 +219,7 @@ def _parameters(
     for u in asked:
         k = row.get(u.refs)
         if k is None:
-            xi, deviation, at_bound = u.start, 0.0, False
+            xi, deviation, at_bound = u.start, 0.0 if u.name in left_out else np.nan, False
         else:
             xi, deviation, at_bound = float(x[k]), float(std[k]), bool(bound[k])
         value = u.to_value(xi)
@@ -278,7 +281,7 @@ def _messages(
     out = []
     if ending is not Ending.CONVERGED:
         out.append(f"{ending.value[0]}: {ending.cause}; {ending.remedy}")
-    at = [p.name for p in done if p.at_bound]
+    at = [p.name for p in done if p.at_bound and p.refs]
     if at:
         out.append(f"at a bound: {', '.join(at)}; they may stand in for an effect that the model lacks")
     away = [(p.name, p.from_prior) for p in done if np.isfinite(p.from_prior)]
@@ -362,6 +365,21 @@ def _unmoved(ended: Ended, rows: NDArray[np.int64], modes: ComputedModes | None)
     return [
         f"no parameter moves the modes paired with {some}{more}: check that measured and computed modes are "
         "the same ones, by giving shapes or mode numbers"
+    ]
+
+
+def _moved_besides(ended: Ended, rows: NDArray[np.int64]) -> list[str]:
+    """Name what varied with the parameters and went far from where it is known to be."""
+    function, n = ended.function, len(ended.function.variables)
+    prior = function.prior()
+    z = ((ended.x - prior.mean) / prior.std)[:n]
+    far = [k for k in np.setdiff1d(np.arange(n), rows).tolist() if abs(z[k]) > FAR_BESIDES]
+    if not far:
+        return []
+    words = ", ".join(f"{' '.join(function.variables[k].ref)} by {z[k]:+.1f}" for k in far)
+    return [
+        "the form varied with the parameters, and these went far from nominal, in prior standard deviations: "
+        f"{words}. They may stand for an effect that the model lacks"
     ]
 
 

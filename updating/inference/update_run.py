@@ -24,7 +24,7 @@ from updating.inference.fitting import (
     with_seen_noise,
 )
 from updating.inference.joint_fit import with_modes
-from updating.inference.linearised import whitened
+from updating.inference.linearised import stated_quadratic, whitened
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.regularisation import LCurve, l_curve, select_by_pivoting, select_forward
 from updating.inference.scatter import form_scatter
@@ -70,7 +70,6 @@ def update_fitted(
         problem, first = with_form_of_damping(problem, null_fit(problem, **how), **how)
         problem, near = with_seen_noise(problem, first), [first]
     how |= {"max_iterations": settings.max_iterations, "tolerance": _SMALL_GAIN}
-    whole = problem
     problem, left_out = _selected(problem, asked, settings)
     better, starts = _starts(problem, asked, settings, how)
     path: list[UpdateStep] = []
@@ -85,13 +84,13 @@ def update_fitted(
     watch(first, 1.0)(first.start, _cost(first, first.start, settings))
     if isinstance(problem, ModeProblem) and not _paired(problem):
         still = Solution(first.start, path[0].cost, np.nan, 0, True)
-        ended = _at_end(whole, problem, with_evidence(first, still, settings.n_lines), settings)
+        ended = _at_end(problem, with_evidence(first, still, settings.n_lines), settings)
     else:
-        ended = _at_end(whole, *fit_given(problem, (), [*near, *better], **how, watch=watch), settings)
+        ended = _at_end(*fit_given(problem, (), [*near, *better], **how, watch=watch), settings)
         if path[0].cost < _cost(ended.function, ended.x, settings) - QUICK_NATS:
             # Bands may lead away from a start that was better.
             again = fit_given(problem, (), [problem.nominal()], **how, watch=watch)
-            ended = _at_end(whole, *again, settings)
+            ended = _at_end(*again, settings)
     if settings.regularisation:
         ended = _regularised(ended, asked, settings)
     watch(ended.function, 1.0)(ended.x, _cost(ended.function, ended.x, settings))
@@ -99,7 +98,6 @@ def update_fitted(
 
 
 def _at_end(
-    whole: FitProblem | ModeProblem,
     problem: FitProblem | ModeProblem,
     result: FitResult,
     settings: UpdateSettings,
@@ -110,7 +108,7 @@ def _at_end(
         small = replace(problem, scatter=form_scatter(problem, result, result.size))
     function = _function(small, settings)
     levels, x = function.levels(counted_as=settings.n_lines), function.moved_to(result)
-    return Ended(whole, problem, function, levels, result, x, None, None)
+    return Ended(problem, function, levels, result, x, None, None)
 
 
 def _paired(problem: ModeProblem) -> bool:
@@ -216,26 +214,29 @@ def _selected(
 def _regularised(ended: Ended, asked: Sequence[ScaledUnknown], settings: UpdateSettings) -> Ended:
     """Weigh distances from the start by the λ at the corner of the L-curve of the linearised problem.
 
-    Without a distinct corner, as where data can be met exactly, by the largest λ that leaves no more than
-    noise (Morozov, *Soviet Math. Dokl.* 7, 1966, 414).
+    Residuals count by the stated noise. Without a distinct corner, as where data can be met exactly, it is
+    the largest λ that leaves no more than noise (Morozov, *Soviet Math. Dokl.* 7, 1966, 414).
     """
-    function, rows = ended.function, rows_of(ended.function, asked)
-    names = ", ".join(u.name for u in asked)
-    L = np.diag([1 / u.width for u in asked])
+    function, levels, known = ended.function, ended.levels, {v.refs for v in ended.function.variables}
+    kept = [u for u in asked if u.refs in known]
+    rows, names = rows_of(function, kept), ", ".join(u.name for u in kept)
+    L = np.diag([1 / u.width for u in kept])
     if settings.regularisation == "gsvd":
         L = np.array(settings.operator, dtype=float, ndmin=2)
     if L.shape[1] != len(rows):
         msg = f"the operator has {L.shape[1]} columns; there are {len(rows)} parameters: {names}"
         raise ModelError(msg)
-    start = ended.x.copy()
+    x, start = ended.x, ended.x.copy()
     start[rows] = function.start[rows]
-    x, curve, precision = start, None, np.zeros((len(start), len(start)))
+    B, r = whitened(function, levels, x, rows, stated=True)
+    curve = _without_corner(l_curve(B, B @ (x - start)[rows] - r, L), int(B.any(axis=1).sum()))
+    precision = np.zeros((len(x), len(x)))
+    precision[np.ix_(rows, rows)] = curve.chosen**2 * (L.T @ L)
+    low, high = function.limits().T
     for _ in range(_LINEARISED):
-        B, r = whitened(function, ended.levels, x, rows, stated=False)
-        curve = _without_corner(l_curve(B, B @ (x - start)[rows] - r, L), int(B.any(axis=1).sum()))
-        precision[np.ix_(rows, rows)] = curve.chosen**2 * (L.T @ L)
-        prior = replace(function.prior(), precision=precision, about=start)
-        x = function.minimise(x, np.inf, settings.max_iterations, counted_as=settings.n_lines, prior=prior).x
+        slope, normal = stated_quadratic(function, levels, x)
+        step = np.linalg.solve(normal + precision, slope + precision @ (x - start))
+        x = np.clip(x - step, low, high)
     return replace(ended, x=x, precision=precision, curve=curve)
 
 

@@ -118,7 +118,7 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
     problem = live.problem_of(h)
     if not h.effects:
         watch = Watch(progress, "fitting uncertain parameters", len(problem.stages) + 3)
-        _, result, faults = begin_fitted(_watched(problem, watch))
+        _, result, faults = begin_fitted(_watched(problem, watch), choose_damping=False)
         return _learnt(live, replace(h, faults=(*h.faults, *faults)).at(result))
     watch = Watch(progress, "fitting uncertain parameters", 2)
     held = _watched(problem, watch, frozenset({""}))
@@ -148,7 +148,7 @@ def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
     n_starts = sum(len(e.starts(problem.surroundings)) for e in h.effects)
     watch = Watch(progress, "fitting all", 2 + n_starts + len(problem.stages))
     every = _watched(problem, watch)
-    here, anew = _better(every, h), fit_given(every, h.effects)[1]
+    here, anew = _better(every, h), fit_given(every, h.effects, choose_damping=False)[1]
     return _learnt(live, h.at(every.assessed(max(here, anew, key=lambda r: r.log_evidence))))
 
 

@@ -205,6 +205,9 @@ class Measurement:
         Into how many each element is cut that is compared with them; 0 where the data decide.
     phase : bool
         Whether the FRFs have phases; without, they are amplitudes.
+    viscous : bool
+        Whether fits begin with viscous modal damping between resonances, as an earlier one has chosen, rather
+        than with that of a loss factor.
     held_out : tuple of (float, float)
         Bands that no fit sees, ends included; without any, fits leave every fourth block of lines out [Hz].
     """
@@ -220,6 +223,7 @@ class Measurement:
     compared: NDArray[np.float64] | None = None
     pieces: int = 0
     phase: bool = True
+    viscous: bool = False
     held_out: tuple[tuple[float, float], ...] = ()
 
     def __repr__(self) -> str:

@@ -104,8 +104,9 @@ class Field:
         d = model.damping
         zeta = problem.damping.ratio(f, result.zeta)
         zeta, *connections = np.atleast_2d(zeta)
-        diagonal = lam * (1 + 1j * (d.loss_factor + 2 * zeta + omega * d.beta))[:, None]
-        diagonal = diagonal + (1j * omega * d.alpha - omega**2)[:, None]
+        diagonal = lam * (1 + 1j * (d.loss_factor + omega * d.beta))[:, None]
+        by_zeta = np.sqrt(np.maximum(lam, 0.0)) * omega[:, None] if problem.viscous else lam
+        diagonal = diagonal + 2j * zeta[:, None] * by_zeta + (1j * omega * d.alpha - omega**2)[:, None]
         shapes = T @ V
         force = shapes.T @ problem.vectors[1]
         springs = [e for e in (*fitted.effects, *result.effects) if e.connection]
