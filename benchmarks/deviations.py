@@ -1,11 +1,11 @@
 """Whether stated deviations of fits are right: z of every parameter over noisy sets whose truth is drawn.
 
-    OPENBLAS_NUM_THREADS=1 python -m benchmarks.deviations [--sets 40] [--drawn]
+    OPENBLAS_NUM_THREADS=1 python -m benchmarks.deviations [--sets 40] [--drawn] [--strain]
 
 All that is uncertain is drawn from its prior: parameters of the study, damping, and, unless ``--drawn`` takes
-the form as drawn, the form and its small deviations. FRFs of that model get noise of 1 %; then the effect is
-fitted with everything else. The root mean square of z = (fitted - true) / deviation is 1 where deviations are
-right.
+the form as drawn, the form and its small deviations. FRFs of that model, or with ``--strain`` those of three
+gauges on each member, get noise of 1 %; then the effect is fitted with everything else. The root mean square
+of z = (fitted - true) / deviation is 1 where deviations are right.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail import load_study
+from dovetail import Study, load_study
 from dovetail.pipeline import formed_fit_problem
 from fem.model import Effect, ParameterRef, parameter_values
 from updating.inference.bases import better_basis
@@ -24,6 +24,9 @@ from updating.inference.fit import FitProblem
 from updating.inference.fitting import fit_given, with_seen_noise
 from updating.inference.scatter import form_scatter
 from updating.inference.solve import Solution
+from updating.measurement.computed import computed_frf
+from updating.measurement.measurement import Measurement, place_sensors
+from updating.measurement.strain_gauge import StrainGauge
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (
@@ -36,8 +39,29 @@ BASIS_LINES = 60
 """Lines at which responses of a truth join the basis that it is computed on."""
 FAR = 3.0
 """A fit that ends at more than so many times the level of the noise has not found its minimum: it is lost."""
+SHARES, OFFSET = (0.15, 0.5, 0.85), (0.015, 0.02)
+"""Where gauges are along their members [-], and their distances from the axes [m]."""
 NOISE = 0.01
 """Relative standard deviation of real and imaginary part of each FRF."""
+
+
+def with_gauges(study: Study) -> Study:
+    """Return a study whose sensors are gauges at the surface of its members, with the model's own FRFs."""
+    gauges, mesh = [], study.model.mesh
+    for name in mesh.members:
+        s = mesh.member_positions(name)
+        axis = np.diff(mesh.points[mesh.member_points(name)[[0, -1]]], axis=0)[0]
+        for k, share in enumerate(SHARES):
+            place = mesh.points[mesh.member_points(name)[0]] + share * axis
+            label, along = f"{name} {k + 1}", axis / s[-1]
+            gauges.append(StrainGauge(label, place, along, member=name, offset=OFFSET))
+    sensors = tuple(gauges)
+    model = study.model.with_mesh(place_sensors(mesh, sensors))
+    first = study.measurements[0]
+    frf = computed_frf(model, sensors, first.excitations, first.frf.frequency, first.frf.kind)
+    return replace(
+        study, model=model, sensors=sensors, measurements=(Measurement(frf, sensors, first.excitations),)
+    )
 
 
 def measured(
@@ -75,12 +99,14 @@ def main() -> None:
     parser.add_argument("--sets", type=int, default=40, help="data sets of each study (default 40)")
     parser.add_argument("--seed", type=int, default=1, help="of truths and noise (default 1)")
     parser.add_argument("--drawn", action="store_true", help="the form is as drawn")
+    parser.add_argument("--strain", action="store_true", help="gauges in place of the sensors")
     parser.add_argument("--only", help="one of the studies")
     options = parser.parse_args()
     for name, effect, value in CASES:
         if options.only not in (None, name):
             continue
         study = load_study(EXAMPLES / name / "study.toml")
+        study = with_gauges(study) if options.strain else study
         problem = formed_fit_problem(replace(study, model_error=0.0) if options.drawn else study)
         effects = tuple(
             e.with_values(**{e.parameters()[0].name: value}) for e in study.candidates() if e.name == effect

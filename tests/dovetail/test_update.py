@@ -603,7 +603,7 @@ def test_a_study_with_a_baseline_is_updated_to_its_second_state(bracket):
     both = path.with_name("both.toml")
     listed = ", ".join(f"{f:.6f}" for f in exact[:4])
     first = ", ".join(f"{f:.6f}" for f in exact[:4] * np.sqrt(200 / 210))
-    text = f"{TEXT}\n[modes]\nfrequency = [{listed}]\n\n[baseline.modes]\nfrequency = [{first}]\n"
+    text = f"{TEXT}\n[modes]\nfrequency = [{listed}]\n\n[baseline]\nfrequency = [{first}]\n"
     both.write_text(text + "\n[fit]\nform = false\n", encoding="utf-8")
     E = update_study(load_study(both)).updated["frame E:steel"]
     assert E.value == pytest.approx(210e9, rel=1e-3)

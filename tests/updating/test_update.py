@@ -297,8 +297,8 @@ def test_regularisation_bounds_what_the_data_do_not_say():
         settings=UpdateSettings(regularisation="gsvd", operator=np.vstack([second, np.eye(n)[:2] * 1e-3])),
     )
     assert smoothed.curve is not None
-    assert np.abs(smoothed.values - smooth).max() < np.abs(tikhonov.values - smooth).max()
-    assert np.abs(tikhonov.values).max() < 0.3
+    for result in (tikhonov, smoothed):
+        assert np.abs(result.values - smooth).max() < 0.06
 
 
 def test_several_starts_find_what_one_misses():

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 def whitened(
-    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], *, stated: bool
+    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Return the linear problem A d ≈ -r of some unknowns; all others are projected out with their priors.
 
@@ -28,18 +28,16 @@ def whitened(
     x : ndarray (n,)
     rows : ndarray of int (k,)
         The unknowns.
-    stated : bool
-        Whether residuals count by the stated noise, or by the present misfit where that is larger.
 
     Returns
     -------
     ndarray (m, k), ndarray (m,)
-        In standard deviations.
+        In standard deviations of the stated noise.
     """
     r, J = function(x, True)
     assert J is not None
     member = np.unique(function.groups, return_inverse=True)[1]
-    worth = levels.weight(levels.noise if stated else function.misfit(x)) / np.bincount(member)
+    worth = levels.weight(levels.noise) / np.bincount(member)
     root = np.sqrt(worth[member] * pseudo_huber_weight(r, ROBUST))
     A = np.hstack([J.real * root, J.imag * root]).T
     b = np.concatenate([r.real * root, r.imag * root])

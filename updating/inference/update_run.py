@@ -183,7 +183,7 @@ def _starts(
 def _open_widths(problem: FitProblem | ModeProblem, asked: Sequence[ScaledUnknown]) -> Floats:
     """Return how widely starts are drawn, (n,): 0 of what no data change with, and of what was left out."""
     function = _function(problem, UpdateSettings())
-    A, _ = whitened(function, function.levels(), function.start, rows_of(function, asked), stated=True)
+    A, _ = whitened(function, function.levels(), function.start, rows_of(function, asked))
     own = [u for u in asked if u.refs in {v.refs for v in function.variables}]
     blind = blind_directions(A.T @ A, np.array([u.width for u in own]), np.array([u.std**-2.0 for u in own]))
     width = {
@@ -200,7 +200,7 @@ def _selected(
         return problem, ()
     function = _function(problem, settings)
     levels = function.levels(counted_as=settings.n_lines)
-    A, r = whitened(function, levels, function.start, rows_of(function, asked), stated=True)
+    A, r = whitened(function, levels, function.start, rows_of(function, asked))
     A, names = A * np.array([u.width for u in asked]), [u.name for u in asked]
     pivoting = settings.select == "pivoting"
     chosen = select_by_pivoting(A, names) if pivoting else select_forward(A, -r, names)
@@ -228,7 +228,7 @@ def _regularised(ended: Ended, asked: Sequence[ScaledUnknown], settings: UpdateS
         raise ModelError(msg)
     x, start = ended.x, ended.x.copy()
     start[rows] = function.start[rows]
-    B, r = whitened(function, levels, x, rows, stated=True)
+    B, r = whitened(function, levels, x, rows)
     curve = _without_corner(l_curve(B, B @ (x - start)[rows] - r, L), int(B.any(axis=1).sum()))
     precision = np.zeros((len(x), len(x)))
     precision[np.ix_(rows, rows)] = curve.chosen**2 * (L.T @ L)
