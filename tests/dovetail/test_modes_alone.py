@@ -164,7 +164,8 @@ def test_the_found_study_gives_the_reported_error(tmp_path, capsys):
     assert [e["name"] for e in result["effects"]] == ["point_mass:mast"]
     for key in ("fit", "held_out"):
         error = result["frequency_error"]["found"][key]
-        assert compared["frequency_error"][key] == pytest.approx(error, rel=5e-3)
+        # the basis may err by 3 % of the deviations
+        assert compared["frequency_error"][key] == pytest.approx(error, abs=0.03 * 1e-3)
     by_mode = zip(result["modes"], compared["modes"], strict=True)
     assert all(b["zeta_computed"] == pytest.approx(a["zeta_found"], rel=1e-3) for a, b in by_mode)
     assert found.diagnose().verdict == "nothing missing"

@@ -122,7 +122,7 @@ def test_of_very_many_lines_every_second_is_kept(monkeypatch):
 def test_every_figure_is_made(live):
     assert live.failures == []
     names = "model staircase map-fitted map-final misfit frf frf-error modes probability"
-    names += " ranking-1 ranking-2"  # of the effect, and beside it
+    names += " ranking-1"
     assert set(live.known) == set(names.split())
 
 

@@ -17,7 +17,7 @@ from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior
-from updating.inference import preparation
+from updating.inference import formed, preparation
 from updating.inference.bases import BASIS_SHARE
 
 
@@ -73,7 +73,7 @@ def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_onc
 
 
 def test_elements_are_cut_where_the_mesh_leaves_much_beside_the_noise(monkeypatch):
-    monkeypatch.setattr(begin, "with_higher_mass", lambda model: model)
+    monkeypatch.setattr(formed, "with_higher_mass", lambda model: model)
     case = make_case(5)
     alone = ["member_density"]
     coarse = run(case, kinds=alone, model_error=0.0)

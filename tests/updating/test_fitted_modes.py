@@ -77,7 +77,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     assert "connections_ratio" not in result._damping(replace(CURVE, connections=False), unknowns[:2])
 
     fit = SimpleNamespace(values={}, std={}, zeta=unknowns, covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
-    problem = SimpleNamespace(nuisances=(), damping=CURVE)
+    problem = SimpleNamespace(nuisances=(), damping=CURVE, reduced=SimpleNamespace(model=None))
 
     def rows(model):
         d = SimpleNamespace(problem=problem, steps=[SimpleNamespace(result=fit)], model=model, baseline=None)

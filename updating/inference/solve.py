@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from fem.summary import fields_summary
-from updating.inference.determined import SEEN
-from updating.inference.unknowns import WIDTH
 from updating.least_squares.costs import Costs
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
@@ -17,6 +15,8 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
 
 
+ROUNDING = 1e-7
+"""Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
 TOLERANCE = 5e-3
 """A fit ends when a step gains less [nats]."""
 
@@ -213,7 +213,7 @@ class _Posterior:
         g, A = self.normal(r, J, self.worth(point.misfit))
         g = g + self.prior.slope(point.x)
         # What neither data nor priors hold would follow rounding.
-        free = ~np.isfinite(self.prior.std) & (np.diag(A) < (SEEN / WIDTH) ** 2)
+        free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
         return _Derived(g, A, r, J)
 
