@@ -12,6 +12,10 @@ from tests.frames import MAST
 UNCERTAIN = """
 [fit]
 form = false
+
+[uncertain]
+E = 0
+rho = 0
 [update]
 to = ["frequencies"]
 
