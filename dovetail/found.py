@@ -1,5 +1,6 @@
 """``found.toml``: the study with the model that a run reports, ready to be compared, run and updated."""
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -102,15 +103,15 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
     if not measured:
         return text
     text = with_values(text, {("measurements", 0, "compared"): compared})
-    return with_form_of_damping(text, study, reported.problem)
+    return with_viscous(text, reported.problem.viscous)
 
 
-def with_form_of_damping(text: str, study: Study, problem: FitProblem) -> str:
-    """Return the text of a study with the form of damping between resonances that a fit has chosen."""
-    (first, *_) = study.measurements or study.amplitudes
-    if problem.viscous == first.viscous:
+def with_viscous(text: str, viscous: bool) -> str:
+    """Return the text of a study with FRFs with the form of damping between resonances of a fit."""
+    first = tomllib.loads(text)["measurements"][0]
+    if first.get("viscous", False) == viscous:
         return text
-    return with_values(text, {("measurements", 0, "viscous"): problem.viscous})
+    return with_values(text, {("measurements", 0, "viscous"): viscous})
 
 
 def mode_found_text(result: ModeRunResult, folder: Path) -> str:

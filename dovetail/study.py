@@ -22,9 +22,8 @@ from dovetail.file.effects import candidate_named, candidates_of, with_given_val
 from dovetail.file.faults import tilted
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
-from dovetail.file.toml import with_values
 from dovetail.file.writing import rebased_values
-from dovetail.found import text_with_model
+from dovetail.found import text_with_model, with_viscous
 from dovetail.mode_result import ModeRunResult
 from dovetail.modes_pipeline import (
     diagnose_study_modes,
@@ -451,8 +450,8 @@ class Study(config.Study):
         text = text_with_model(
             self, path.parent, values, damping, [e.rebased(self.model) for e in effects], self.faults, changes
         )
-        if any(m.viscous for m in (*self.measurements, *self.amplitudes)):
-            text = with_values(text, {("measurements", 0, "viscous"): True})
+        if measured := self.measurements or self.amplitudes:
+            text = with_viscous(text, measured[0].viscous)
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
             names = ", ".join(unnamed)

@@ -69,9 +69,8 @@ class BootstrapModel:
                 "show; give priors in place of the regularisation"
             )
             raise ModelError(msg)
-        if isinstance(problem, FitProblem):
-            fitted = updated.fitted
-            problem = replace(problem, scatter=form_scatter(problem, fitted, fitted.size))
+        fitted = updated.fitted
+        problem = replace(problem, scatter=form_scatter(problem, fitted, fitted.size))
         return cls(updated, problem, seed)
 
     @property
@@ -128,13 +127,11 @@ class BootstrapModel:
             phi = (at.outputs.T @ mode.vector)[known]
             psi = shapes[known, i]
             psi = phi * (phi.conj() @ psi) / (phi.conj() @ phi)
-            psi = psi if np.iscomplexobj(shapes) else psi.real
-            noise = (
-                rng.standard_normal((2, known.sum()))
-                if np.iscomplexobj(shapes)
-                else rng.standard_normal(known.sum())
-            )
-            error = noise[0] + 1j * noise[1] if np.iscomplexobj(shapes) else noise
+            error = rng.standard_normal(known.sum())
+            if np.iscomplexobj(shapes):
+                error = error + 1j * rng.standard_normal(known.sum())
+            else:
+                psi = psi.real
             size = np.linalg.norm(psi)
             psi = psi + scale * size * targets.shape_std[i] / np.sqrt(known.sum()) * error
             shapes[known, i] = psi / np.linalg.norm(psi)

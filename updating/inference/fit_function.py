@@ -18,6 +18,7 @@ from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
+from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
 from updating.inference.unknowns import ScaledUnknown, by_unknowns, values_at
 from updating.least_squares.costs import Costs
@@ -247,6 +248,12 @@ class FitFunction:
     def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the robust mean squares of the residuals of each group, (n_groups,)."""
         return self.mean_by_group(pseudo_huber(self(x, False)[0], ROBUST))
+
+    def quadratic(self, x: NDArray[np.float64], levels: Costs) -> Quadratic:
+        """Return the mean squares of all groups near x as quadratic functions of the unknowns' changes."""
+        r, J = self(x, True)
+        assert J is not None
+        return Quadratic.of(r, J, np.unique(self.groups, return_inverse=True)[1], ROBUST, levels)
 
     def noise(self) -> NDArray[np.float64]:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""

@@ -16,7 +16,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import with_modes
-from updating.inference.marginal import Quadratic, by_size, log_evidence, mixed
+from updating.inference.marginal import by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.scatter import Scatter, form_scatter
 from updating.inference.solve import TOLERANCE, Report, Solution
@@ -254,15 +254,8 @@ def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tup
 
 def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0) -> FitResult:
     """Return a solution with its log evidence and covariance, by Laplace's approximation."""
-    x = solution.x
-    r, J = function(x, True)
-    assert J is not None
-    scatter = function.scatter
-    member = np.unique(function.groups, return_inverse=True)[1]
-    levels = function.levels(counted_as=counted_as)
-    off, std = function.prior_at(x)
-    off, std = np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
-    near = Quadratic.of(r, J, member, ROBUST, levels)
+    x, scatter, levels = solution.x, function.scatter, function.levels(counted_as=counted_as)
+    (off, std), near = _proper_prior(function, x), function.quadratic(x, levels)
     v, size = near.v, None
     if scatter is None or not scatter.sizes:
         normal = near.normal(levels.weight(v), std)
@@ -280,12 +273,17 @@ def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0
     return replace(result, log_evidence=evidence, levels=levels, misfit=v, size=size)
 
 
+def _proper_prior(function: FitFunction, x: Floats) -> tuple[Floats, Floats]:
+    """Return how far x is from the priors' means, and their deviations, ``FLAT`` for none, (n,) each."""
+    off, std = function.prior_at(x)
+    return np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
+
+
 def _density(
     function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], factors: Floats
 ) -> float:
     """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant."""
-    off, std = function.prior_at(x)
-    off, std = np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
+    off, std = _proper_prior(function, x)
     own = np.tile(std, (len(factors), 1))
     own[:, rows] *= factors[:, None]
     prior = -0.5 * ((off / own) ** 2).sum(axis=1) - np.log(own).sum(axis=1)

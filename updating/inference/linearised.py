@@ -54,10 +54,7 @@ def whitened(
 
 def stated_quadratic(function: FitFunction, levels: Costs, x: Floats) -> tuple[Floats, Floats]:
     """Return slopes (n,) and curvature (n, n) at x of the cost with residuals counted by their noise."""
-    r, J = function(x, True)
-    assert J is not None
-    member, prior = np.unique(function.groups, return_inverse=True)[1], function.prior()
-    near = Quadratic.of(r, J, member, ROBUST, levels)
+    prior, near = function.prior(), function.quadratic(x, levels)
     worth, std = levels.weight(levels.noise), np.minimum(prior.std, FLAT)
     off = np.where(np.isfinite(prior.std), x - prior.mean, 0.0)
     return worth @ near.slope + off / std**2, near.normal(worth, std)
@@ -86,10 +83,7 @@ def covariance_of(
     held : ndarray of bool (n,)
         Unknowns that are held, as at a bound: their rows are 0.
     """
-    r, J = function(x, True)
-    assert J is not None
-    member = np.unique(function.groups, return_inverse=True)[1]
-    near = Quadratic.of(r, J, member, ROBUST, levels)
+    near = function.quadratic(x, levels)
     A = near.normal(levels.weight(near.v), std)
     return split_covariance(A if precision is None else A + precision, widths_of(function), std**-2.0, held)
 

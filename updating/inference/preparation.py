@@ -217,35 +217,6 @@ def nominal_ratio(
     return NominalRatio(d, LEAST_RATIO if given else NOMINAL_RATIO, other, connections)
 
 
-def counted_data(
-    model: Model,
-    measurement: Measurement,
-    band: tuple[float, float] | None = None,
-    model_error: float = EXPLAINED_LEVEL,
-) -> FitData:
-    """Return measured FRFs with the values of them that count, as in every comparison with the model.
-
-    Parameters
-    ----------
-    model : Model
-        With a point of the mesh at every sensor.
-    measurement : Measurement
-    band : (float, float), optional
-        Frequencies that count [Hz].
-    model_error : float
-        As for :func:`build_problem`.
-
-    Raises
-    ------
-    MeasurementError
-        If all FRFs are zero.
-    """
-    model = with_instruments(model, measurement.sensors, measurement.excitations)
-    frf = measurement.frf.select(band=band) if band else measurement.frf
-    reduced, curve, _ = _reduced(model, measurement, frf, 0.5, False, None)
-    return _prepared(reduced, curve, measurement, band, model_error)
-
-
 def prepared_like(
     problem: FitProblem, measurement: Measurement, band: tuple[float, float] | None = None
 ) -> FitData:

@@ -97,15 +97,9 @@ def update_fitted(
     return result_of(ended, model, asked, tuple(path), starts, left_out, settings)
 
 
-def _at_end(
-    problem: FitProblem | ModeProblem,
-    result: FitResult,
-    settings: UpdateSettings,
-) -> Ended:
+def _at_end(problem: FitProblem | ModeProblem, result: FitResult, settings: UpdateSettings) -> Ended:
     """Return where a fit ended, with the function of all lines there."""
-    small = problem
-    if isinstance(problem, FitProblem):
-        small = replace(problem, scatter=form_scatter(problem, result, result.size))
+    small = replace(problem, scatter=form_scatter(problem, result, result.size))
     function = _function(small, settings)
     levels, x = function.levels(counted_as=settings.n_lines), function.moved_to(result)
     return Ended(problem, function, levels, result, x, None, None)
