@@ -21,8 +21,35 @@ Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class EndChanges:
+    """What outputs, or inputs, may read besides their own combinations of DOFs, each by a size x.
+
+    Attributes
+    ----------
+    of : ndarray of int (k,)
+        The output or input that reads it.
+    along : ndarray (r + p, k)
+        What it reads for x = 1, as combinations of the basis's columns.
+    """
+
+    of: NDArray[np.int64]
+    along: Floats
+
+    def added_to(self, ends: Floats, sizes: Floats) -> Floats:
+        """Return outputs or inputs (r, n) with the changes of some sizes (k,)."""
+        if not sizes.any():
+            return ends
+        out = ends.copy()
+        np.add.at(out.T, self.of, (self.along * sizes).T)
+        return out
+
+
+NO_ENDS = EndChanges(np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Deviations:
-    """What may deviate, each by a size x: stiffness along forces, losses along forces, losses of elements.
+    """What may deviate, each by a size x: stiffness, losses, losses of elements, and what ends read.
 
     Attributes
     ----------
@@ -32,26 +59,31 @@ class Deviations:
         Forces s that add i x s sᵀ.
     elements : tuple of tuple of Contribution
         Each adds i x D.
+    outputs, inputs : EndChanges
     """
 
     stiff: Floats
     lossy: Floats
     elements: tuple[tuple[Contribution, ...], ...] = ()
+    outputs: EndChanges = NO_ENDS
+    inputs: EndChanges = NO_ENDS
 
     @property
-    def n_losses(self) -> int:
-        """Number of deviations of losses."""
-        return self.lossy.shape[1] + len(self.elements)
+    def sizes(self) -> tuple[int, ...]:
+        """Number of deviations of each sort, in their order."""
+        counts = self.stiff.shape[1], self.lossy.shape[1], len(self.elements)
+        return (*counts, len(self.outputs.of), len(self.inputs.of))
 
     def __len__(self) -> int:
         """Return the number of all."""
-        return self.stiff.shape[1] + self.n_losses
+        return sum(self.sizes)
 
 
 class DeviatingFRF(ParametricFRF):
     """Receptances as a function of parameter values and of the sizes of deviations, which stand behind them.
 
-    Frequencies shift exactly. Losses change each mode exactly, and couple modes to first order.
+    Frequencies shift and ends change exactly. Losses change each mode exactly, and couple modes to first
+    order.
 
     Parameters
     ----------
@@ -64,8 +96,12 @@ class DeviatingFRF(ParametricFRF):
         T, project = self.reduced.basis.T, self.reduced.project
         self._stiff, self._lossy = ((T.T @ s)[self.active] for s in (deviations.stiff, deviations.lossy))
         self._elements = [self.restrict(project(parts)) for parts in deviations.elements]
-        ends = np.cumsum([len(self.refs), self._stiff.shape[1], self._lossy.shape[1], len(self._elements)])
-        self._own = [slice(first, last) for first, last in pairwise(ends)]
+        bounds = np.cumsum([len(self.refs), *deviations.sizes])
+        self._own = [slice(first, last) for first, last in pairwise(bounds)]
+        self._changes = [
+            EndChanges(e.of, e.along[self.active] if len(e.of) else np.zeros((len(self.active), 0)))
+            for e in (deviations.outputs, deviations.inputs)
+        ]
         self._dense: Floats | None = None
         self._constant: tuple[NDArray[np.float32], Floats] | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
@@ -80,13 +116,19 @@ class DeviatingFRF(ParametricFRF):
 
     def losses(self, values: Floats) -> Floats | None:
         """Return the sum of all losses, (r, r)."""
-        _, along, elements = self._own
-        if not values[along.start :].any():
+        _, along, elements, *_ = self._own
+        if not values[along.start : elements.stop].any():
             return None
         out = (self._lossy * values[along]) @ self._lossy.T
         if self._dense is None and self._elements:
             self._dense = np.stack([term.dense("D") for term in self._elements])
         return out if self._dense is None else out + np.tensordot(values[elements], self._dense, axes=1)
+
+    def ends(self, values: Floats) -> tuple[Floats, Floats]:
+        """Return outputs and inputs with their changes."""
+        both = zip(self._changes, super().ends(values), self._own[3:], strict=True)
+        outputs, inputs = (change.added_to(ends, values[own]) for change, ends, own in both)
+        return outputs, inputs
 
     def _derivatives(
         self,
@@ -103,9 +145,10 @@ class DeviatingFRF(ParametricFRF):
         many small ones at the places of the parameters.
         """
         n_lines, n_in, n_out = len(self.omega), self.inputs.shape[1], self.outputs.shape[1]
-        inward, size = _real_and_imaginary(times(state.V, Xi))
-        outward, other = _real_and_imaginary(times(state.V, state.solve(self.outputs, transposed=True)))
-        size = -size * other
+        inward, of_inward = _real_and_imaginary(times(state.V, Xi))
+        outputs, _ = self.ends(values)
+        outward, of_outward = _real_and_imaginary(times(state.V, state.solve(outputs, transposed=True)))
+        size = -of_inward * of_outward
         rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
         n = stack.shape[1]
         forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
@@ -125,6 +168,17 @@ class DeviatingFRF(ParametricFRF):
                 ui, uo = (_complex(*(X @ along).transpose(2, 3, 0, 1)) for X in (inward, outward))
                 ui *= (size * factor).astype(np.complex64)[:, None]
                 dH[own] = uo[:, :, :, None] * ui[:, :, None, :]
+        sides = (inward, of_inward), (outward, of_outward)
+        for k, (change, (moved, scale)) in enumerate(zip(self._changes, sides, strict=True)):
+            if not change.of.size:
+                continue
+            read = _complex(*(moved @ change.along.astype(np.float32)).transpose(2, 3, 0, 1))
+            read *= scale.astype(np.complex64)[:, None]
+            row, own = np.arange(len(change.of)), dH[self._own[3 + k]]
+            if k == 0:
+                own[row, :, change.of] = read
+            else:
+                own[row, :, :, change.of] = read
         slopes: Any = dH
         if zeta.ndim > 1:
             slopes[n_refs] -= slopes[n_refs + 1]  # all but the connections are damped as members
@@ -178,7 +232,7 @@ class DeviatingFRF(ParametricFRF):
             return H
         between = state.V.T @ losses @ state.V
         np.fill_diagonal(between, 0.0)
-        return H - state.read(self.outputs, 1j * times(between, Xi), [])[0]
+        return H - state.read(self.ends(values)[0], 1j * times(between, Xi), [])[0]
 
 
 def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:

@@ -292,6 +292,10 @@ class ParametricFRF:
         """Return small losses X, (r, r), that are not among the matrices and add i X to Z; None without."""
         return None
 
+    def ends(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return outputs (r, n_out) and inputs (r, n_in) at some values."""
+        return self.outputs, self.inputs
+
     def slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
         """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
         slopes = [(i, term) for i, _, term in self._linear]
@@ -345,7 +349,7 @@ class ParametricFRF:
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
             state, total, alone = self.solve(values, zeta)
-            self._last = (at, state, state.solve(self.inputs), total, alone)
+            self._last = (at, state, state.solve(self.ends(values)[1]), total, alone)
         _, state, Xi, total, alone = self._last
         H = self.read(values, state, Xi)
         if not gradient:
@@ -356,7 +360,7 @@ class ParametricFRF:
         self, values: NDArray[np.float64], state: ModalSolution, Xi: NDArray[np.complex128]
     ) -> NDArray[np.complex128]:
         """Return the receptances (n_freq, n_out, n_in) of a state with the responses Xi to the inputs."""
-        return np.moveaxis(times((state.V.T @ self.outputs).T, Xi), 2, 0)
+        return np.moveaxis(times((state.V.T @ self.ends(values)[0]).T, Xi), 2, 0)
 
     def _derivatives(
         self,

@@ -29,12 +29,16 @@ from updating.inference.solve import Solution
 from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unknowns
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
+from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
     from updating.inference.scatter import Scatter
 
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
+
+FULL_LINES = 100
+"""Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +111,22 @@ class FitProblem:
         return outputs, inputs
 
     @property
+    def misread(self) -> NDArray[np.float64]:
+        """Changes of the readings of sensors and excitations by errors, on the basis's columns, (r, n, 5).
+
+        Computed once.
+        """
+        m = self.data.measurement
+        channels = (*m.sensors, *m.excitations)
+        model = self.reduced.model
+
+        def made() -> NDArray[np.float64]:
+            return np.hstack([c.misread(model) for c in channels])
+
+        on_basis = self.reduced.projected(("misread", channels), made)[1]
+        return on_basis.reshape(len(on_basis), len(channels), N_ERRORS)
+
+    @property
     def _ends(self) -> tuple[NDArray[np.float64], ...]:
         """Sensors and excitations as combinations of DOFs, and of the basis's columns (computed once)."""
         ends = (tuple(each) for each in (self.data.measurement.sensors, self.data.measurement.excitations))
@@ -123,6 +143,7 @@ class FitProblem:
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
         deviations: Deviations | None = None,
+        channels: NDArray[np.float64] | None = None,
     ) -> ParametricFRF:
         """Return the sensors' receptances as a function of parameters.
 
@@ -138,8 +159,13 @@ class FitProblem:
             Keys of constraints that are released besides those that the candidates release.
         deviations : Deviations, optional
             Their sizes stand behind the parameters.
+        channels : ndarray (n_sensors + n_excitations, 5), optional
+            Errors of the channels; none unless given.
         """
         *_, outputs, inputs = self._ends
+        if channels is not None and channels.any():
+            moved = np.einsum("rne,ne->rn", self.misread, channels)
+            outputs, inputs = outputs + moved[:, : outputs.shape[1]], inputs + moved[:, outputs.shape[1] :]
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
             self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
@@ -212,13 +238,13 @@ class FitProblem:
         return self.reduced.impedance(key, omega2)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
-        """Return the fitted model's receptances as the sensors would read them, at some or all lines."""
+        """Return the fitted model's receptances as the sensors read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         if any(e.amplitude_dependent for e in result.effects):
             return self.steady(result, lines).H
         f = self.data.frequency[lines]
         refs = list(result.values)
-        engine = self.engine(f, refs, result.effects)
+        engine = self.engine(f, refs, result.effects, channels=result.channels)
         zeta = self.damping.ratio(f, result.zeta)
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         return H

@@ -23,6 +23,7 @@ from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solutio
 from updating.inference.unknowns import ScaledUnknown, by_unknowns, values_at
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
+from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
@@ -114,6 +115,10 @@ class FitFunction:
         frequency, refs = self.problem.data.frequency[self.lines], self.refs
         none = np.zeros((self.problem.reduced.model.n_dof, 0))
         deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
+        if self.scatter is not None and self.scatter.channels is not None:
+            n_out = len(self.problem.data.measurement.sensors)
+            outputs, inputs = self.scatter.channels.changes(self.problem.misread, n_out)
+            deviations = replace(deviations, outputs=outputs, inputs=inputs)
         return self.problem.engine(frequency, refs, self.effects, deviations=deviations)
 
     @cached_property
@@ -220,8 +225,12 @@ class FitFunction:
             if v.ref[0] not in added and v.ref in result.values:
                 x[k] = v.to_x(result.values[v.ref])
         x[damping] = np.log(result.zeta)
-        if len(result.scatter) == len(x[scatter]):
-            x[scatter] = result.scatter / self._scatter_std
+        if self.scatter is not None:
+            n = len(x) - self.scatter.n_channels
+            if len(result.scatter) == n - scatter.start:
+                x[scatter.start : n] = result.scatter / self._scatter_std[: n - scatter.start]
+            if self.scatter.channels is not None:
+                x[n:] = self.scatter.channels.sizes(result.channels)
         return x
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
@@ -267,7 +276,10 @@ class FitFunction:
 
     def errors(self, x: NDArray[np.float64]) -> Errors:
         """Return how far computed FRFs are from the measured ones."""
-        x = np.where(np.arange(len(x)) < self._parts[2].start, x, 0.0)  # a model has no such deviations
+        # A model has no such deviations, but channels have.
+        n = len(x) - (0 if self.scatter is None else self.scatter.n_channels)
+        rows = np.arange(len(x))
+        x = np.where((rows < self._parts[2].start) | (rows >= n), x, 0.0)
         r, weight = self(x, False)[0], self.problem.data.weight[self.lines][self.keep]
         known = weight > 0
         return Errors(frf_db=float(np.sqrt(((r.real[known] / weight[known]) ** 2).mean()) * DB_PER_NEPER))
@@ -345,10 +357,15 @@ class FitFunction:
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
         zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
+        n, channels = len(x), np.zeros((0, N_ERRORS))
+        if self.scatter is not None and self.scatter.channels is not None:
+            m = self.problem.data.measurement
+            n -= self.scatter.n_channels
+            channels = self.scatter.channels.errors(x[n:], len(m.sensors) + len(m.excitations))
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
             solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
-            scatter=x[scatter] * self._scatter_std,
+            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start], channels=channels,
         )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from fem.model import Effect, ParameterRef
 from fem.summary import counted, listed, summary
 from updating.inference.solve import Solution
 from updating.least_squares.costs import Costs
+from updating.measurement.channel_errors import N_ERRORS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +40,9 @@ class FitResult:
         Negative log likelihood of the lines held out, as that of the fitted ones is minimised [-]; NaN unless
         it was assessed.
     scatter : ndarray (n,)
-        The small deviations that varied too [-].
+        The small deviations that varied too, but those of channels [-].
+    channels : ndarray (n_sensors + n_excitations, 5)
+        Errors of the channels that varied, as of :class:`ChannelErrors`; empty where none did.
     log_evidence : float
         ln p(data | model), up to a constant that all models on the same lines share; NaN without a fit.
     levels : Costs or None
@@ -62,6 +65,7 @@ class FitResult:
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
     scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    channels: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
     log_evidence: float = np.nan
     levels: Costs | None = None
     misfit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

@@ -12,7 +12,7 @@ from fem.model import Effect, parameter_values
 from updating.correlation import log_ratio
 from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.damped import continuation_of, damped
-from updating.inference.fit import FitProblem
+from updating.inference.fit import FULL_LINES, FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import with_modes
@@ -24,8 +24,6 @@ from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 
 Floats = NDArray[np.float64]
-FULL_LINES = 100
-"""Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
 FULL: dict[str, Any] = {"n_lines": FULL_LINES}
 QUICK_LINES = 40
 """Lines of quick fits."""

@@ -12,6 +12,7 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.patches import refined_on_patches, with_turning
 from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
+from updating.inference.scatter import channel_scatter
 from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import Measurement
 
@@ -96,6 +97,8 @@ def formed_problem(
     every = (*problem.nuisances, *own)
     reduced = build(formed, every).reduced
     whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
+    if model_error > 0:  # damped or not, near or far: channels err in every fit
+        whole = replace(whole, scatter=channel_scatter(whole))
     return whole, Formed(model, formed, own, left[0], n, before)
 
 

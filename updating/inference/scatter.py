@@ -1,11 +1,11 @@
-"""Small deviations that every model has: of frequencies and damping.
+"""Small deviations that every model and every test have: of frequencies, damping, and channels.
 
 Beams against real structures differ mostly in frequencies. Each mode, and each member, dissipates by some per
-cent more or less than a smooth damping curve says; of a joint's dissipation less is known. Thousands of lines
-see that.
+cent more or less than a smooth damping curve says; of a joint's dissipation less is known. Sensors sit and
+point a little otherwise than a test's description says. Thousands of lines see that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,65 @@ from scipy.linalg import eigh
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
-from fem.reduction.deviations import Deviations
+from fem.reduction.deviations import Deviations, EndChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fit import FitProblem
+from updating.inference.fit import FULL_LINES, FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 N_SIZES = 5
 """Number of sizes of eigenvalues' shifts that are compared."""
+CHANNEL_LINES = 40
+"""Lines that say which errors of channels data can know."""
+LEAST_KNOWN = 0.3
+"""An error of a channel that changes the data by less than this does not vary [standard deviations of them].
+
+It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at most."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelScatter:
+    """Errors of channels that data can know, in combinations that are independent beforehand.
+
+    Attributes
+    ----------
+    of : ndarray of int (k,)
+        Number of the channel of each, excitations behind sensors; rising.
+    units : ndarray (k, 5)
+        Errors of that channel for a standard deviation of each combination, as of :class:`ChannelErrors`.
+    std : ndarray (5,)
+        Standard deviations of these.
+    """
+
+    of: NDArray[np.int64]
+    units: Floats
+    std: Floats
+
+    def changes(self, misread: Floats, n_out: int) -> tuple[EndChanges, EndChanges]:
+        """Return what the combinations change of n_out outputs, and of inputs.
+
+        ``misread`` (r, n, 5) is what a unit of each error of each channel does on the basis's columns.
+        """
+        along = np.einsum("rke,ke->rk", misread[:, self.of], self.units)
+        first = self.of < n_out
+        inputs = EndChanges(self.of[~first] - n_out, along[:, ~first])
+        return EndChanges(self.of[first], along[:, first]), inputs
+
+    def errors(self, x: Floats, n: int) -> Floats:
+        """Return the errors (n, 5) of all channels from the sizes (k,) of the combinations."""
+        out = np.zeros((n, self.units.shape[1]))
+        np.add.at(out, self.of, x[:, None] * self.units)
+        return out
+
+    def sizes(self, errors: Floats) -> Floats:
+        """Return the sizes (k,) of the combinations in errors (n, 5) of all channels; 0 without any."""
+        if not len(errors):
+            return np.zeros(len(self.of))
+        squares = np.maximum(self.std, 1e-300) ** 2
+        return (self.units * errors[self.of] / squares).sum(axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +92,15 @@ class Scatter:
         Standard deviations of the other deviations [-].
     sizes : tuple of float
         What ``eigenvalue`` may be, each as probable as the others.
+    channels : ChannelScatter, optional
+        Their deviations are the last.
     """
 
     deviations: Deviations
     eigenvalue: float
     losses: Floats
     sizes: tuple[float, ...] = ()
+    channels: ChannelScatter | None = None
 
     @property
     def shifts(self) -> NDArray[np.int64]:
@@ -58,7 +110,14 @@ class Scatter:
     @property
     def std(self) -> Floats:
         """Standard deviations of all deviations, (n,)."""
-        return np.append(np.full(len(self.shifts), self.eigenvalue), self.losses)
+        return np.concatenate(
+            [np.full(len(self.shifts), self.eigenvalue), self.losses, np.ones(self.n_channels)]
+        )
+
+    @property
+    def n_channels(self) -> int:
+        """Number of deviations of channels."""
+        return 0 if self.channels is None else len(self.channels.of)
 
 
 def form_scatter(
@@ -66,8 +125,8 @@ def form_scatter(
 ) -> Scatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
-    Of the modes' damping, and of their eigenvalues where the form is not said to be right; none in fits to
-    modes, whose errors they are.
+    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right;
+    none in fits to modes, whose errors they are.
 
     Parameters
     ----------
@@ -85,7 +144,12 @@ def form_scatter(
         return scatter_of(problem, result, damping, 0.0)
     sizes = share * np.geomspace(*FORM_MODES, N_SIZES)
     middle = float(sizes[N_SIZES // 2])
-    return scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes))
+    return with_channels(
+        problem,
+        result,
+        scatter_of(problem, result, damping, middle if size is None else size, tuple(sizes)),
+        share,
+    )
 
 
 def scatter_of(
@@ -131,6 +195,66 @@ def scatter_of(
     std = [np.full(modes.shape[1], damping), np.full(len(members), damping * own), of_joints]
     lossy = modes * np.sqrt(loss)
     return Scatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
+
+
+def channel_scatter(problem: FitProblem) -> Scatter | None:
+    """Return the errors of channels alone that data can know, at the nominal model."""
+    none = np.zeros((problem.reduced.model.n_dof, 0))
+    return with_channels(problem, problem.nominal(), Scatter(Deviations(none, none), 0.0, np.zeros(0)))
+
+
+def with_channels(
+    problem: FitProblem, result: FitResult, scatter: Scatter | None, share: float = 1.0
+) -> Scatter | None:
+    """Return small deviations with the errors of channels that data can know, at a fitted model.
+
+    For each channel the left singular vectors of what a standard deviation of its errors changes, counted as
+    if nothing but noise were left.
+    """
+    std = share * problem.data.measurement.errors.std
+    if scatter is None or not std.any():
+        return scatter
+    changed, weight = _misread(problem, result)
+    of, units = [], []
+    for k, (change, counts) in enumerate(zip(changed, weight, strict=True)):
+        S = std[:, None] * change.reshape(len(std), -1) * counts.ravel()
+        U, s, _ = np.linalg.svd(np.hstack([S.real, S.imag]), full_matrices=False)
+        known = U[:, s > LEAST_KNOWN].T * std
+        of += [k] * len(known)
+        units.append(known)
+    return replace(scatter, channels=ChannelScatter(np.array(of, dtype=np.int64), np.concatenate(units), std))
+
+
+def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], list[Floats]]:
+    """Return what a unit of each error of each channel does to ln H, and what that counts, by channels.
+
+    (5, n_lines, n_in) and (n_lines, n_in) of sensors, then with n_out of excitations.
+    """
+    lines = problem.lines_up_to(np.inf, CHANNEL_LINES)
+    data, refs, f = problem.data, list(result.values), problem.data.frequency[lines]
+    engine = problem.engine(f, refs, result.effects, channels=result.channels)
+    values, zeta = np.array([result.values[r] for r in refs]), problem.damping.ratio(f, result.zeta)
+    state, _, _ = engine.solve(values, zeta)
+    Xi, Xo = (state.solve(engine.inputs), state.solve(engine.outputs, transposed=True))
+    H = engine.read(values, state, Xi)
+    misread = np.tensordot(state.V.T, problem.misread[engine.active], axes=1)
+    n_out = H.shape[1]
+    of_outputs = np.einsum("roe,rif->oefi", misread[:, :n_out], Xi, optimize=True)
+    of_inputs = np.einsum("rie,rof->iefo", misread[:, n_out:], Xo, optimize=True)
+    by = np.where(H != 0, 1 / np.where(H != 0, H, 1.0), 0.0)
+    function = problem.function((), (), lines)
+    levels, member = (
+        function.levels(counted_as=FULL_LINES),
+        np.unique(function.groups, return_inverse=True)[1],
+    )
+    worth = np.zeros(H.shape)
+    worth[function.keep] = (levels.weight(levels.noise) / np.bincount(member))[member]
+    counts = data.weight[lines] * np.sqrt(worth)
+    outputs = [of_outputs[k] * by[:, k] for k in range(n_out)]
+    inputs = [of_inputs[k] * by[:, :, k] for k in range(H.shape[2])]
+    if not data.phase:  # amplitudes alone are known
+        outputs, inputs = ([x.real + 0j for x in side] for side in (outputs, inputs))
+    return [*outputs, *inputs], [*(counts[:, k] for k in range(n_out)), *np.moveaxis(counts, 2, 0)]
 
 
 def _forces(problem: FitProblem, engine: ParametricFRF, total: dict[str, Any]) -> tuple[Floats, Floats]:

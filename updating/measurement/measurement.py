@@ -13,6 +13,14 @@ from fem.effects.moving_base import MovingBase, base_moved
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of
 from fem.summary import counted, span, summary
+from updating.measurement.channel_errors import (
+    DIRECTION,
+    GAIN,
+    N_ERRORS,
+    POSITION,
+    USUAL,
+    ChannelErrors,
+)
 from updating.measurement.noise import noise_from_coherence
 
 MOTION, STRAIN = "motion", "strain"
@@ -80,6 +88,35 @@ class Sensor:
             row[ground.dofs] = -self.gain * (ground.directions @ np.asarray(self.direction))
         return row
 
+    @property
+    def axes_across(self) -> NDArray[np.float64]:
+        """Two unit vectors (2, 3) across the direction; the three are right-handed."""
+        d = np.asarray(self.direction, dtype=float)
+        t = np.linalg.svd([d])[2][1]
+        return np.array([t, np.cross(d, t)])
+
+    def misread(self, model: Model) -> NDArray[np.float64]:
+        """Return the change of the reading for a unit of each error of :class:`ChannelErrors`, (n_dof, 5).
+
+        Turned towards t it reads θ t·u besides, to first order; shifted by s, d·(φ × s), as sections stay
+        plane. One that does not read the motion of a point has an error of its gain alone.
+
+        Raises
+        ------
+        MeasurementError
+            As :func:`sensor_rows`.
+        """
+        out = np.zeros((model.n_dof, N_ERRORS))
+        out[:, GAIN] = self.row(model)[:, None]
+        if not self.directed:
+            return out
+        axes = self.axes_across
+        out[:, DIRECTION] = np.stack([replace(self, direction=t).row(model) for t in axes], axis=1)
+        if not self.body:  # the motion of a body is that of its centre
+            turns = dofs_of(sensor_point(model.mesh, self))[3:]
+            out[turns, POSITION] = self.gain * np.cross(axes, self.direction).T
+        return out
+
     def placed(self, mesh: Mesh, tolerance: float) -> Mesh:
         """Return a mesh with the points that the reading needs: one at the sensor.
 
@@ -135,6 +172,8 @@ class BaseMotion(Sensor):
     acceleration [-], as mobility a velocity [s] and as receptance a displacement [s²]. Its point is where
     pictures mark it.
     """
+
+    directed: ClassVar[bool] = False
 
     def row(self, model: Model) -> NDArray[np.float64]:
         """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
@@ -210,6 +249,8 @@ class Measurement:
         than with that of a loss factor.
     held_out : tuple of (float, float)
         Bands that no fit sees, ends included; without any, fits leave every fourth block of lines out [Hz].
+    errors : ChannelErrors
+        How far sensors and excitations may be from what they are said to be.
     """
 
     frf: FRF
@@ -225,6 +266,7 @@ class Measurement:
     phase: bool = True
     viscous: bool = False
     held_out: tuple[tuple[float, float], ...] = ()
+    errors: ChannelErrors = USUAL
 
     def __repr__(self) -> str:
         """Return the file, the FRFs and their noise, as far as it is known, on one line."""
@@ -503,7 +545,7 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     """
     cosine = float(np.dot(sensor.direction, excitation.direction))
     near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
-    alike = sensor.directed and excitation.directed and not isinstance(excitation, BaseMotion)
+    alike = sensor.directed and excitation.directed
     return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
 

@@ -71,7 +71,9 @@ class Scan:
         function = problem.function(current.effects, starts, lines)
         f, refs, measured = data.frequency[lines], list(current.values), data.H[lines]
         values, zeta = np.array([current.values[r] for r in refs]), problem.damping.ratio(f, current.zeta)
-        changes = LocalChanges.of(problem.engine(f, refs, current.effects), values, zeta)
+        changes = LocalChanges.of(
+            problem.engine(f, refs, current.effects, channels=current.channels), values, zeta
+        )
         H, keep = changes.H, function.keep
         along = H / np.where(H != 0, np.abs(H), 1.0)
         measured = measured if data.phase else measured * along

@@ -552,7 +552,7 @@ class Look:
         if released not in self._solved:
             p, base = self.problem, self.base
             f, refs = p.data.frequency[self.lines], list(base.values)
-            engine = p.engine(f, refs, base.effects, released)
+            engine = p.engine(f, refs, base.effects, released, channels=base.channels)
             zeta = p.damping.ratio(f, base.zeta)
             self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]

@@ -44,6 +44,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
+from updating.measurement.channel_errors import N_ERRORS
 
 DOUBT_NATS = 15.0
 """An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
@@ -316,7 +317,9 @@ class Search:
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
-            now = replace(damped.problem.at_nominal(now), scatter=np.zeros(0))
+            now = replace(
+                damped.problem.at_nominal(now), scatter=np.zeros(0), channels=np.zeros((0, N_ERRORS))
+            )
         beside = self.fit_beside(base.effects)
         springs = self.springs(key_of(beside))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
@@ -728,7 +731,7 @@ class Search:
         each = [m.covariance + np.outer(m.x - x, m.x - x) for m in apart]
         covariance = np.tensordot(weight / weight.sum(), np.stack(each), axes=1)
         result = function.result(replace(best.solution, x=x, covariance=covariance))
-        evidence = {k: getattr(best, k) for k in ("log_evidence", "levels", "misfit", "size")}
+        evidence = {k: getattr(best, k) for k in ("log_evidence", "levels", "misfit", "size", "channels")}
         self.known[h.key] = Hypothesis(replace(result, **evidence), h.prior)
         return self.known[h.key]
 
