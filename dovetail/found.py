@@ -4,9 +4,11 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dovetail.file.channel_errors import channel_error_values
 from dovetail.file.config import Study
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
@@ -25,6 +27,7 @@ from fem.model import Damping, Effect, Model, ParameterRef
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import Connections, fitted_damping
+from updating.measurement.measurement import Measurement
 from updating.quality.corrections import Fault
 
 
@@ -103,15 +106,21 @@ def reported_text(reported: Reported, folder: Path, compared: str) -> str:
     if not measured:
         return text
     text = with_values(text, {("measurements", 0, "compared"): compared})
-    return with_viscous(text, reported.problem.viscous)
+    return with_test(text, test_of(reported.problem, reported.result))
 
 
-def with_viscous(text: str, viscous: bool) -> str:
-    """Return the text of a study with FRFs with the form of damping between resonances of a fit."""
-    first = tomllib.loads(text)["measurements"][0]
-    if first.get("viscous", False) == viscous:
-        return text
-    return with_values(text, {("measurements", 0, "viscous"): viscous})
+def test_of(problem: FitProblem, result: FitResult) -> Measurement:
+    """Return the measurement of a fit with the form of damping and errors of channels that it has found."""
+    measurement = replace(problem.data.measurement, viscous=problem.viscous)
+    return measurement.with_channel_errors(result.channels)
+
+
+def with_test(text: str, measurement: Measurement) -> str:
+    """Return the text of a study with FRFs with the form of damping and the errors of channels of a fit."""
+    values: dict[Any, Any] = channel_error_values(measurement)
+    if tomllib.loads(text)["measurements"][0].get("viscous", False) != measurement.viscous:
+        values["measurements", 0, "viscous"] = measurement.viscous
+    return with_values(text, values)
 
 
 def mode_found_text(result: ModeRunResult, folder: Path) -> str:

@@ -23,7 +23,7 @@ from dovetail.file.faults import tilted
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
-from dovetail.found import text_with_model, with_viscous
+from dovetail.found import test_of, text_with_model, with_test
 from dovetail.mode_result import ModeRunResult
 from dovetail.modes_pipeline import (
     diagnose_study_modes,
@@ -416,8 +416,11 @@ class Study(config.Study):
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
         if isinstance(problem, FitProblem):
+            test = test_of(problem, result)
             for key in ("measurements", "amplitudes"):
-                more[key] = tuple(replace(m, viscous=problem.viscous) for m in getattr(self, key))
+                more[key] = tuple(
+                    replace(m, viscous=test.viscous, errors=test.errors) for m in getattr(self, key)
+                )
         if found:
             more["measurements"] = tuple(set_right(m, found) for m in more["measurements"])
             more["sensors"] = tilted(self.sensors, found)
@@ -451,7 +454,7 @@ class Study(config.Study):
             self, path.parent, values, damping, [e.rebased(self.model) for e in effects], self.faults, changes
         )
         if measured := self.measurements or self.amplitudes:
-            text = with_viscous(text, measured[0].viscous)
+            text = with_test(text, measured[0])
         unnamed = [e.name for e in self.added if e.name not in self._candidate_names(e.kind)]
         if unnamed:
             names = ", ".join(unnamed)

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.file.config import Study, read_study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
-from dovetail.found import text_with_model, values_in, with_viscous
+from dovetail.found import test_of, text_with_model, values_in, with_test
 from dovetail.identified import as_measured, modes_in
 from dovetail.modes_pipeline import mode_problem_and_model, targets_of
 from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
@@ -215,7 +215,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
         text_with_model(study, place, values, damping, effects, ()) for place in (study.path.parent, folder)
     )
     if isinstance(updated.problem, FitProblem):
-        there = with_viscous(there, updated.problem.viscous)
+        there = with_test(there, test_of(updated.problem, updated.fitted))
     return there, tuple(_left_unsaid(here, study, updated, values | _values_of(effects), damping is not None))
 
 

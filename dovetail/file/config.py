@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.ambient import read_ambient
+from dovetail.file.channel_errors import read_channel_errors
 from dovetail.file.connections import (
     read_constraints,
     read_joints,
@@ -77,6 +78,7 @@ from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
+from updating.measurement.channel_errors import ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor, with_moving_base, with_sensor_masses
 from updating.quality.corrections import Fault
 
@@ -111,6 +113,7 @@ TABLES = (
     "excitations",
     "measurements",
     "faults",
+    "channel_errors",
     "modes",
     "baseline",
     "states",
@@ -431,6 +434,9 @@ class _Reader:
             baseline = match_modes(raw, sensors, self.measured_notes)
         return baseline
 
+    def _channel_errors(self, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> ChannelErrors:
+        return read_channel_errors(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
+
     def _baseline_frfs(
         self,
         measured: Sequence[Measurement],
@@ -459,7 +465,7 @@ class _Reader:
             rows = [c for c in sensors if c.find(frf.outputs) is not None]
             columns = [c for c in excitations if c.find(frf.inputs) is not None]
             (one,) = match(raw, rows, columns, faults, notes)
-            baseline = one
+            baseline = one = replace(one, errors=self._channel_errors(sensors, excitations))
             if measured:
                 f = measured[0].frf.frequency
                 baseline = one.with_frf(one.frf.select(band=(float(f[0]), float(f[-1]))))
@@ -581,7 +587,10 @@ class _Reader:
         measurements, modes, faults = (), None, ()
         with self._attempt("measurements"):
             faults = read_faults(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
-            measurements = match(raw, sensors, excitations, faults, notes)
+            errors = self._channel_errors(sensors, excitations)
+            measurements = tuple(
+                replace(m, errors=errors) for m in match(raw, sensors, excitations, faults, notes)
+            )
         with self._attempt("measurements"):
             modes = match_modes(raw_modes, sensors, self.measured_notes)
         return measurements, modes, faults

@@ -93,8 +93,9 @@ class LevelProblem(FitProblem):
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
         deviations: Deviations | None = None,
+        channels: NDArray[np.float64] | None = None,
     ) -> ParametricFRF:
-        """Return the receptances at all levels as a function of parameters; there are no deviations."""
+        """Return the receptances at all levels as a function of parameters, without small deviations."""
         assert deviations is None or deviations.stiff.shape[1] + deviations.lossy.shape[1] == 0
         return LevelEngine(self, frequency, refs, effects, release)
 

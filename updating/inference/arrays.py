@@ -54,7 +54,17 @@ def frf_data(
             return frf if noise is None else replace(frf, scatter=_level(noise, frf.frf.H.shape))
         outputs = frf.sensors if outputs is None else outputs
         inputs = frf.excitations if inputs is None else inputs
-        known = ("name", "phase", "coherence", "averages", "scatter", "compared", "held_out", "viscous")
+        known = (
+            "name",
+            "phase",
+            "coherence",
+            "averages",
+            "scatter",
+            "compared",
+            "held_out",
+            "viscous",
+            "errors",
+        )
         own = {key: getattr(frf, key) for key in known}
         frf = frf.frf
     labelled = isinstance(frf, FRF)

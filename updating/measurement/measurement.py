@@ -334,6 +334,24 @@ class Measurement:
         )
 
     @property
+    def channel_errors(self) -> NDArray[np.float64]:
+        """Known errors of sensors and excitations behind them, (n_sensors + n_excitations, 5)."""
+        none = (0.0,) * N_ERRORS
+        known = [self.errors.sensors.get(s.name, none) for s in self.sensors]
+        known += [self.errors.excitations.get(e.name, none) for e in self.excitations]
+        return np.array(known)
+
+    def with_channel_errors(self, errors: NDArray[np.float64]) -> "Measurement":
+        """Return a measurement whose channels have known errors, as :attr:`channel_errors` gives them."""
+        n = len(self.sensors)
+        groups = ((self.sensors, errors[:n]), (self.excitations, errors[n:]))
+        sensors, excitations = (
+            {c.name: tuple(row) for c, row in zip(channels, rows.tolist(), strict=False) if any(row)}
+            for channels, rows in groups
+        )
+        return replace(self, errors=replace(self.errors, sensors=sensors, excitations=excitations))
+
+    @property
     def noise(self) -> NDArray[np.float64] | None:
         """Estimated relative noise of ln|H|, (n_freq, n_out, n_in); None without an estimate [-].
 

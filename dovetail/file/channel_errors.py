@@ -1,0 +1,43 @@
+"""``[channel_errors]`` of a study file: how well a test's sensors and excitations are described."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dovetail.file.table import Table, suggest
+from updating.measurement.channel_errors import N_ERRORS, USUAL, ChannelErrors
+from updating.measurement.measurement import Measurement, Sensor
+
+TABLE = "channel_errors"
+
+
+def read_channel_errors(
+    top: Table, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> ChannelErrors:
+    """Read ``[channel_errors]``: standard deviations, and the errors that an earlier fit has found."""
+    t = top.table(TABLE)
+    direction = t.number("direction", float(np.degrees(USUAL.direction)), least=0.0, unit="°")
+    position = t.number("position", USUAL.position, least=0.0, unit="m")
+    gain = t.number("gain", USUAL.gain, least=0.0, unit="-")
+    known = [
+        _known(t.table(key), [c.name for c in channels])
+        for key, channels in (("sensors", sensors), ("excitations", excitations))
+    ]
+    t.finish()
+    return ChannelErrors(position, float(np.radians(direction)), gain, *known)
+
+
+def _known(t: Table, names: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    out = {}
+    for name in t.values:
+        if name not in names:
+            t.refuse(name, f"there is no such channel; {suggest(name, names)}")
+        out[name] = tuple(t.vector(name, size=N_ERRORS, unit="-, rad, rad, m, m").tolist())
+    return out
+
+
+def channel_error_values(measurement: Measurement) -> dict[tuple[str, ...], object]:
+    """Return what a study file says of the errors that a fit has found, by place."""
+    errors = measurement.errors
+    known = {"sensors": errors.sensors, "excitations": errors.excitations}
+    return {(TABLE, key): dict(values) for key, values in known.items() if values}
