@@ -14,6 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.modes_beside import ModesBeside, beside_dict
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
+from updating.diagnosis.departures import FAR, Departure
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
@@ -36,8 +37,11 @@ CONNECTIONS_POWER = "power of the frequency in that ratio"
 """How it calls the power of the frequency that their damping goes with."""
 
 
-FAR = 2.5
-"""An uncertain parameter that moved by more prior standard deviations is pointed out [-]."""
+GAIN_ERROR, TURNED, SHIFTED = "gain too large by", "turned towards", "shifted along"
+"""Errors of channels in words."""
+CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
+ALONG_AXIS = 0.999
+"""Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
     "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
     "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
@@ -197,6 +201,8 @@ def uncertain_of(
                 effect.where if effect.is_form else "",
             )
         )
+    if isinstance(problem, FitProblem):
+        out += channels_of(problem, final)
     if not damped:
         return tuple(out)
     curve = problem.damping
@@ -215,6 +221,34 @@ def uncertain_of(
         before, after, prior, std = map(float, known)
         out.append(Uncertain(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
     return tuple(out)
+
+
+def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
+    """Return the errors of channels that are farther from the test's description than its accuracy says."""
+    m, out = problem.data.measurement, []
+    prior = m.errors.std
+    for number, (channel, values, stds) in enumerate(
+        zip((*m.sensors, *m.excitations), final.channels, final.channels_std, strict=False)
+    ):
+        sort = "sensor" if number < len(m.sensors) else "excitation"
+        words = [
+            GAIN_ERROR,
+            *(f"{sort_of} {_axis(t)}" for sort_of in (TURNED, SHIFTED) for t in channel.axes_across),
+        ]
+        for word, unit, value, before, std in zip(words, CHANNEL_UNITS, values, prior, stds, strict=True):
+            moved = Uncertain(
+                f"{sort} {channel.name}: {word}", unit, 0.0, float(value), float(before), float(std), False
+            )
+            out += [moved] if moved.far else []
+    return out
+
+
+def _axis(t: NDArray[np.float64]) -> str:
+    """Return a direction in words: an axis, or its components."""
+    k = int(np.argmax(np.abs(t)))
+    if abs(t[k]) > ALONG_AXIS:
+        return f"{'+' if t[k] > 0 else '−'}{'xyz'[k]}"
+    return "(" + ", ".join(f"{c:.2f}" for c in t) + ")"
 
 
 def program_version() -> str:
@@ -271,7 +305,20 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "form": [_departure(f) for f in d.departures],
         "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
+    }
+
+
+def _departure(d: Departure) -> dict[str, Any]:
+    return {
+        "where": d.where,
+        "parameter": d.parameter,
+        "change": d.value,
+        "std": d.std,
+        "prior_std": d.prior_std,
+        "probability": d.probability,
+        "rivals": [{"effects": [e.name for e in effects], "probability": p} for effects, p in d.rivals],
     }
 
 

@@ -240,6 +240,10 @@ class Effect(ABC):
         if "__repr__" not in cls.__dict__:  # otherwise a dataclass would print all of its arrays
             cls.__repr__ = effect_summary
 
+    def odd_beyond(self, parameter: str) -> float:
+        """Return the change of a parameter from which on a form is odd, whatever its prior [its unit]."""
+        return float("inf")
+
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the parameters that may be estimated, with their present values."""

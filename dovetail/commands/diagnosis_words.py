@@ -23,6 +23,7 @@ def found_lines(d: "Diagnosis") -> list[str]:
             out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
     sure = probability_text(d)
     out += [f"  {text}" for text in (sure, words.far_text(uncertain_parameters(d))) if text]
+    out += [f"  Form: {words.departure_text(f)}" for f in d.departures]
     return out + [f"  {words.fault_text(f)}" for f in d.faults]
 
 

@@ -26,12 +26,19 @@ def answer(result: RunResult, shown: Shown) -> Markup:
         probability_text(d),
         d.reason,
         words.far_text(result.uncertain),
+        [f"Form: {words.departure_text(f)}." for f in d.departures],
     )
     return first_screen(result.study, box, _staircase(result, shown), _structure(result, shown))
 
 
 def verdict_box(
-    verdict: str, headline: str, values: Sequence[str], sure: str, reason: str, doubt: str = ""
+    verdict: str,
+    headline: str,
+    values: Sequence[str],
+    sure: str,
+    reason: str,
+    doubt: str = "",
+    form: Sequence[str] = (),
 ) -> Markup:
     """Return the verdict in words, with values, probability, reason, and what speaks for caution."""
     return tag(
@@ -41,6 +48,7 @@ def verdict_box(
         *(tag("p", value, class_="value") for value in values),
         tag("p", sure, class_="value probability") if sure else "",
         tag("p", f"{reason[:1].upper()}{words.directions(reason[1:])}.", class_="why"),
+        *(tag("p", text, class_="value doubt") for text in form),
         tag("p", doubt, class_="value doubt") if doubt else "",
         class_=f"verdict {CLASS.get(verdict, 'unexplained')}",
     )

@@ -8,6 +8,8 @@ from dataclasses import replace
 from dovetail.mode_result import ModeRunResult, mode_findings
 from dovetail.result import RunResult, Uncertain, added_parameters
 from fem.model import Effect, Parameter
+from fem.summary import percent
+from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
@@ -153,6 +155,38 @@ def added_text(effect: Effect, fit: FitResult | None) -> str:
     """Return an effect that was added by hand, with its values, on one line."""
     values = parameters_text(added_parameters(effect, fit))
     return f"{effect.name} ({place(effect.where)}), {values}" if values else effect.name
+
+
+_INSIDE = {"u": "", "plane": " in the plane of its members"}
+"""What is stiffer or softer of a connection, by the parameter of its form: the logarithm of a factor."""
+_SECTION = {
+    "A": "mass per length", "Iy": "bending stiffness about y", "Iz": "bending stiffness about z",
+    "J": "torsional stiffness", "shear": "shear flexibility", "mass": "mass of its inside",
+}  # fmt: skip
+"""What is larger or smaller of a section or connection, by the parameter of its form."""
+
+
+def departure_text(d: Departure) -> str:
+    """Return what the form of a section or connection has taken, with what could stand in its place."""
+    more = f"farther from what is usual than such forms differ, with probability {percent(d.probability)}"
+    if d.parameter in _INSIDE:
+        change = with_unit(100 * math.expm1(d.value), "%", 100 * math.exp(d.value) * min(d.std, 3.0))
+        what = f"the inside of the connection is stiffer by {change}{_INSIDE[d.parameter]}"
+        if d.value < 0:
+            what = what.replace("stiffer", "softer").replace("−", "")
+    else:
+        change = with_unit(100 * abs(d.value), "%", 100 * d.std)
+        what = f"{_SECTION.get(d.parameter, d.parameter)} {change} {'more' if d.value > 0 else 'less'} than drawn"
+    text = f"{place(d.where)}: {what}, {more}"
+    if not d.rivals:
+        return text
+    others = "; ".join(f"{label_of_effects(effects)} ({percent(p)})" for effects, p in d.rivals)
+    return f"{text}. In its place could be: {others}"
+
+
+def label_of_effects(effects: Sequence[Effect]) -> str:
+    """Return kinds and places of effects on one line."""
+    return " and ".join(effect_label(e.kind, e.where) for e in effects)
 
 
 def far_text(parameters: Sequence[Uncertain]) -> str:

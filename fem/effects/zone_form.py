@@ -24,6 +24,10 @@ SOFTEST = -0.2
 """The same at least: connections of finite size are stiffer than centre lines."""
 IN_PLANE = 2.0
 """Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
+TWICE = float(np.log(2.0))
+"""Logarithm of the factor of stiffness beyond which the surroundings of a joint are odd [-]."""
+AT_JOINT = "joint "
+"""Beginning of the name of a place that is a joint."""
 _MESHES = 2
 """Number of frames and meshes whose masses an effect keeps."""
 _ALONG = 0.94
@@ -65,6 +69,10 @@ class ZoneForm(OnStretches):
     mass: Any = 0.0
     plane: Any = 0.0
     heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
+
+    def odd_beyond(self, parameter: str) -> float:
+        """Return the logarithm of a factor of stiffness that is odd of what surrounds a joint."""
+        return TWICE if parameter != "mass" and self.place.startswith(AT_JOINT) else np.inf
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the logarithm of the stiffness, the mass and, in a plane, that of bending in it."""
@@ -139,7 +147,7 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
         if known:
             known[0].update(ends)
         else:
-            groups[min(ends)] = (set(ends), f"joint {pair.name}")
+            groups[min(ends)] = (set(ends), f"{AT_JOINT}{pair.name}")
     taken: dict[str, list[tuple[float, float]]] = {}
     for number, (points, place) in enumerate(groups.values()):
         arms = [arm for p in sorted(points) for arm in at.get(p, ())]

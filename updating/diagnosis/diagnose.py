@@ -17,6 +17,7 @@ from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
+from updating.diagnosis.departures import departed
 from updating.diagnosis.diagnosis import (
     CALIBRATED,
     DAMPED,
@@ -212,6 +213,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
         with_last_faults(gates, done.proposed_faults, faults), search.candidates,
         searched=done, posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
+        departures=departed(done, problem, current),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
+from updating.diagnosis.departures import Departure
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding, Ranked, Step
 from updating.inference.fit import FitProblem
@@ -68,6 +69,8 @@ class Diagnosis:
         The search that led to it.
     baseline : CalibratedFrfs or None
         The fit to an earlier state, where the change since then was searched for.
+    departures : tuple of Departure
+        What the form of the model has taken.
     """
 
     verdict: str
@@ -91,6 +94,7 @@ class Diagnosis:
     places: tuple[tuple[str, float], ...] = ()
     searched: Searched | None = None
     baseline: CalibratedFrfs | None = None
+    departures: tuple[Departure, ...] = ()
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""

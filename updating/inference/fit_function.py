@@ -357,15 +357,17 @@ class FitFunction:
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
         zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
-        n, channels = len(x), np.zeros((0, N_ERRORS))
+        n, channels, apart = len(x), np.zeros((0, N_ERRORS)), np.zeros((0, N_ERRORS))
         if self.scatter is not None and self.scatter.channels is not None:
-            m = self.problem.data.measurement
-            n -= self.scatter.n_channels
-            channels = self.scatter.channels.errors(x[n:], len(m.sensors) + len(m.excitations))
+            known, n = self.scatter.channels, n - self.scatter.n_channels
+            n_ends = self.problem.misread.shape[1]
+            channels = known.errors(x[n:], n_ends)
+            apart = known.deviations(solution.covariance[n:, n:], n_ends)
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
             solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
             scatter=(x[scatter] * self._scatter_std)[: n - scatter.start], channels=channels,
+            channels_std=apart,
         )  # fmt: skip
 
 

@@ -41,8 +41,9 @@ class FitResult:
         it was assessed.
     scatter : ndarray (n,)
         The small deviations that varied too, but those of channels [-].
-    channels : ndarray (n_sensors + n_excitations, 5)
-        Errors of the channels that varied, as of :class:`ChannelErrors`; empty where none did.
+    channels, channels_std : ndarray (n_sensors + n_excitations, 5)
+        Errors of the channels, as of :class:`ChannelErrors`, and their standard deviations; empty where none
+        varied.
     log_evidence : float
         ln p(data | model), up to a constant that all models on the same lines share; NaN without a fit.
     levels : Costs or None
@@ -66,6 +67,7 @@ class FitResult:
     unseen: float = np.nan
     scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     channels: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
+    channels_std: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
     log_evidence: float = np.nan
     levels: Costs | None = None
     misfit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

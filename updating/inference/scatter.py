@@ -68,6 +68,18 @@ class ChannelScatter:
         np.add.at(out, self.of, x[:, None] * self.units)
         return out
 
+    def deviations(self, covariance: Floats, n: int) -> Floats:
+        """Return the standard deviations (n, 5) of the errors of all channels.
+
+        ``covariance`` (k, k) is that of the combinations' sizes. What data cannot know keeps its prior's.
+        """
+        out = np.tile(self.std**2, (n, 1))
+        for channel in np.unique(self.of):
+            k = np.flatnonzero(self.of == channel)
+            less = np.eye(len(k)) - covariance[np.ix_(k, k)]
+            out[channel] -= np.einsum("ke,kl,le->e", self.units[k], less, self.units[k])
+        return np.sqrt(np.maximum(out, 0.0))
+
     def sizes(self, errors: Floats) -> Floats:
         """Return the sizes (k,) of the combinations in errors (n, 5) of all channels; 0 without any."""
         if not len(errors):

@@ -34,6 +34,8 @@ class Budget:
         A hypothesis is fitted fully from at most so many values.
     n_rivals : int
         Candidates that are fitted in the place of each found effect.
+    n_departures, n_beside_form : int
+        Parts of the form that left what forms do, in whose place effects are fitted, and so many for each.
     checked : bool
         Whether faults of the measurement are looked for, rivals are fitted in the place of what was found,
         and that from other values, too.
@@ -56,6 +58,8 @@ class Budget:
     n_final: int = 3
     most_fits: int = 3
     n_rivals: int = 6
+    n_departures: int = 3
+    n_beside_form: int = 2
     checked: bool = True
 
 

@@ -259,7 +259,7 @@ def searched(begun: Searched, progress: Progress) -> Searched:
             going = [each for each in going if each[0] is not search]
     progress("refining", 0.9)
     best, *others = sorted(ways, key=lambda way: -way.search.best.score)
-    best = replace(best, best=best.search.polished(best.search.best))
+    best = replace(best, best=best.search.polished(best.search.beside_form(best.search.best)))
     return replace(best, otherwise=replace(others[0], otherwise=None) if others else None)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.departures import departures
 from updating.diagnosis.evidence.absence import gains_without
 from updating.diagnosis.evidence.blocks import Block
 from updating.diagnosis.evidence.budget import NORMAL, Budget
@@ -447,6 +448,33 @@ class Search:
                 self.simplified(twin)
         return max((k for k in self.known.values() if k.effects), key=lambda k: k.score)
 
+    def beside_form(self, h: Hypothesis) -> Hypothesis:
+        """Return the best of a hypothesis and those with an effect in place of what its form has taken.
+
+        A form that left what forms do, and effects at its place, are rivals: each such effect is looked at
+        with that part of the form as drawn, and the best are fitted with all of it free.
+        """
+        free = self.fits.free(h)
+        if not self.budget.checked or not isinstance(free, FitProblem):
+            return h
+        kept, wanted = values_of(h.effects), []
+        for d in departures(free, h.fitted)[: self.budget.n_departures]:
+            near = [c for c in self.fit_beside(h.effects) if near_to(c) & d.near]
+            held = replace(free, nuisances=tuple(n for n in free.nuisances if n.refs[0][0] != d.effect.name))
+            values = {ref: v for ref, v in h.fitted.values.items() if ref[0] != d.effect.name}
+            now = replace(h.fitted, values=values)
+            found = self.fits.ranking.screened(held, now, near, lambda e: False)[: self.budget.n_beside_form]
+            wanted += [((*h.effects, s.effect), [Start((*kept, *s.starts[0].values), now)]) for s in found]
+        if not wanted:
+            return h
+        self.tell(f"fitting {len(wanted)} effects in place of what the form has taken")
+        short = self.workers.map(_shortly, (self.fits, free, h), wanted)
+        best = {each[0].key: each[0] for each in short if each}
+        fitted = self.all_full(list(best.values()))
+        for f in fitted:
+            self.say(f"   for the form {f.score - h.score:+.1f} {f.name}")
+        return max((h, *fitted), key=lambda k: k.score) if any(self.beats(f, h) for f in fitted) else h
+
     # proposals ----------------------------------------------------------------------------------------------
 
     def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
@@ -731,7 +759,10 @@ class Search:
         each = [m.covariance + np.outer(m.x - x, m.x - x) for m in apart]
         covariance = np.tensordot(weight / weight.sum(), np.stack(each), axes=1)
         result = function.result(replace(best.solution, x=x, covariance=covariance))
-        evidence = {k: getattr(best, k) for k in ("log_evidence", "levels", "misfit", "size", "channels")}
+        evidence = {
+            k: getattr(best, k)
+            for k in ("log_evidence", "levels", "misfit", "size", "channels", "channels_std")
+        }
         self.known[h.key] = Hypothesis(replace(result, **evidence), h.prior)
         return self.known[h.key]
 

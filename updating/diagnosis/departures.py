@@ -1,0 +1,101 @@
+"""Where the form of a fitted model is not as such sections and connections are: what it may have taken."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtr
+
+from fem.model import Effect
+from updating.diagnosis.evidence.hypothesis import near_to
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.unknowns import nuisance_unknowns
+
+if TYPE_CHECKING:
+    from updating.diagnosis.evidence.diagnosis import Searched
+
+FAR = 2.5
+"""Standard deviations from nominal beyond which an uncertain parameter is pointed out [-]."""
+RARE = 0.01
+"""Effects in place of the form that are less probable are not named [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Departure:
+    """A parameter of the form that a fit has moved farther than forms of its kind differ.
+
+    Attributes
+    ----------
+    effect : Effect
+        Of the form, at its fitted values.
+    parameter : str
+    value, std : float
+        A relative change, or the logarithm of a factor of stiffness [-].
+    prior_std : float
+        Of its prior about 0 [-].
+    probability : float
+        That it is farther than ``FAR`` deviations of the prior, or than forms of its kind may be [-].
+    rivals : tuple of (tuple of Effect, float)
+        Hypotheses with an effect there in place of it, and their probabilities.
+    """
+
+    effect: Effect
+    parameter: str
+    value: float
+    std: float
+    prior_std: float
+    probability: float
+    rivals: tuple[tuple[tuple[Effect, ...], float], ...] = ()
+
+    @property
+    def where(self) -> str:
+        """The section or connection."""
+        return self.effect.where
+
+    @property
+    def near(self) -> set[str]:
+        """Names of the members and connections that it acts on."""
+        return form_near(self.effect)
+
+
+def form_near(effect: Effect) -> set[str]:
+    """Return the names of the members, and of the joint or support, that an effect of the form acts on."""
+    names = {zone[0] for zone in getattr(effect, "zones", ())} | set(getattr(effect, "members", ()))
+    return names | {effect.where.partition(" ")[2]}
+
+
+def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Departure]:
+    """Return the parameters of the form that left what forms do, the farthest first."""
+    out = []
+    for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
+        effect = problem.reduced.model.effect(u.ref[0])
+        value = result.values.get(u.ref, u.nominal)
+        if not effect.is_form or not u.has_prior or not np.isfinite(value):
+            continue
+        off, prior = value - u.to_value(u.mean), u.std * u.size
+        limit = FAR * prior
+        limit = min(limit, effect.odd_beyond(u.ref[1]))
+        std = result.std.get(u.ref, 0.0)
+        if abs(off) > limit:
+            own = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
+            p = float(ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
+            out.append(Departure(effect.with_values(**own), u.ref[1], off, std, prior, p))
+    return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
+
+
+def departed(done: "Searched", problem: FitProblem | ModeProblem, result: FitResult) -> tuple[Departure, ...]:
+    """Return the departures of a result, each with the effects that a search has fitted in its place.
+
+    Of hypotheses that have more effects than the reported one, those that are not ``RARE``.
+    """
+    own, out = {e.name for e in result.effects}, []
+    for d in departures(problem, result):
+        rivals = []
+        for h in sorted(done.hypotheses, key=lambda h: -h.score):
+            more, p = tuple(e for e in h.effects if e.name not in own), done.probability(h)
+            if more and p >= RARE and own <= h.key and any(near_to(e) & d.near for e in more):
+                rivals.append((more, p))
+        out.append(replace(d, rivals=tuple(rivals)))
+    return tuple(out)
