@@ -176,7 +176,8 @@ def departure_text(d: Departure) -> str:
             what = what.replace("stiffer", "softer").replace("−", "")
     else:
         change = with_unit(100 * abs(d.value), "%", 100 * d.std)
-        what = f"{_SECTION.get(d.parameter, d.parameter)} {change} {'more' if d.value > 0 else 'less'} than drawn"
+        more_or_less = "more" if d.value > 0 else "less"
+        what = f"{_SECTION.get(d.parameter, d.parameter)} {change} {more_or_less} than drawn"
     text = f"{place(d.where)}: {what}, {more}"
     if not d.rivals:
         return text

@@ -288,7 +288,7 @@ class FitProblem:
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
         starts = [parameter_values(e) for e in result.effects]
-        function = replace(self, data=every).function(result.effects, starts, lines)
+        function = replace(self, data=every, scatter=None).function(result.effects, starts, lines)
         x = function.moved_to(result)
         if len(result.covariance) != len(x):
             return None

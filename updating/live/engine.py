@@ -229,12 +229,12 @@ class LiveModel:
         # with the forces of where the effects are now, as a crack that moves bends other places
         reduced: ReducedModel = problem.reduced.with_forces_of(result.effects)
         own = replace(problem, reduced=reduced)
-        return own.engine(self.problem.data.frequency, refs, result.effects)
+        return own.engine(self.problem.data.frequency, refs, result.effects, channels=result.channels)
 
     @staticmethod
     def _key(result: FitResult) -> tuple[Hashable, ...]:
-        """Return the key of an engine: its effects and their places."""
-        at: list[Any] = []
+        """Return the key of an engine: the errors of its channels, its effects and their places."""
+        at: list[Any] = [result.channels.tobytes()]
         for e in result.effects:
             values = parameter_values(e)
             at.append((e.name, *(values[p.name] for p in e.parameters() if p.position)))

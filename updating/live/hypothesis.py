@@ -10,6 +10,7 @@ from fem.model import Effect, ModelError, Parameter, ParameterRef, parameter_val
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.solve import Solution
+from updating.measurement.channel_errors import N_ERRORS
 from updating.measurement.held_out import Band, band_of
 from updating.quality.corrections import Fault
 
@@ -33,6 +34,8 @@ class Hypothesis:
     held_out : frozenset of str
         Channels and bands that are compared and not fitted: ``"sensor A1"``, ``"excitation E1"``,
         ``"band 120-180 Hz"``.
+    channels : ndarray (n_sensors + n_excitations, 5)
+        Errors of the channels as the last fit has found them; empty for none.
     fit : FitResult or None
         The fit that gave these values; None as soon as one of them is changed by hand.
     """
@@ -44,12 +47,13 @@ class Hypothesis:
     off: frozenset[str] = field(default_factory=frozenset)
     fit: FitResult | None = None
     held_out: frozenset[str] = field(default_factory=frozenset)
+    channels: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
 
     @classmethod
     def nominal(cls, problem: FitProblem) -> "Hypothesis":
         """Return the model as the study states it."""
         start = problem.nominal()
-        return cls((), start.values, start.zeta)
+        return cls((), start.values, start.zeta, channels=start.channels)
 
     def effect(self, name: str) -> Effect:
         """Return an added effect.
@@ -130,12 +134,16 @@ class Hypothesis:
         values = {ref: v for ref, v in self.values.items() if ref not in replaced} | own
         nothing = Solution(np.zeros(0), np.nan, np.nan, 0, True)
         zero = dict.fromkeys(values, 0.0)
-        return FitResult(nothing, values, zero, self.zeta, self.effects, np.nan, np.nan, np.nan)
+        return FitResult(
+            nothing, values, zero, self.zeta, self.effects, np.nan, np.nan, np.nan, channels=self.channels
+        )
 
     def at(self, fit: FitResult) -> "Hypothesis":
         """Return the hypothesis with the values of a fit; uncertain parameters that it held stay."""
         values = {ref: float(fit.values.get(ref, v)) for ref, v in self.values.items()}
-        return replace(self, effects=fit.effects, values=values, zeta=fit.zeta, fit=fit)
+        return replace(
+            self, effects=fit.effects, values=values, zeta=fit.zeta, channels=fit.channels, fit=fit
+        )
 
 
 def parameter_of(effect: Effect, name: str) -> Parameter:

@@ -121,7 +121,7 @@ class _Trial:
         if replaced not in self._bases:
             now = self.h.result()
             values = {ref: v for ref, v in now.values.items() if ref not in replaced}
-            engine = self.problem.engine(self.frequency, list(values), now.effects)
+            engine = self.problem.engine(self.frequency, list(values), now.effects, channels=now.channels)
             self._bases[replaced] = LocalChanges.of(engine, np.array(list(values.values())), self.zeta)
         return self._bases[replaced]
 
@@ -129,7 +129,7 @@ class _Trial:
         """Return receptances with a candidate that gives way where the model holds."""
         h, own = self.h.with_effect(effect), [p.name for p in effect.parameters()]
         refs = list(h.result().values)
-        engine = self.problem.engine(self.frequency, refs, h.effects)
+        engine = self.problem.engine(self.frequency, refs, h.effects, channels=h.channels)
         out = []
         for e in grid:
             values = {**h.result().values} | {(e.name, k): parameter_values(e)[k] for k in own}

@@ -746,7 +746,7 @@ class Search:
         fits.sort(key=lambda f: -f.score)
         best = fits[0].fitted
         # The scale of an unknown is that of its start: all are compared on the one of the best.
-        problem, values = self.fits.problem, values_of(best.effects)
+        problem, values = replace(self.fits.problem, scatter=None), values_of(best.effects)
         function = problem.function(best.effects, values, problem.lines_up_to(np.inf, FULL_LINES))
         scale = np.outer(function.units, function.units)
         apart: list[Maximum] = []
