@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
+from fem.declarations import ArmForce, Entry, Environment, Marker, Role, StaticState, Yardstick
 from fem.ground import MovingGround
 from fem.mesh import Location, Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
@@ -212,6 +212,8 @@ class Effect(ABC):
     separable : bool
         Whether its matrices are a sum of functions of one parameter each, positive ones, that are 0 at their
         nominal values.
+    environment : Environment or None
+        Situation of a structure without which it does not exist; None if it may be anywhere.
     contains : tuple of str
         Kinds of effect that it is the same as, at their place, where its further parameters are absent.
     statement : str
@@ -232,6 +234,7 @@ class Effect(ABC):
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
     separable: ClassVar[bool] = False
+    environment: ClassVar[Environment | None] = None
     contains: ClassVar[tuple[str, ...]] = ()
     entry: ClassVar[Entry | None] = None
     name: str
@@ -502,6 +505,8 @@ class Model:
         Frame, supports, joints, masses, …
     damping : Damping
         Damping of the whole structure.
+    environment : frozenset of Environment
+        Situation of the structure, as far as it is stated: which effects it may lack.
     ground : MovingGround or None
         What supports and springs to the ground rest on, if it moves.
     """
@@ -509,6 +514,7 @@ class Model:
     mesh: Mesh
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
+    environment: frozenset[Environment] = frozenset()
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
     __repr__ = model_summary
@@ -570,6 +576,10 @@ class Model:
     def with_damping(self, damping: Damping) -> "Model":
         """Return a model with other damping."""
         return replace(self, damping=damping)
+
+    def in_environment(self, *more: Environment) -> "Model":
+        """Return a model that states more of its situation."""
+        return replace(self, environment=self.environment.union(more))
 
     def with_mesh(self, mesh: Mesh) -> "Model":
         """Return a model on another mesh of the same points and members, a refined one for example."""

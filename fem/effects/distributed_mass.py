@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Environment, Marker, Role
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretch
@@ -142,6 +142,7 @@ class FluidAddedMass(OnMember):
 
     kind: ClassVar[str] = "fluid_added_mass"
     role: ClassVar[Role] = Role.MASS
+    environment: ClassVar[Environment | None] = Environment.FLUID
     marker: ClassVar[Marker | None] = Marker("octagon", "sky")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg/m]",

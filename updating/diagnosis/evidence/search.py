@@ -209,7 +209,8 @@ class Search:
     def __post_init__(
         self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
     ) -> None:
-        self.fits = Fits(problem, form, Odds.of(self.candidates, beforehand), ranking, self.budget)
+        odds = Odds.of(self.candidates, problem.reduced.model, beforehand)
+        self.fits = Fits(problem, form, odds, ranking, self.budget)
         self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
