@@ -339,6 +339,11 @@ class Effect(ABC):
         """
         return (parameter_values(self),)
 
+    def within(self, other: "Effect") -> dict[str, float]:
+        """Return the values at which an effect that it :attr:`contains` does most of the same."""
+        own = parameter_values(self)
+        return {name: own.get(name, value) for name, value in parameter_values(other).items()}
+
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
 

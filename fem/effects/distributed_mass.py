@@ -38,6 +38,7 @@ class DistributedMass(OnMember):
 
     kind: ClassVar[str] = "distributed_mass"
     role: ClassVar[Role] = Role.MASS
+    contains: ClassVar[tuple[str, ...]] = ("point_mass",)
     marker: ClassVar[Marker | None] = Marker("octagon", "green")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg/m], `position` [m], `width` [m]",
@@ -100,6 +101,10 @@ class DistributedMass(OnMember):
             for x in places
             for f in (0.03, 0.1, 0.4)
         )
+
+    def within(self, other: Effect) -> dict[str, float]:
+        """Return all its mass at its middle."""
+        return {"mass": float(np.real(self.mass * self.width)), "position": float(np.real(self.position))}
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -47,8 +47,8 @@ def propose(
 def admitted(effect: Effect | type[Effect], model: Model) -> float:
     """Return the probability before any data that a model's situation admits an effect [-].
 
-    1 where the effect may be anywhere, and where its environment is stated or an effect of the model needs it,
-    too; `updating.inference.belief.UNSTATED` has the others.
+    1 where the effect may be anywhere, and where its environment is stated or an effect of the model needs
+    it, too; `updating.inference.belief.UNSTATED` has the others.
     """
     needed = effect.environment
     stated = model.environment | {e.environment for e in model.effects}
