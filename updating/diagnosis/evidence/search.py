@@ -409,8 +409,8 @@ class Search:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
         Or of the same kind elsewhere, such as at the other end of a short piece; what it contains begins
-        where it is. Of any kind anywhere, if it does not explain the data: what is soft at one connection can stand
-        for another one.
+        where it is. Of any kind anywhere, if it does not explain the data: what is soft at one connection
+        can stand for another one.
         What is alike at several places may differ there: each of them is tried by itself, too. All that are
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
