@@ -6,7 +6,7 @@ stiffness are effects, one file each in ``fem.effects``. Effects are additive an
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -339,8 +339,14 @@ class Effect(ABC):
         """
         return (parameter_values(self),)
 
+    def covers(self, other: "Effect") -> bool:
+        """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""
+        free = {"name", *parameter_values(self), *parameter_values(other)}
+        both = {f.name for f in fields(self)} & {f.name for f in fields(other)} - free
+        return other.kind in self.contains and all(getattr(self, k) == getattr(other, k) for k in both)
+
     def within(self, other: "Effect") -> dict[str, float]:
-        """Return the values at which an effect that it :attr:`contains` does most of the same."""
+        """Return the values at which an effect that it :meth:`covers` does most of the same."""
         own = parameter_values(self)
         return {name: own.get(name, value) for name, value in parameter_values(other).items()}
 

@@ -11,7 +11,7 @@ from fem.model import parameter_values
 from fem.system import sum_contributions
 from tests.frames import cross_beam, portal
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.evidence.hypothesis import Hypothesis, contains
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Ranked
 from updating.inference.belief import TWIN_NATS
@@ -73,8 +73,8 @@ def test_a_law_with_no_more_loss_than_the_model_is_the_effect_that_it_contains(m
 def test_a_mass_on_a_stretch_becomes_the_point_mass_within_it_as_the_square_of_its_width():
     model = cross_beam(0.2)
     (wide, *_), every = DistributedMass.propose(model), propose(model, ["point_mass"])
-    (point,) = (e for e in every if contains(wide, e))
-    assert not contains(point, wide)
+    (point,) = (e for e in every if wide.covers(e))
+    assert not point.covers(wide)
     off = []
     for width in (2e-3, 1e-3):
         narrow = wide.with_values(mass=0.3 / width, position=0.17, width=width)

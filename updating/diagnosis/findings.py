@@ -7,7 +7,6 @@ import numpy as np
 
 from fem.model import Effect, Parameter
 from fem.summary import counted, quantity, summary
-from updating.diagnosis.evidence.hypothesis import contains
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 
@@ -64,7 +63,7 @@ class Ranked:
     def contains(self, other: "Ranked") -> bool:
         """Return whether it does the same as another candidate at its place, and more."""
         own, others = ([e for e in r.result.effects if e.name == r.name] for r in (self, other))
-        return any(contains(a, b) for a in own for b in others)
+        return any(a.covers(b) for a in own for b in others)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""

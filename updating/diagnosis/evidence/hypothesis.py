@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -114,20 +113,10 @@ class Odds:
         return self.prior(effects) - self.prior((*effects, *new))
 
 
-def contains(effect: Effect, other: Effect) -> bool:
-    """Return whether an effect does the same as another one at its place, and more."""
-    same = place_of(effect) == place_of(other) and _direction(effect) == _direction(other)
-    return same and other.kind in effect.contains
-
-
 def is_simpler(h: Hypothesis, other: Hypothesis) -> bool:
     """Return whether a hypothesis has nothing that another one does not have or contain, and less."""
-    here = (e.name in other.key or any(contains(o, e) for o in other.effects) for e in h.effects)
+    here = (e.name in other.key or any(o.covers(e) for o in other.effects) for e in h.effects)
     return h.key != other.key and all(here)
-
-
-def _direction(effect: Effect) -> Any:
-    return getattr(effect, "direction", None)
 
 
 def n_changes(effect: Effect) -> int:

@@ -29,7 +29,6 @@ from updating.diagnosis.evidence.hypothesis import (
     Odds,
     Start,
     Values,
-    contains,
     is_simpler,
     key_of,
     n_changes,
@@ -428,7 +427,7 @@ class Search:
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
-            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in beside if contains(e, c)]
+            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in beside if e.covers(c)]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
