@@ -47,5 +47,5 @@ def run(options: Options, progress: Progress) -> None:
             f"{e.name:{name}}  {e.where:{where}}  {', '.join(map(parameter_text, e.parameters()))}"
             for e in found
         ),
-        *(unstated_text(model) if options.kind is None and study.kinds is None else ()),
+        *(unstated_text(model) if options.kind is None else ()),
     )

@@ -139,10 +139,10 @@ def test_candidates_say_what_the_environment_makes_improbable(file, capsys):
     air = capsys.readouterr().out.splitlines()
     assert 'environment "fluid" is not stated in [candidates]; prior odds × 0.01: fluid_added_mass' in air
     assert 'environment "rotation" is not stated in [candidates]; not proposed: rotor' in air
+    text = file.read_text(encoding="utf-8")
     wet = file.parent / "wet.toml"
-    wet.write_text(
-        file.read_text(encoding="utf-8") + '\n[candidates]\nenvironment = ["fluid", "rotation"]\n', "utf-8"
-    )
+    stated = '[candidates]\nenvironment = ["fluid", "rotation"]\n'
+    wet.write_text(text.replace("[candidates]\n", stated), encoding="utf-8")
     assert main(["candidates", str(wet)]) == 0
     listed = capsys.readouterr().out
     assert "rotor:" in listed
