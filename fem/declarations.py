@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Flag, auto
+from enum import Flag, StrEnum, auto
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,6 +31,22 @@ class Role(Flag):
     def words(self) -> str:
         """The parts in words, such as ``"stiffness and dissipation"``."""
         return " and ".join(str(r.name).lower().replace("_", " ") for r in self)
+
+
+class Environment(StrEnum):
+    """Situation of a structure without which some kinds of effect do not exist: a word and its meaning."""
+
+    meaning: str
+
+    FLUID = "fluid", "a liquid around members or in them"
+    ROTATION = "rotation", "something turns while the structure is tested"
+    ELASTOMER = "elastomer", "rubber, gaskets or adhesives in connections"
+
+    def __new__(cls, word: str, meaning: str) -> "Environment":
+        """Make a member of a word and its meaning."""
+        out = str.__new__(cls, word)
+        out._value_, out.meaning = word, meaning
+        return out
 
 
 class Marker(NamedTuple):

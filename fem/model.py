@@ -6,13 +6,13 @@ stiffness are effects, one file each in ``fem.effects``. Effects are additive an
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
+from fem.declarations import ArmForce, Entry, Environment, Marker, Role, StaticState, Yardstick
 from fem.ground import MovingGround
 from fem.mesh import Location, Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
@@ -212,6 +212,8 @@ class Effect(ABC):
     separable : bool
         Whether its matrices are a sum of functions of one parameter each, positive ones, that are 0 at their
         nominal values.
+    environment : Environment or None
+        Situation of a structure without which it does not exist; None if it may be anywhere.
     contains : tuple of str
         Kinds of effect that it is the same as, at their place, where its further parameters are absent.
     statement : str
@@ -232,6 +234,7 @@ class Effect(ABC):
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
     separable: ClassVar[bool] = False
+    environment: ClassVar[Environment | None] = None
     contains: ClassVar[tuple[str, ...]] = ()
     entry: ClassVar[Entry | None] = None
     name: str
@@ -339,6 +342,17 @@ class Effect(ABC):
             by its key [N/m, N·m/rad].
         """
         return (parameter_values(self),)
+
+    def covers(self, other: "Effect") -> bool:
+        """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""
+        free = {"name", *parameter_values(self), *parameter_values(other)}
+        both = {f.name for f in fields(self)} & {f.name for f in fields(other)} - free
+        return other.kind in self.contains and all(getattr(self, k) == getattr(other, k) for k in both)
+
+    def within(self, other: "Effect") -> dict[str, float]:
+        """Return the values at which an effect that it :meth:`covers` does most of the same."""
+        own = parameter_values(self)
+        return {name: own.get(name, value) for name, value in parameter_values(other).items()}
 
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
@@ -506,6 +520,8 @@ class Model:
         Frame, supports, joints, masses, …
     damping : Damping
         Damping of the whole structure.
+    environment : frozenset of Environment
+        Situation of the structure, as far as it is stated: which effects it may lack.
     ground : MovingGround or None
         What supports and springs to the ground rest on, if it moves.
     """
@@ -513,6 +529,7 @@ class Model:
     mesh: Mesh
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
+    environment: frozenset[Environment] = frozenset()
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
     __repr__ = model_summary
@@ -574,6 +591,10 @@ class Model:
     def with_damping(self, damping: Damping) -> "Model":
         """Return a model with other damping."""
         return replace(self, damping=damping)
+
+    def in_environment(self, *more: Environment) -> "Model":
+        """Return a model that states more of its situation."""
+        return replace(self, environment=self.environment.union(more))
 
     def with_mesh(self, mesh: Mesh) -> "Model":
         """Return a model on another mesh of the same points and members, a refined one for example."""

@@ -9,9 +9,10 @@ import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fem.declarations import Entry
+from fem.declarations import Entry, Environment
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect
+from updating.inference.belief import UNSTATED
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,10 +62,22 @@ def table_of_places() -> str:
     return "\n".join(["| where | candidates, and what they change |", "|---|---|", *rows, ""])
 
 
+def table_of_environments() -> str:
+    """Return a table of the environments that a study may state, with the kinds that need them."""
+    rows = []
+    for name in Environment:
+        kinds = ", ".join(f"`{kind}`" for kind, (cls, _) in candidates().items() if cls.environment == name)
+        odds = f"odds × {UNSTATED[name]:g}" if UNSTATED[name] else "not proposed"
+        rows.append(f"| `{name}` | {name.meaning} | {kinds} | {odds} |")
+    head = "| environment | meaning | kinds that need it | where it is not stated |"
+    return "\n".join([head, "|---|---|---|---|", *rows, ""])
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "kinds": list_of_kinds,
     "parameters": table_of_parameters,
     "places": table_of_places,
+    "environments": table_of_environments,
 }
 """What a page can hold, by the name in its comment."""
 

@@ -28,12 +28,16 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print names, places and parameters of candidates."""
     from dovetail.notebook.candidates import parameter_text
+    from dovetail.report.words import unstated_text
+    from updating.diagnosis.candidates import admitted, situated
 
     check_places(options)
     study = loaded(options, needs=("sensors",))
     found = study.candidates(options.kind, options.at)
     progress.close()
-    write_json(options.json, {"study": study.name, "candidates": found.rows(), "warnings": study.warnings})
+    model = situated(study.model, options.kind or study.kinds)
+    rows = [row | {"admitted": admitted(e, model)} for row, e in zip(found.rows(), found, strict=True)]
+    write_json(options.json, {"study": study.name, "candidates": rows, "warnings": study.warnings})
     name, where = (max(map(len, column), default=0) for column in (found.names, [e.where for e in found]))
     say(
         options,
@@ -43,4 +47,5 @@ def run(options: Options, progress: Progress) -> None:
             f"{e.name:{name}}  {e.where:{where}}  {', '.join(map(parameter_text, e.parameters()))}"
             for e in found
         ),
+        *(unstated_text(model) if options.kind is None else ()),
     )

@@ -11,6 +11,7 @@ from dovetail.report.probable import hypotheses, probability_text
 from dovetail.report.words import effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 from fem.summary import percent
+from updating.diagnosis.candidates import unstated
 
 if TYPE_CHECKING:
     from dovetail.desk.page import Page
@@ -117,7 +118,9 @@ class CandidateList:
         leaves = [
             {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
         ]
-        return {"id": f"{where} {kind}", "label": kind.replace("_", " "), "children": leaves}
+        unsaid = [str(e) for e, kinds in unstated(self._page.desk.study.model).items() if kind in kinds]
+        label = " – ".join([kind.replace("_", " "), *(f"{e} is not stated" for e in unsaid)])
+        return {"id": f"{where} {kind}", "label": label, "children": leaves}
 
     def _leaf(self, name: str) -> str:
         effect = self._page.desk.candidates[name]

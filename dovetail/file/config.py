@@ -343,7 +343,8 @@ class _Reader:
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
-        model = self._model(mesh, (*parts.frame, *more), damping, groups, notes)
+        kinds, exclude, environment = read_candidates(top)
+        model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 
@@ -354,7 +355,6 @@ class _Reader:
         spreads: list[str] = []
         nuisances, damping_std = read_uncertain(top, model, parts.joints, spreads)
         notes += spreads
-        kinds, exclude = read_candidates(top)
         plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         odd = implausible(top, model, highest)

@@ -6,6 +6,7 @@ import numpy as np
 
 from dovetail.file.measured import read_band
 from dovetail.file.table import Table, suggest
+from fem.declarations import Environment
 from fem.effects import candidate_kinds
 from updating.inference.fit import EXPLAINED_LEVEL
 
@@ -78,14 +79,17 @@ def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple
     return start + step * np.arange(n), max(stop, highest or 0.0)
 
 
-def read_candidates(top: Table) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
-    """Read ``[candidates]``: kinds of effects to try, None for all, and kinds to exclude."""
+def read_candidates(top: Table) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment]]:
+    """Read ``[candidates]``: kinds of effects to try, None for all, kinds to exclude, and the environment."""
     t = top.table("candidates")
-    kinds, exclude = t.texts("kinds", None), t.texts("exclude", ())
+    kinds, exclude, environment = t.texts("kinds", None), t.texts("exclude", ()), t.texts("environment", ())
     t.finish()
     known = candidate_kinds()
     for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
         for word in words:
             if word not in known:
                 t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
-    return kinds, exclude
+    for word in environment:
+        if word not in set(Environment):
+            t.refuse("environment", f"there is no environment '{word}'; {suggest(word, list(Environment))}")
+    return kinds, exclude, [Environment(word) for word in environment]

@@ -7,13 +7,15 @@ from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
 from dovetail.result import RunResult, Uncertain, added_parameters
-from fem.model import Effect, Parameter
+from fem.model import Effect, Model, Parameter
 from fem.summary import percent
+from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 from updating.diagnosis.separation import Decisive, Proposal
+from updating.inference.belief import UNSTATED
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
@@ -400,6 +402,8 @@ def advice(result: RunResult) -> list[str]:
         )
     if result.study.kinds is not None or result.study.exclude:
         out.append("The study leaves some kinds of candidates out; let the program try them all.")
+    else:
+        out += [text[0].upper() + text[1:] + "." for text in unstated_text(result.study.model)]
     return [
         *out,
         "Check geometry, sections, supports and joints of the model against the structure: candidates change "
@@ -410,6 +414,16 @@ def advice(result: RunResult) -> list[str]:
         "Measure at two force levels: a difference shows that the structure is not linear, which no "
         "candidate can "
         "explain.",
+    ]
+
+
+def unstated_text(model: Model) -> list[str]:
+    """Return a sentence for each environment that a model does not state: what that means for its kinds."""
+    return [
+        f'environment "{name}" is not stated in [candidates]; '
+        + (f"prior odds × {UNSTATED[name]:g}" if UNSTATED[name] else "not proposed")
+        + f": {', '.join(kinds)}"
+        for name, kinds in unstated(model).items()
     ]
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import fem
 from dovetail.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
+from fem.declarations import Environment
 from fem.model import DIRECTIONS
 from fem.system import assemble
 from updating.measurement.measurement import Sensor, place_sensors
@@ -307,7 +308,10 @@ def build_model(
         effects.append(fem.Joint(name=f"cord{i + 1}", point1=p, location=mesh.points[p], K=a.K))
     longest = max(m.length for m in frame.members.values())
     mesh = mesh.refined(size=min(longest / elements, min(m.length for m in frame.members.values()) / 8))
-    return fem.Model(mesh, tuple(effects), fem.Damping.modal(NOMINAL_RATIO))
+    # All kinds are hidden alike, so that every situation is stated.
+    return fem.Model(
+        mesh, tuple(effects), fem.Damping.modal(NOMINAL_RATIO), environment=frozenset(Environment)
+    )
 
 
 def sensors_of(frame: TrueFrame, readings: tuple[Reading, ...]) -> tuple[Sensor, ...]:

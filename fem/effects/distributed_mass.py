@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Environment, Marker, Role
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretch
@@ -38,6 +38,7 @@ class DistributedMass(OnMember):
 
     kind: ClassVar[str] = "distributed_mass"
     role: ClassVar[Role] = Role.MASS
+    contains: ClassVar[tuple[str, ...]] = ("point_mass",)
     marker: ClassVar[Marker | None] = Marker("octagon", "green")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg/m], `position` [m], `width` [m]",
@@ -101,6 +102,10 @@ class DistributedMass(OnMember):
             for f in (0.03, 0.1, 0.4)
         )
 
+    def within(self, other: Effect) -> dict[str, float]:
+        """Return all its mass at its middle."""
+        return {"mass": float(np.real(self.mass * self.width)), "position": float(np.real(self.position))}
+
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member."""
@@ -142,6 +147,7 @@ class FluidAddedMass(OnMember):
 
     kind: ClassVar[str] = "fluid_added_mass"
     role: ClassVar[Role] = Role.MASS
+    environment: ClassVar[Environment | None] = Environment.FLUID
     marker: ClassVar[Marker | None] = Marker("octagon", "sky")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg/m]",

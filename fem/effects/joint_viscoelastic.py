@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Environment, Marker, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.laws import Maxwell, SpringPot
@@ -106,6 +106,7 @@ class JointZener(_JointViscoelastic):
 
     kind: ClassVar[str] = "joint_zener"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    environment: ClassVar[Environment | None] = Environment.ELASTOMER
     marker: ClassVar[Marker | None] = Marker("diamond", "sky")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`ratio` [-], `tau` [s], `stiffness` [N/m or N·m/rad] where the model is rigid",
@@ -166,6 +167,7 @@ class JointFractional(_JointViscoelastic):
 
     kind: ClassVar[str] = "joint_fractional"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    environment: ClassVar[Environment | None] = Environment.ELASTOMER
     marker: ClassVar[Marker | None] = Marker("diamond", "vermilion")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`strength` [-], `exponent` [-], `stiffness` [N/m or N·m/rad] where the model is rigid",

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Environment, Role
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.places import (
@@ -45,6 +45,7 @@ class Rotor(AtPoint):
 
     kind: ClassVar[str] = "rotor"
     role: ClassVar[Role] = Role.GYROSCOPIC
+    environment: ClassVar[Environment | None] = Environment.ROTATION
     entry: ClassVar[Entry | None] = Entry(
         quantities="`momentum` [kg·m²/s]",
         meaning="the angular momentum of a rotor at a member's end, a joint or a body",

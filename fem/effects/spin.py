@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Environment, Role
 from fem.effects.added_mass import AddedMass
 from fem.elements.frame import Frame
 from fem.elements.gyroscopic import unit_gyroscopic
@@ -63,6 +63,7 @@ class Spin(Effect):
 
     kind: ClassVar[str] = "spin"
     role: ClassVar[Role] = Role.GYROSCOPIC
+    environment: ClassVar[Environment | None] = Environment.ROTATION
     reciprocal: ClassVar[bool] = False
     speed: Any
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Environment, Role
 from fem.effects.joint import PointPair, joint_unit
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Table, Zener, check_table
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
@@ -31,6 +31,7 @@ class Viscoelastic(PointPair):
 
     kind: ClassVar[str] = "viscoelastic"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
+    environment: ClassVar[Environment | None] = Environment.ELASTOMER
     K: NDArray[Any]
     law: Zener | FractionalKelvinVoigt | FractionalZener
 

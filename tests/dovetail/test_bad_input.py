@@ -235,6 +235,7 @@ def test_study(tmp_path, capsys, old, new, words):
         ('[[joints]]\npoint1 = "B"\nK = [[1, 2], [3, 4]]', ["joints[1].K", "6 rows of 6 numbers"]),
         ('[[joints]]\npoint1 = "B"\nname = "frame"\nrigid = "x"', ["two effects have the name 'frame'"]),
         ('[candidates]\nexclude = ["point_mas"]', ["candidates.exclude", "did you mean 'point_mass'?"]),
+        ('[candidates]\nenvironment = ["liquid"]', ["candidates.environment", "fluid, rotation, elastomer"]),
         ("[candidates]\nkinds = [1]", ["candidates.kinds", "a list of texts"]),
         ("[study]\nname = 3", ["study.name: 3 is not allowed; a text"]),
         ("study = 3", ["supports"]),

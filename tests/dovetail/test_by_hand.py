@@ -130,6 +130,25 @@ def test_candidates_are_listed_with_places_and_bounds(file, study, capsys):
     assert [line.split()[0] for line in lines[2:]] == ["member_stiffness:post", "member_stiffness:arm"]
 
 
+def test_candidates_say_what_the_environment_makes_improbable(file, capsys):
+    assert main(["candidates", str(file), "--json", "-"]) == 0
+    rows = json.loads(capsys.readouterr().out)["candidates"]
+    assert {r["admitted"] for r in rows if r["kind"] == "fluid_added_mass"} == {0.01}
+    assert {r["admitted"] for r in rows if r["kind"] == "point_mass"} == {1.0}
+    assert main(["candidates", str(file)]) == 0
+    air = capsys.readouterr().out.splitlines()
+    assert 'environment "fluid" is not stated in [candidates]; prior odds × 0.01: fluid_added_mass' in air
+    assert 'environment "rotation" is not stated in [candidates]; not proposed: rotor' in air
+    text = file.read_text(encoding="utf-8")
+    wet = file.parent / "wet.toml"
+    stated = '[candidates]\nenvironment = ["fluid", "rotation"]\n'
+    wet.write_text(text.replace("[candidates]\n", stated), encoding="utf-8")
+    assert main(["candidates", str(wet)]) == 0
+    listed = capsys.readouterr().out
+    assert "rotor:" in listed
+    assert '"fluid"' not in listed
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -6,6 +6,7 @@ import pytest
 from dovetail import StudyError, load_study
 from dovetail.file.effects import effect_table
 from fem.analysis.frf import FRF
+from fem.declarations import Environment
 from fem.effects import candidate_kinds
 from fem.model import parameter_values
 from fem.system import sum_contributions
@@ -52,7 +53,8 @@ def loaded(folder, text):
 def candidates(study):
     names = [[s.name for s in group] for group in (study.sensors, study.excitations)]
     frf = FRF.from_arrays([1.0], np.ones((1, *map(len, names))), "receptance", *names)
-    return propose(study.model, test=Measurement(frf, study.sensors, study.excitations), levels=True)
+    model = study.model.in_environment(*Environment)
+    return propose(model, test=Measurement(frf, study.sensors, study.excitations), levels=True)
 
 
 def test_every_kind_comes_back_from_a_study_file(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import solve_modes
+from fem.declarations import Environment
 from fem.effects import candidate_kinds
 from fem.effects.crack import Crack, EndRelease
 from fem.effects.distributed_mass import DistributedMass, FluidAddedMass
@@ -453,7 +454,7 @@ def tower(storeys):
 
 
 def test_a_tower_of_a_hundred_members_gets_its_candidates():
-    model = tower(12)
+    model = tower(12).in_environment(*Environment)
     assert len(model.mesh.members) == 108
     sensors = tuple(
         Sensor(f"s{i}", model.mesh.points[p], np.eye(3)[i % 3]) for i, p in enumerate(range(4, 52, 3))

@@ -15,6 +15,7 @@ import numpy as np
 KNOWN = {
     "case",
     "structure",
+    "environment",
     "units",
     "material",
     "points",
@@ -120,6 +121,8 @@ def convert(nominal, folder, target):
         *(excitation_block(e, nominal) for e in nominal["excitations"]),
         *measurement_blocks(nominal, folder, target),
     ]
+    if "environment" in nominal:
+        parts.append(block("[candidates]", environment=nominal["environment"]))
     return f"# {nominal['case']}: written by tests/independent/convert.py from nominal.json\n\n" + "\n".join(
         parts
     )

@@ -464,6 +464,9 @@ def write(folder, name):
         for file, force in levels.items()
     }
     nominal = nominal_of(name, structure, frequency, rng)
+    seen = {"rotation": hidden.rotors, "elastomer": hidden.zener}
+    if environment := [word for word, there in seen.items() if there]:
+        nominal["environment"] = environment  # a tester sees what turns, and what is of rubber
     if hidden.nonlinear:
         nominal |= {"files": list(levels), "levels_N": levels}
         nominal["files_note"] = "the same channels and lines at the amplitudes of force of levels_N"

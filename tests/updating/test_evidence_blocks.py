@@ -1,12 +1,12 @@
 """The look at candidates near the noise: a little of each is linear, alone and together with others."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fem.effects.joint_stiffness import JointStiffness
+from tests.frames import cross_beam
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.blocks import Blocks
@@ -121,7 +121,7 @@ def test_each_effect_costs_its_odds_and_each_place_its_number():
         )
 
     every = [spring(joint, axis) for joint in ("J", "K") for axis in ("rx", "ry", "rz")]
-    odds = Odds.of(every)
+    odds = Odds.of(every, cross_beam())
     one, same, other = every[:1], every[:2], (every[0], every[3])
     assert odds.prior(()) == 0.0
     assert odds.prior(one) == pytest.approx(-np.log(10 * 2 * 3))
@@ -135,7 +135,7 @@ def test_a_law_with_two_changes_costs_as_much_as_two_effects(problem):
     every = {e.kind: e for e in propose(problem.reduced.model)}
     assert n_changes(every["point_mass"]) == n_changes(every["support_flexibility"]) == 1
     assert n_changes(every["foundation"]) == 2
-    odds = Odds(Counter(), Counter())
+    odds = Odds({}, {}, {})
     assert odds.prior([every["foundation"]]) == pytest.approx(2 * odds.prior([every["support_flexibility"]]))
 
 

@@ -25,12 +25,19 @@ from updating.inference.workers import ALONE
 class Given:
     """A hypothesis by the letters of its effects."""
 
-    effects: str
+    letters: str
     score: float
 
     @property
+    def effects(self):
+        return [
+            PointMass(name=letter, member=letter, mass=1.0, position=0.5, span=(0, 1))
+            for letter in self.letters
+        ]
+
+    @property
     def key(self):
-        return frozenset(self.effects)
+        return frozenset(self.letters)
 
     @property
     def places(self):
@@ -38,7 +45,7 @@ class Given:
 
     @property
     def name(self):
-        return self.effects or "nothing"
+        return self.letters or "nothing"
 
     @property
     def fitted(self):

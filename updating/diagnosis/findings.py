@@ -62,8 +62,8 @@ class Ranked:
 
     def contains(self, other: "Ranked") -> bool:
         """Return whether it does the same as another candidate at its place, and more."""
-        effect = next((e for e in self.result.effects if e.name == self.name), None)
-        return effect is not None and self.where == other.where and other.kind in effect.contains
+        own, others = ([e for e in r.result.effects if e.name == r.name] for r in (self, other))
+        return any(a.covers(b) for a in own for b in others)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""

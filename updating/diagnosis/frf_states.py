@@ -16,6 +16,7 @@ from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import (
@@ -108,7 +109,7 @@ def changed_frf_problem(
             model, first, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
             model_error=model_error,
         )  # fmt: skip
-    changed = first.model.with_effect(*changes)
+    changed = first.model.in_environment(*model.environment).with_effect(*changes)
     problem = build_problem(
         changed, after, between.nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
         connections=True, model_error=between.form_share * model_error,
@@ -162,8 +163,8 @@ def begin_change(
     """
     progress("calibrating on the first state", 0.0)
     first, changed, problem = changed_frf_problem(
-        model, before, after, nuisances, changes=changes, between=between, damping_std=damping_std, band=band,
-        n_lines=n_lines, model_error=model_error,
+        situated(model, kinds), before, after, nuisances, changes=changes, between=between,
+        damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error,
     )  # fmt: skip
     progress("comparing the second state", 0.1)
     begun = Formed(changed, changed, (), first.mesh_db)

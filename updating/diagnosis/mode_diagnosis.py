@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.model import Effect, Model
 from fem.summary import percent
-from updating.diagnosis.candidates import propose
+from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
@@ -226,7 +226,7 @@ def search_modes(
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     problem, made = formed_mode_problem(
-        model, targets, nuisances, damping_std=damping_std, model_error=model_error
+        situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
     )
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(made.model, targets, kinds, exclude)

@@ -20,6 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from fem.summary import percent
+from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
@@ -243,7 +244,13 @@ def diagnose_change(
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
     say("calibrating on the first state", 0.0)
     first, changed, problem = changed_problem(
-        model, before, after, nuisances, changes=changes, damping_std=damping_std, model_error=model_error
+        situated(model, kinds),
+        before,
+        after,
+        nuisances,
+        changes=changes,
+        damping_std=damping_std,
+        model_error=model_error,
     )
     candidates = candidates_for(changed, problem.targets, kinds, exclude)
     search = Search(problem, (), candidates, told(say, begun), ranking=ModeRanking())

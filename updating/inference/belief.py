@@ -1,6 +1,10 @@
 """Constants that decide what is believed: how much data say, what may vary, when an effect is named."""
 
+from collections.abc import Mapping
+
 import numpy as np
+
+from fem.declarations import Environment
 
 DATA_PER_MODE = 4.0
 """Independent data that each mode of the band stands for: frequency, damping and a few of the shape [-]."""
@@ -18,6 +22,13 @@ FORM_MODES = 0.0005, 0.008
 leaves: of any order between them, as the data say [-]."""
 EFFECT_ODDS = np.log(10.0)
 """Prior odds, as a logarithm, against one more change: each parameter of an effect but its position."""
+UNSTATED: Mapping[Environment, float] = {
+    Environment.FLUID: 0.01,
+    Environment.ELASTOMER: 0.1,
+    Environment.ROTATION: 0.0,
+}
+"""Probability that a structure is in a situation which its study does not state [-]. A washer or a layer of
+glue is easily overlooked, water is not, and nobody tests a running machine unaware."""
 UNKNOWN_ODDS = np.log(1e4)
 """Prior odds, as a logarithm, against what is missing being nothing that the library has."""
 TWIN_NATS = 3.0

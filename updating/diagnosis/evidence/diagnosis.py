@@ -11,7 +11,7 @@ import numpy as np
 from fem.model import Effect, Model
 from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import calibrated
-from updating.diagnosis.candidates import propose
+from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
@@ -187,7 +187,7 @@ def begin_search(
     """
     progress("reducing the model", 0.0)
     whole, begun = formed_problem(
-        model, measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+        situated(model, kinds), measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
         model_error=model_error,
     )  # fmt: skip
     progress("fitting the uncertain parameters", 0.05)

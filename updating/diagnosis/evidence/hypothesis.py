@@ -1,12 +1,13 @@
 """Models with effects more than the nominal one, and how probable they are before any data."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fem.model import Effect, parameter_values
+from fem.model import Effect, Model, parameter_values
+from updating.diagnosis.candidates import admitted
 from updating.diagnosis.evidence.places import place_of
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_result import FitResult
@@ -74,18 +75,25 @@ class Hypothesis:
 class Odds:
     """Prior odds of effects, by how many candidates a place has, and how many places a kind of place.
 
-    ``beforehand`` is the logarithm of those of everything else that is believed of the data.
+    ``admitted`` is the probability that the situation of the structure admits a kind, by kind; a candidate of
+    it counts as so much of one. ``beforehand`` is the logarithm of the odds of everything else that is
+    believed of the data.
     """
 
-    n_candidates: Counter[str]
-    n_places: Counter[str]
+    n_candidates: Mapping[str, float]
+    n_places: Mapping[str, int]
+    admitted: Mapping[str, float]
     beforehand: float = 0.0
 
     @classmethod
-    def of(cls, candidates: Sequence[Effect], beforehand: float = 0.0) -> "Odds":
+    def of(cls, candidates: Sequence[Effect], model: Model, beforehand: float = 0.0) -> "Odds":
         """Count candidates and their places."""
         where = [place_of(c) for c in candidates]
-        return cls(Counter(name for _, name in where), Counter(kind for kind, _ in set(where)), beforehand)
+        share = {c.kind: admitted(c, model) for c in candidates}
+        n_candidates: dict[str, float] = {}
+        for c, (_, name) in zip(candidates, where, strict=True):
+            n_candidates[name] = n_candidates.get(name, 0.0) + share[c.kind]
+        return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand)
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
@@ -93,15 +101,22 @@ class Odds:
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            total -= EFFECT_ODDS * n_changes(e) + np.log(max(self.n_candidates[name], 1))
+            total -= EFFECT_ODDS * n_changes(e) + np.log(max(self.n_candidates.get(name, 0.0), 1))
+            total += np.log(self.admitted.get(e.kind, 1.0))
             if name not in seen:
                 seen.add(name)
-                total -= np.log(max(self.n_places[kind], 1))
+                total -= np.log(max(self.n_places.get(kind, 0), 1))
         return float(total)
 
     def against(self, effects: Sequence[Effect], new: Sequence[Effect]) -> float:
         """Return the logarithm of the prior odds against more effects beside some."""
         return self.prior(effects) - self.prior((*effects, *new))
+
+
+def is_simpler(h: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether a hypothesis has nothing that another one does not have or contain, and less."""
+    here = (e.name in other.key or any(o.covers(e) for o in other.effects) for e in h.effects)
+    return h.key != other.key and all(here)
 
 
 def n_changes(effect: Effect) -> int:

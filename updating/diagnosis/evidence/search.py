@@ -30,7 +30,9 @@ from updating.diagnosis.evidence.hypothesis import (
     Odds,
     Start,
     Values,
+    is_simpler,
     key_of,
+    n_changes,
     near_to,
     values_of,
 )
@@ -211,7 +213,8 @@ class Search:
     def __post_init__(
         self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
     ) -> None:
-        self.fits = Fits(problem, form, Odds.of(self.candidates, beforehand), ranking, self.budget)
+        odds = Odds.of(self.candidates, problem.reduced.model, beforehand)
+        self.fits = Fits(problem, form, odds, ranking, self.budget)
         self.places = places_of(problem, self.candidates)
 
     # the search ---------------------------------------------------------------------------------------------
@@ -224,10 +227,12 @@ class Search:
 
     @property
     def best(self) -> Hypothesis:
-        """The most probable hypothesis so far; of it and twins without some of its effects the simplest."""
+        """The most probable hypothesis so far; of it and its simpler twins that with the fewest changes."""
         top = max(self.known.values(), key=lambda h: h.score)
-        fewer = [h for h in self.known.values() if h.key < top.key and not self.beats(top, h)]
-        return min(fewer, key=lambda h: (len(h.effects), -h.score), default=top)
+        fewer = [h for h in self.known.values() if is_simpler(h, top) and not self.beats(top, h)]
+        return min(
+            fewer, key=lambda h: (len(h.effects), sum(map(n_changes, h.effects)), -h.score), default=top
+        )
 
     def rounds(self) -> Iterator[Hypothesis]:
         """Search with one effect more each time, and yield the most probable hypothesis so far."""
@@ -269,8 +274,8 @@ class Search:
         return bool(h.effects) and self.explains(h)
 
     def beats(self, h: Hypothesis, best: Hypothesis) -> bool:
-        """Whether a hypothesis is more probable than another one; with more effects, more than a twin."""
-        return h.score > best.score + (TWIN_NATS if best.key < h.key else 0.0)
+        """Whether a hypothesis is more probable than another one; than a simpler one, by more than a twin."""
+        return h.score > best.score + (TWIN_NATS if is_simpler(best, h) else 0.0)
 
     def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
@@ -406,8 +411,9 @@ class Search:
     def swapped(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and those with another effect at the place of one of its own.
 
-        Or of the same kind elsewhere, such as at the other end of a short piece. Of any kind anywhere, if it
-        does not explain the data: what is soft at one connection can stand for another one.
+        Or of the same kind elsewhere, such as at the other end of a short piece; what it contains begins
+        where it is. Of any kind anywhere, if it does not explain the data: what is soft at one connection
+        can stand for another one.
         What is alike at several places may differ there: each of them is tried by itself, too. All that are
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
@@ -425,6 +431,7 @@ class Search:
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
+            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in beside if e.covers(c)]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
