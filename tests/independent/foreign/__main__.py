@@ -10,27 +10,39 @@ import numpy as np
 
 from tests.independent.casefiles import NOTHING, with_noise, write_files
 from tests.independent.foreign.bench import Bench
-from tests.independent.foreign.draw import draw, plans
+from tests.independent.foreign.draw import draw, plans, which_are_real
+from tests.independent.foreign.real import AS_DESCRIBED, draw_instruments, in_truth, with_stated_masses
 from tests.independent.foreign.structure import NAMED, nominal_of, read
 
+REAL = 55
+"""Number of the random stream that draws how tests really were."""
 CODES = {"solid": "scikit-fem, quadratic hexahedra", "beam": "OpenSees, Timoshenko beams"}
 
 
-def write(out, bench, plan, seed):
-    """Write a case and return its truth."""
+def write(out, bench, plan, seed, real=None):
+    """Write a case and return its truth; ``real`` says that its test is not as described, None of no case."""
     name = name_of(seed, plan)
     rng = np.random.default_rng([seed, plan.number])
     hidden, things, told = draw(bench, plan, rng)
     nominal = nominal_of(name, bench.structure, rng)
-    H = with_noise(bench.accelerances(hidden), rng)
+    instruments, of_test = AS_DESCRIBED, {}
+    if real:
+        own = np.random.default_rng([seed, plan.number, REAL])
+        instruments = draw_instruments(bench.structure, own)
+        nominal = with_stated_masses(nominal, instruments, own)
+    if real is not None:
+        db, left = bench.change_by_test(hidden, instruments)
+        shows = {"kind": "test", "change_db": round(db, 2), "beyond_nuisances_db": round(left, 2)}
+        of_test = {"test": "real" if real else "as described", "instruments": in_truth(instruments)}
+    H = with_noise(bench.accelerances(hidden, test=instruments), rng)
     write_files(out / name, nominal, bench.structure.frequency, H)
     return {
         "code": CODES[bench.structure.code],
         "structure": plan.structure,
         "sort": sort_of([entry["kind"] for entry in told]),
         "effects": [thing.truth for thing in things] or [NOTHING],
-        "shows": told,
-    }
+        "shows": told if real is None else [*told, shows],
+    } | of_test
 
 
 def sort_of(drawn):
@@ -54,11 +66,18 @@ def main(argv=None):
     parser.add_argument("--seed", type=int, default=1, help="draws everything (default: %(default)s)")
     parser.add_argument("--cases", type=int, default=40, help="how many (default: %(default)s)")
     parser.add_argument("--structures", nargs="+", default=list(usual), choices=list(known), metavar="NAME")
+    parser.add_argument(
+        "--test",
+        default="described",
+        choices=["described", "real"],
+        help="real: the tests of half of the cases are not as described (default: %(default)s)",
+    )
     options = parser.parse_args(argv)
     options.out.mkdir(parents=True, exist_ok=True)
     told = options.out / "truth.json"
     truth = json.loads(told.read_text(encoding="utf-8")) if told.exists() else {}
     wanted = plans(options.seed, options.cases, options.structures)
+    real = which_are_real([options.seed, REAL], options.cases) if options.test == "real" else {}
     for structure in options.structures:  # one after another, so that its parts are reduced once
         bench = Bench(known[structure])
         for plan in (p for p in wanted if p.structure == structure):
@@ -66,7 +85,7 @@ def main(argv=None):
             if name in truth:
                 continue
             start = time.perf_counter()
-            truth[name] = write(options.out, bench, plan, options.seed)
+            truth[name] = write(options.out, bench, plan, options.seed, real.get(plan.number))
             told.write_text(
                 json.dumps(dict(sorted(truth.items())), indent=1, ensure_ascii=False), encoding="utf-8"
             )
