@@ -256,7 +256,9 @@ def sensor_blocks(nominal, points, members):
     """Write one table for each sensor, or for each node where names are node and direction."""
     out, groups = [], {}
     for s in nominal["sensors"]:
-        only(s, {"name", "node", "direction", "sign", "member", "position"}, f"sensor {s.get('name')}")
+        only(
+            s, {"name", "node", "direction", "sign", "member", "position", "mass"}, f"sensor {s.get('name')}"
+        )
         check_place(s, points, members)
         if s["direction"] not in ("x", "y", "z") or s["sign"] not in (1, -1):
             refuse(f"sensor {s['name']}: direction {s['direction']!r}, sign {s['sign']!r} are not understood")
@@ -272,7 +274,8 @@ def sensor_blocks(nominal, points, members):
             )
         else:
             keys["directions"] = "".join(s["direction"] for s in sensors)
-        out.append(block("[[sensors]]", **keys))
+        mass = next((s["mass"] for s in sensors if "mass" in s), None)
+        out.append(block("[[sensors]]", **keys, mass=mass))
     return out
 
 
