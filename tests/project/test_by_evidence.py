@@ -103,8 +103,11 @@ def test_records_go_to_a_file_that_the_calibration_reads(tmp_path):
     cells = [table.evidence_row(r) for r in results]
     assert cells[0] == ("97.0 %", "100.0 %", "yes", "-", "-")
     assert cells[1] == cells[2] == ("-",) * len(table.POSTERIOR)
-    table.write_records(results, tmp_path / "records.jsonl")
-    assert [r["case"] for r in read_records(tmp_path)] == ["a"]
+    records = [table.record_of(case, r, {}) for case, r in zip("abc", results, strict=True)]
+    table.write_records(records, tmp_path / "records.jsonl")
+    assert [(r["case"], r.get("outcome")) for r in read_records(tmp_path)] == [
+        ("a", None), ("b", "failed"), ("c", None)
+    ]  # fmt: skip
 
 
 def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):
@@ -115,10 +118,11 @@ def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):
     none = {"type": "none", "location": "-", "magnitude": 0}
     (tmp_path / "cases" / "truth.json").write_text(json.dumps({n: {"effects": [none]} for n in "abc"}))
 
-    def investigate(case, out):
+    def investigate(case, out, cap):
         time.sleep({"a": 0.1, "b": 0.05, "c": 0.0}[case.name])  # the first ends last
         ended = {"verdict": "nothing missing", "effects": [], "faults": [], "seconds": 1.0}
-        more = {"error_db": [{"fit": 1.0}], "noise_floor_db": 0.3, "record": {"case": case.name}}
+        about = table.about(case.name, {"effects": [none]}) | {"verdict": "nothing missing", "outcome": "yes"}
+        more = {"error_db": [{"fit": 1.0}], "noise_floor_db": 0.3, "record": about}
         return ended | more
 
     monkeypatch.setattr(table, "investigate", investigate)
@@ -131,6 +135,7 @@ def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):
         told.append((capsys.readouterr().out, (out / "records.jsonl").read_text()))
     assert told[0] == told[1]
     assert "3 of 3 right" in told[0][0]
+    assert "| all | 3 | 3 | 0 |" in told[0][0]
 
 
 def test_faults_are_right_only_all_together():

@@ -158,24 +158,44 @@ class Bench:
         return tuple(out)
 
     def frequencies(self, hidden):
-        """Return natural frequencies [Hz] without damping; rotary inertias and dashpots are left out."""
-        squares, whole = self.coordinates(hidden, {})
+        """Return natural frequencies [Hz]."""
+        return self.modes(hidden)[0]
+
+    def modes(self, hidden, nuisance=None):
+        """Return natural frequencies [Hz], damping ratios, and shapes (n_sensors, n) normalised to mass.
+
+        Damping is small: ratios are vᵀ C v / 2 ω, and shapes are real. Dashpots are left out.
+        """
+        nuisance = nuisance or {}
+        squares, whole = self.coordinates(hidden, nuisance)
         K, M, held = np.diag(squares), np.eye(len(squares)), []
+        lossy = np.zeros_like(K)
         for c in self.structure.connections.values():
             R = self.relative(c, hidden, whole)
             for i in range(6):
                 if c.held and (c.name, i) not in hidden.stiffness:
                     held.append(R[:, i] / np.linalg.norm(R[:, i]))  # as a spring it would cost all digits
-                else:
-                    K += hidden.stiffness.get((c.name, i), c.k[i]) * np.outer(R[:, i], R[:, i])
+                    continue
+                k = hidden.stiffness.get((c.name, i), c.k[i] * nuisance.get(c.name, 1.0))
+                K += k * np.outer(R[:, i], R[:, i])
+                lossy += hidden.loss.get((c.name, i), c.loss) * k * np.outer(R[:, i], R[:, i])
         for m, s, d, k in hidden.springs:
             P = whole(Place(m, s))[:, [AXES.index(d)]]
             K += k * P @ P.T
         for m, s, mass in hidden.masses:
             P = whole(Place(m, s))
             M += mass * P @ P.T
+        for m, s, J in hidden.inertias:
+            P = whole(self.turning(m, s))[:, 3:]
+            M += J * P @ P.T
         B = la.null_space(np.array(held)) if held else np.eye(len(squares))
-        return np.sqrt(np.maximum(la.eigvalsh(B.T @ K @ B, B.T @ M @ B), 0.0)) / (2 * np.pi)
+        w2, V = la.eigh(B.T @ K @ B, B.T @ M @ B)
+        w2, V = np.maximum(w2, 0.0), B @ V
+        viscous = (2 * zeta_of(self.structure.damping, squares) * np.sqrt(squares)) @ V**2
+        omega = np.maximum(np.sqrt(w2), 1e-9)
+        zeta = viscous / (2 * omega) + np.einsum("ij,ij->j", V, lossy @ V) / (2 * omega**2)
+        shapes = np.array([self.reading(s, hidden, whole) for s in self.structure.channels]) @ V
+        return np.sqrt(w2) / (2 * np.pi), zeta, shapes
 
     def receptances(self, hidden, omega, nuisance=None, test=AS_DESCRIBED):
         """Return FRFs (n_freq, n_sensors, n_excitations) [m/N], with factors of what is uncertain."""

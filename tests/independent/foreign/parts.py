@@ -59,7 +59,7 @@ class Part:
 
     def __init__(self, K, M, n_modes, solve, modes):
         self.K, self.M, self.n_modes, self.solve, self.modes = K, M, n_modes, solve, modes
-        self.responses = {}
+        self.responses, self.known = {}, {}
 
     def motion(self, place):
         """Return displacements or mean motions (n, 3 or 6) of a place by the part's unknowns."""
@@ -71,6 +71,13 @@ class Part:
 
     def reduced(self, places):
         """Return squared frequencies [rad²/s²] and the motions of places in these coordinates."""
+        key = tuple(places)
+        if key not in self.known:
+            self.known[key] = self.reduction(places)
+        return self.known[key]
+
+    def reduction(self, places):
+        """Return what `reduced` keeps."""
         motions = {place: self.motion(place) for place in places}
         for place, P in motions.items():
             if place not in self.responses:
