@@ -588,7 +588,7 @@ def main(argv=None):
     text = f"{markdown(rows, (*HEAD, *POSTERIOR))}\n\n{count(rows)}\n\n{summarise(records, options.out)}"
     (options.out / "table.md").write_text(text, encoding="utf-8")
     sys.stdout.write(text)
-    return int(any(isinstance(result, str) for result in results))
+    return int(any(isinstance(r, str) and not r.startswith(NOT_ENDED) for r in results))
 
 
 if __name__ == "__main__":
