@@ -25,7 +25,7 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo desk test coverage slow long docs dist fuzz independent a-frames solids foreign extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo desk test coverage slow long docs dist fuzz independent a-frames solids foreign foreign-modes extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make desk        open the example study in a browser: add effects by hand and watch the error fall'
@@ -39,7 +39,9 @@ help:
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
 	@echo 'make a-frames    the same of beams of OpenSees, made here; 15 minutes'
 	@echo 'make solids      the same of bars of solid elements, made here; 40 minutes'
-	@echo 'make foreign     fresh cases of other codes, drawn from a seed; SEED=3 CASES=40, STRUCTURES="mast bay" for some'
+	@echo 'make foreign     fresh cases of other codes, drawn from a seed; SEED=3 CASES=40, STRUCTURES="mast bay" for some,'
+	@echo '                 TEST=real for tests that are not as described; CAP=600 seconds of CPU a case, JOBS=2'
+	@echo 'make foreign-modes the same by measured modes, of one state or two'
 	@echo 'make extras      install sectionproperties (sections of any outline) and PARDISO'
 	@echo 'make bench       times and errors of everything that claims a speed, without other programs'
 	@echo 'make peers       install OpenSeesPy, PyNite, sdypy-EMA and scikit-fem beside Dovetail: tests marked peer then run'
@@ -97,11 +99,17 @@ solids: $(DEV) $(PEERS_READY)
 	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
 
 # each seed is a set that nobody has looked at; run once, on a program that is not changed for it
-FOREIGN := out/foreign-$(or $(SEED),1)
+FOREIGN := out/foreign-$(or $(SEED),1)$(if $(TEST),-$(TEST))
+DRAWN = --seed $(or $(SEED),1) $(if $(CASES),--cases $(CASES)) $(if $(STRUCTURES),--structures $(STRUCTURES))
+JUDGED = $(if $(CAP),--cap $(CAP)) $(if $(JOBS),--jobs $(JOBS))
 foreign: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) --seed $(or $(SEED),1) \
-		--cases $(or $(CASES),40) $(if $(STRUCTURES),--structures $(STRUCTURES))
-	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results
+	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) $(DRAWN) $(if $(TEST),--test $(TEST))
+	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(JUDGED)
+
+FOREIGN_MODES := out/foreign-modes-$(or $(SEED),1)
+foreign-modes: $(DEV) $(PEERS_READY)
+	$(PEERS)/bin/python -m tests.independent.foreign.modes $(FOREIGN_MODES) $(DRAWN)
+	$(IN) python -m tests.independent.table --cases $(FOREIGN_MODES) --out $(FOREIGN_MODES)-results $(JUDGED)
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock

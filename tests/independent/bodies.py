@@ -57,7 +57,7 @@ class Bar:
 
 
 def assembled(mesh, modulus, density):
-    """Return mass and stiffness, the basis's places (3, n) and directions (n,) of unknowns."""
+    """Return stiffness and mass, places (3, n) and directions (n,) of unknowns, and those of each element."""
     from skfem import Basis, BilinearForm, ElementHex2, ElementVector  # pyright: ignore[reportMissingImports]
     from skfem.helpers import ddot, dot, sym_grad, trace  # pyright: ignore[reportMissingImports]
 
@@ -82,7 +82,7 @@ def assembled(mesh, modulus, density):
     for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
         for c in range(3):
             direction[table[c]] = c
-    return K, M, basis.doflocs, direction
+    return K, M, basis.doflocs, direction, basis.element_dofs
 
 
 class Body:
@@ -91,7 +91,7 @@ class Body:
     def __init__(self, bars, mesh, modulus, density):
         """Assemble a mesh in global coordinates."""
         self.bars = bars
-        self.K, self.M, self.places, self.direction = assembled(mesh, modulus, density)
+        self.K, self.M, self.places, self.direction, self.elements = assembled(mesh, modulus, density)
 
     def local(self, name):
         """Return the places (3, n) of unknowns in a bar's own axes."""
@@ -107,6 +107,26 @@ class Body:
             raise ValueError(msg)
         P = np.zeros((len(x), 3))
         P[at] = np.eye(3)[self.direction[at]]
+        return P
+
+    def spot(self, name, point):
+        """Return global displacements (n, 3) of any point (3,) of a bar, by the shapes of its element."""
+        bar = self.bars[name]
+        nodes = self.local(name)[:, self.elements]  # (3, 81, n_elements), boxes in the bar's axes
+        low, high = nodes.min(axis=1), nodes.max(axis=1)
+        x = (bar.rotation.T @ (point - np.array(bar.start)))[:, None]
+        inside = ((x > low - 1e-9) & (x < high + 1e-9)).all(axis=0)
+        if not inside.any():
+            msg = f"the point {point} m is not in {name}"
+            raise ValueError(msg)
+        k = int(np.argmax(inside))
+        size = (high - low)[:, k]
+        xi, at = (x[:, 0] - low[:, k]) / size, (nodes[:, :, k] - low[:, [k]]) / size[:, None]
+        shapes = {0: (1 - xi) * (1 - 2 * xi), 1: 4 * xi * (1 - xi), 2: xi * (2 * xi - 1)}
+        N = np.prod([[shapes[n][d] for n in np.rint(2 * at[d]).astype(int)] for d in range(3)], axis=0)
+        P = np.zeros((self.places.shape[1], 3))
+        unknowns = self.elements[:, k]
+        P[unknowns] = N[:, None] * np.eye(3)[self.direction[unknowns]]
         return P
 
     def near(self, name, s, reach, disc=None):

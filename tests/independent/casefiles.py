@@ -42,13 +42,18 @@ def with_noise(H, rng):
     return H * (1 + NOISE * noise()) + floor * noise()
 
 
+def write_nominal(target, nominal):
+    """Write nominal.json into the folder of a case."""
+    target.mkdir(parents=True, exist_ok=True)
+    (target / "nominal.json").write_text(json.dumps(nominal, indent=1), encoding="utf-8")
+
+
 def write_files(target, nominal, frequency, H, file="frf.uff"):
     """Write nominal.json and a file of FRFs, H of its sensors and excitations (n_freq, n_out, n_in)."""
     import pyuff
 
     excitations = [e["sensor"] for e in nominal["excitations"]]
-    target.mkdir(parents=True, exist_ok=True)
-    (target / "nominal.json").write_text(json.dumps(nominal, indent=1), encoding="utf-8")
+    write_nominal(target, nominal)
     (target / file).unlink(missing_ok=True)
     by_name = {s["name"]: s for s in nominal["sensors"]}
     sets, empty = [], {"type": 58, "binary": 0}

@@ -42,6 +42,8 @@ SHAPES = {
     "tube": ("tube", ("d", "t")),
 }
 CONSTANTS = ("A", "Iy", "Iz", "J")
+TABLES = {"modes.csv": "[modes]", "baseline.csv": "[baseline]"}
+"""Files of measured modes, and the tables of a study that name them."""
 GROUND = "ground"
 """What the second side of a joint to the ground is called."""
 NUMBER = r"(\d+(?:\.\d+)?)"
@@ -259,7 +261,9 @@ def sensor_blocks(nominal, points, members):
     """Write one table for each sensor, or for each node where names are node and direction."""
     out, groups = [], {}
     for s in nominal["sensors"]:
-        only(s, {"name", "node", "direction", "sign", "member", "position"}, f"sensor {s.get('name')}")
+        only(
+            s, {"name", "node", "direction", "sign", "member", "position", "mass"}, f"sensor {s.get('name')}"
+        )
         check_place(s, points, members)
         if s["direction"] not in ("x", "y", "z") or s["sign"] not in (1, -1):
             refuse(f"sensor {s['name']}: direction {s['direction']!r}, sign {s['sign']!r} are not understood")
@@ -275,7 +279,8 @@ def sensor_blocks(nominal, points, members):
             )
         else:
             keys["directions"] = "".join(s["direction"] for s in sensors)
-        out.append(block("[[sensors]]", **keys))
+        mass = next((s["mass"] for s in sensors if "mass" in s), None)
+        out.append(block("[[sensors]]", **keys, mass=mass))
     return out
 
 
@@ -301,19 +306,24 @@ def excitation_block(e, nominal):
 
 
 def measurement_blocks(nominal, folder, target):
-    kind = nominal["response"].split(",")[0]
-    if nominal["response"] not in ("accelerance, (m/s^2)/N", "mobility, (m/s)/N", "receptance, m/N"):
-        refuse(f"response '{nominal['response']}' is not understood")
+    response = nominal.get("response", "")  # a test that gave modes has none
+    kind = response.split(",")[0]
+    if response not in ("accelerance, (m/s^2)/N", "mobility, (m/s)/N", "receptance, m/N", ""):
+        refuse(f"response '{response}' is not understood")
     levels = nominal.get("levels_N", {})
     out = []
     for file in nominal["files"]:
+        path = Path(os.path.relpath(Path(folder).resolve() / file, Path(target).resolve().parent)).as_posix()
+        if file in TABLES:
+            out.append(block(TABLES[file], file=path))
+            continue
         if re.fullmatch(r"(sub|joint6)_\w+\.uff", file):
             continue  # the parts by themselves: not a measurement of the assembly
         if not re.fullmatch(r"frf(_level\d+)?\.uff", file):
             refuse(
-                f"files: '{file}' is not understood; frf.uff, frf_levelN.uff, sub_*.uff and joint6_*.uff are"
+                f"files: '{file}' is not understood; frf.uff, frf_levelN.uff, sub_*.uff, joint6_*.uff, "
+                f"{' and '.join(TABLES)} are"
             )
-        path = Path(os.path.relpath(Path(folder).resolve() / file, Path(target).resolve().parent)).as_posix()
         out.append(block("[[measurements]]", file=path, kind=kind, force_level=levels.get(file)))
     return out
 

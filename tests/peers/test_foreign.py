@@ -86,6 +86,59 @@ def run(*arguments):
     return done
 
 
+SPOTS = """
+import json
+import numpy as np
+from tests.independent import bodies
+from tests.independent.foreign.bench import Bench, Hidden
+from tests.independent.foreign.parts import Place
+from tests.independent.foreign.real import Instruments, off_axis
+from tests.independent.foreign.structure import FRESH, STRUCTURES, read
+
+def moved(x):
+    return np.array([0.1, 0.2, 0.3]) + np.cross([1.0, -2.0, 0.5], x.T)
+
+bar = bodies.Bar((0.1, 0.2, 0.0), "x", 0.3, 0.02, 0.012, 35.0)
+class Plain:
+    E = rho = weaker = {}
+    changed = staticmethod(lambda name, bar: bar)
+body = bodies.bar_alone("A", bar, Plain)
+x = body.places
+bent = np.array([x[1] * x[2], x[0] ** 2, x[0] * x[2] ** 2]) + moved(x).T  # what quadratic shapes hold
+unknowns = bent[body.direction, np.arange(x.shape[1])]
+point = np.array(bar.at(0.1234)) + bar.rotation @ [0.0, 0.0047, -0.0033]
+solid = body.spot("A", point).T @ unknowns
+a, b, c = point
+out = {"solid": solid, "solid_true": moved(point) + [b * c, a**2, a * c**2]}
+
+tower = read(FRESH)["tower"]
+bench = Bench(tower)
+s, spot = off_axis(tower.members["G1"], 0.26, (0.0031, 0.002, -0.001))
+place = Place("G1", s, spot=spot)
+part = bench.part(tower.body_of["G1"], Hidden(), bench.cuts([place], Hidden()))
+u = np.hstack([moved(np.array(part.points).T), np.tile([1.0, -2.0, 0.5], (len(part.points), 1))]).ravel()
+out |= {"beam": part.motion(place).T @ u, "beam_true": moved(np.array(spot))}
+
+mast = read(STRUCTURES)["mast"]  # a body of a sensor, and a driver, against point masses of the bench
+bench = Bench(mast)
+plain = bench.accelerances(Hidden(), 20)
+force, at = mast.excitations[0], {s["name"]: s for s in mast.channels}
+member, s = at[force]["member"], at[force]["position"]
+masses = {(m, t): 0.01 for m, t, _ in mast.sensors}
+zero = {s["name"]: (0.0, 0.0, 0.0) for s in mast.channels}
+test = Instruments(offsets=zero, masses=masses, drivers={force: 0.02})
+points = tuple((m, t, 0.01) for m, t, _ in mast.sensors) + ((member, s, 0.02),)
+H = [bench.accelerances(Hidden(), 20, test=test), bench.accelerances(Hidden(masses=points), 20), plain]
+out["masses"] = np.abs(H[0] - H[1]).max() / np.abs(H[1] - H[2]).max()
+k = 2e3
+axes = [d for d in "xyz" if d != at[force]["direction"]]
+springs = Hidden(springs=tuple((member, s, d, k) for d in axes))
+test = Instruments(stingers={force: k})
+H = [bench.accelerances(Hidden(), 20, test=test), bench.accelerances(springs, 20), plain]
+out["stinger"] = np.abs(H[0] - H[1]).max() / np.abs(H[1] - H[2]).max()
+print(json.dumps({key: np.asarray(value).tolist() for key, value in out.items()}))
+"""
+
 NOTHING = """
 import sys
 from pathlib import Path
@@ -172,7 +225,14 @@ def test_the_model_of_a_further_structure_comes_near_the_noise_where_nothing_is_
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name"),
-    [("LATER", "trestle"), ("LATER", "jib"), ("LATER", "cage"), ("FRESH", "table"), ("FRESH", "tower")],
+    [
+        ("LATER", "trestle"),
+        ("LATER", "jib"),
+        ("LATER", "cage"),
+        ("FRESH", "table"),
+        ("FRESH", "tower"),
+        ("NEWEST", "arch"),
+    ],
 )
 def test_natural_frequencies_of_a_later_structure_agree_where_the_model_is_exact(file, name, tmp_path):
     """The study states no shear coefficients: 0.2 % rms, 0.6 % at most; solids 1.2 to 2.2 % rms."""
@@ -182,6 +242,54 @@ def test_natural_frequencies_of_a_later_structure_agree_where_the_model_is_exact
     study.write_text(convert(measured, tmp_path, study), encoding="utf-8")
     found = load_study(study).solve_modes(len(out["frequency"])).frequency
     np.testing.assert_allclose(found, out["frequency"], rtol=0.006)
+
+
+def test_a_test_that_is_not_as_described_acts_as_the_same_masses_springs_and_places():
+    """Spots are exact for rigid motion, of solids for all that their shapes hold."""
+    out = {key: np.array(value) for key, value in answer(SPOTS).items()}
+    np.testing.assert_allclose(out["solid"], out["solid_true"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(out["beam"], out["beam_true"], rtol=0, atol=1e-12)
+    assert out["masses"] < 1e-5
+    assert out["stinger"] < 1e-5
+
+
+@pytest.mark.slow
+def test_a_real_test_leaves_other_cases_and_what_is_hidden_as_they_are(tmp_path):
+    def made(folder, *more):
+        arguments = ("--structures", "tower", "--seed", "3", "--cases", "3", *more)
+        run("-m", "tests.independent.foreign", str(tmp_path / folder), *arguments)
+        truth = json.loads((tmp_path / folder / "truth.json").read_text(encoding="utf-8"))
+        return truth, {name: (tmp_path / folder / name / "frf.uff").read_bytes() for name in truth}
+
+    (plain, frfs), (truth, others) = made("plain"), made("real", "--test", "real")
+    real = {name for name, t in truth.items() if t["test"] == "real"}
+    assert 1 <= len(real) <= 2
+    for name, t in truth.items():
+        *shown, test = t["shows"]
+        assert plain[name].items() <= (t | {"shows": shown}).items()
+        assert (frfs[name] != others[name]) == (name in real)
+        assert (test["change_db"] > 1) == (name in real)
+
+
+@pytest.mark.slow
+def test_cases_of_modes_are_studies_with_what_their_truth_says(tmp_path):
+    command = ("-m", "tests.independent.foreign.modes", str(tmp_path), "--structures", "tower")
+    run(*command, "--seed", "3", "--cases", "10")
+    truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
+    assert 1 <= sum(t["effects"][0]["type"] == "none" for t in truth.values()) <= 3
+    assert sum(t["sort"] == "states" for t in truth.values()) == 4
+    assert sum(t["shapes"] for t in truth.values()) == 5
+    for name, t in truth.items():
+        nominal = json.loads((tmp_path / name / "nominal.json").read_text(encoding="utf-8"))
+        path = tmp_path / f"{name}.toml"
+        path.write_text(convert(nominal, tmp_path / name, path), encoding="utf-8")
+        study = load_study(path)
+        assert (study.baseline is not None) == (t["sort"] == "states")
+        assert 8 <= len(study.modes.modes.frequency) <= 16
+        assert bool(study.modes.sensors) == t["shapes"]
+        for reading in t["readings"]:
+            modes = study.modes if reading["file"] == "modes.csv" else study.baseline
+            assert np.isclose(modes.modes.frequency, reading["read_Hz"], rtol=0.02).any()
 
 
 @pytest.mark.slow

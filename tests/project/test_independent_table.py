@@ -1,10 +1,12 @@
 """The table of independent cases: how it judges, and that the program ends on every case."""
 
 import json
+import sys
 
 import pytest
 
 from tests.independent import table
+from tests.independent.summary import summarise
 
 NOMINAL = {
     "joints": [{"name": "J", "member1": "U", "member2": "D"}],
@@ -227,3 +229,98 @@ def test_the_program_ends_on_every_case_and_raises_no_false_alarm(tmp_path, caps
     assert len(cells) == 11
     clean = [(verdict, right) for _, hidden, verdict, _, right, *_ in cells if hidden == "nothing"]
     assert all(right == "yes" or verdict == "unexplained" for verdict, right in clean)
+
+
+REAL = {
+    "masses_kg": {"U at 0.6 m": 0.004},
+    "stingers_N_per_m": {"U7z": 1000.0},
+    "drivers_kg": {"U7z": 0.01},
+    "gains": {"U7z": 1.03},
+    "turns_rad": {"U7z": [0.04, 0.03, 0.0]},
+}
+PLACES = NOMINAL | {"sensors": [{"name": "U7z", "node": 7, "member": "U", "position": 0.6}]}
+STINGER = effect("stinger", "excitation at 7, across it", stiffness=900.0)
+OTHER_STINGER = effect("stinger", "excitation at 8, across it", stiffness=900.0)
+SENSORS = effect("sensor_mass", "the 5 places of sensors", mass=0.005)
+DRIVER = effect("driver_mass", "excitation at 7", mass=0.01)
+
+
+def faulty(kind, value):
+    return {"kind": kind, "sensor": "U7z", "value": value, "std": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("truth", "found", "verdict"),
+    [
+        (NONE, result("effect", STINGER, SENSORS, DRIVER), table.YES),
+        (NONE, result("effect", OTHER_STINGER), table.NO),
+        (NONE, result("measurement fault", faults=[faulty("sensor_gain", 1.04)]), table.YES),
+        (NONE, result("measurement fault", faults=[faulty("sensor_gain", 1.2)]), table.NO),
+        (NONE, result("measurement fault", faults=[faulty("sensor_gain", 0.97)]), table.NO),
+        (NONE, result("measurement fault", faults=[faulty("sensor_tilt", 0.06)]), table.YES),
+        (NONE, result("measurement fault", faults=[faulty("sensor_position", 0.06)]), table.NO),
+        (NONE, result("nothing missing"), table.YES),
+        (MASS, result("effect", MASS_FOUND, SENSORS), table.YES),
+        (MASS, result("effect", SENSORS), table.NO),
+        (SIGN, result("effect", STINGER, faults=[D6Z]), table.YES),
+        (SIGN, result("effect", STINGER), table.NO),
+    ],
+)
+def test_what_a_test_that_is_not_as_described_has_itself_is_neither_asked_for_nor_wrong(
+    truth, found, verdict
+):
+    case = {"effects": [truth], "instruments": REAL, "code": "OpenSees"}
+    assert table.judge_case(case, PLACES, found) == verdict
+    if found["verdict"] != "nothing missing" and verdict == table.YES:
+        assert table.judge_case(case | {"instruments": {}}, PLACES, found) != table.YES
+
+
+def evidence(right, in_three, probability, credible):
+    shares = [{"name": "a", "probability": 0.9, "right": credible}]
+    return {
+        "verdict": "effect", "right": right, "in_three": in_three, "sure_and_wrong": not right,
+        "probability": probability, "place_probability": probability, "place_right": right,
+        "credible": shares, "loss": "-",
+    }  # fmt: skip
+
+
+def test_the_summary_counts_outcomes_alarms_and_bins(tmp_path):
+    about = [table.about(k, {"effects": [t]} | more) for k, t, more in (
+        ("right", MASS, {}), ("near", MASS, {"test": "real"}), ("alarm", NONE, {}), ("late", SOFT, {}),
+    )]  # fmt: skip
+    records = [
+        about[0] | {"verdict": "effect", "outcome": table.YES, "evidence": evidence(True, True, 0.97, True)},
+        about[1] | {"verdict": "effect", "outcome": table.NO, "evidence": evidence(False, True, 0.4, True)},
+        about[2]
+        | {"verdict": "effect", "outcome": table.NO, "evidence": evidence(False, False, 0.96, False)},
+        table.record_of("late", f"{table.NOT_ENDED} in 9 s", {"effects": [SOFT]}),
+    ]
+    records[0]["cpu_seconds"], records[1]["cpu_seconds"] = 10.0, 30.0
+    text = summarise(records, tmp_path)
+    assert text == (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert (tmp_path / "reliability.png").read_bytes()[1:4] == b"PNG"
+    told = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    every = {g["name"]: g for g in told["groups"]}
+    outcomes = ("right", "right in a credible set of three", "wrong", "not ended", "cases")
+    assert [every["all"][o] for o in outcomes] == [1, 1, 1, 1, 4]
+    assert every["all"]["sure_and_wrong"] == {"hits": 2, "cases": 4}
+    assert every["all"]["false_alarms"] == {"hits": 1, "cases": 1}
+    assert every["all"]["coverage"] == {"hits": 2, "cases": 3}
+    assert every["all"]["cpu_median_s"] == 20.0
+    assert every["test real"]["cases"] == every["hidden: nothing"]["cases"] == 1
+    bins = {b["stated"]: (b["right"], b["cases"]) for b in told["reliability"]}
+    assert bins["0-50 %"] == (0, 1)
+    assert bins["95-99 %"] == (1, 2)
+
+
+def test_a_diagnosis_that_uses_its_time_has_not_ended(tmp_path, monkeypatch):
+    case = tmp_path / "case"
+    case.mkdir()
+    (case / "nominal.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "study.toml").write_text("", encoding="utf-8")
+    busy = "import resource; resource.setrlimit(resource.RLIMIT_CPU, (1, 9))\nwhile True: pass"
+    run = table.subprocess.run
+    monkeypatch.setattr(table, "convert", lambda *_: "")
+    command = [sys.executable, "-c", busy]
+    monkeypatch.setattr(table.subprocess, "run", lambda _, **more: run(command, **more))
+    assert table.investigate(case, tmp_path, 1) == f"{table.NOT_ENDED} in 1 s"

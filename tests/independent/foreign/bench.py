@@ -7,7 +7,8 @@ import scipy.linalg as la
 
 from tests.independent.bodies import PATCH, coupled, zeta_of
 from tests.independent.casefiles import AXES
-from tests.independent.foreign.parts import Beams, Place, Solid
+from tests.independent.foreign.parts import CLOSE, Beams, Place, Solid
+from tests.independent.foreign.real import AS_DESCRIBED, off_axis, turned
 
 COARSE = 5
 """Every so many lines serve to see how clearly something shows."""
@@ -87,7 +88,28 @@ class Bench:
         about = connection.location + np.array(lever) + along * self.structure.members[member].axes[0]
         return Place(member, round(s + along, 9), tuple(about.tolist()), 0.0 if connection.held else PATCH)
 
-    def places(self, hidden):
+    def sensor_place(self, sensor, hidden, test):
+        """Return the place where a sensor truly is."""
+        name, member = sensor["name"], sensor["member"]
+        s = hidden.places.get(name, sensor["position"])
+        if name not in test.offsets:
+            return Place(member, s)
+        return self.off(member, s, test.offsets[name])
+
+    def off(self, member, s, offset):
+        s, spot = off_axis(self.structure.members[member], s, offset)
+        return Place(member, s, spot=spot)
+
+    def body_places(self, test):
+        """Return the places and masses [kg] of sensors' bodies."""
+        offsets = {
+            (s["member"], s["position"]): test.offsets[s["name"]]
+            for s in self.structure.channels
+            if test.masses
+        }
+        return [(self.off(*at, offsets[at]), mass) for at, mass in test.masses.items()]
+
+    def places(self, hidden, test=AS_DESCRIBED):
         """Return all places where something acts or is read."""
         out = [Place(s["member"], s["position"]) for s in self.structure.channels]
         out += [
@@ -97,18 +119,20 @@ class Bench:
         out += [Place(by_name[name], s) for name, s in hidden.places.items()]
         out += [Place(m, s) for m, s, *_ in (*hidden.masses, *hidden.springs, *hidden.dampers)]
         out += [self.turning(m, s) for m, s, _ in hidden.inertias]
+        out += [self.sensor_place(s, hidden, test) for s in self.structure.channels if test.offsets]
+        out += [place for place, _ in self.body_places(test)]
         return list(dict.fromkeys(out))
 
     def turning(self, member, s):
         return Place(member, s, tuple(self.structure.members[member].at(s).tolist()), PATCH)
 
-    def coordinates(self, hidden, nuisance):
+    def coordinates(self, hidden, nuisance, test=AS_DESCRIBED):
         """Return squared frequencies of all parts, and a function from places to motions (n, m) in them."""
-        wanted, squares, columns, n = self.places(hidden), [], {}, 0
+        wanted, squares, columns, n = self.places(hidden, test), [], {}, 0
         base = set(self.places(Hidden()))
         for body in self.structure.bodies:
             mine = [p for p in wanted if p.member in body]
-            cuts = () if self.structure.solid else tuple((p.member, p.s) for p in mine if p not in base)
+            cuts = () if self.structure.solid else self.cuts([p for p in mine if p not in base], hidden)
             w2, motions = self.part(body, hidden, cuts).reduced(mine)
             columns |= {place: (n, P) for place, P in motions.items()}
             squares.append(w2 * nuisance.get("E", 1.0) / nuisance.get("rho", 1.0))
@@ -122,38 +146,69 @@ class Bench:
 
         return np.concatenate(squares), whole
 
+    def cuts(self, places, hidden):
+        """Return where beams have further nodes; spots have none beside what has to have one."""
+        out = [(p.member, p.s) for p in places if not p.spot]
+        for place in (p for p in places if p.spot):
+            m = place.member
+            marks = [*self.positions(m), *(s for n, s in out if n == m)]
+            marks += hidden.changes[m].notch[:2] if m in hidden.changes else ()
+            if min(abs(s - place.s) for s in marks) > 2 * CLOSE * self.structure.members[m].length:
+                out.append((m, place.s))
+        return tuple(out)
+
     def frequencies(self, hidden):
-        """Return natural frequencies [Hz] without damping; rotary inertias and dashpots are left out."""
-        squares, whole = self.coordinates(hidden, {})
+        """Return natural frequencies [Hz]."""
+        return self.modes(hidden)[0]
+
+    def modes(self, hidden, nuisance=None):
+        """Return natural frequencies [Hz], damping ratios, and shapes (n_sensors, n) normalised to mass.
+
+        Damping is small: ratios are vᵀ C v / 2 ω, and shapes are real. Dashpots are left out.
+        """
+        nuisance = nuisance or {}
+        squares, whole = self.coordinates(hidden, nuisance)
         K, M, held = np.diag(squares), np.eye(len(squares)), []
+        lossy = np.zeros_like(K)
         for c in self.structure.connections.values():
             R = self.relative(c, hidden, whole)
             for i in range(6):
                 if c.held and (c.name, i) not in hidden.stiffness:
                     held.append(R[:, i] / np.linalg.norm(R[:, i]))  # as a spring it would cost all digits
-                else:
-                    K += hidden.stiffness.get((c.name, i), c.k[i]) * np.outer(R[:, i], R[:, i])
+                    continue
+                k = hidden.stiffness.get((c.name, i), c.k[i] * nuisance.get(c.name, 1.0))
+                K += k * np.outer(R[:, i], R[:, i])
+                lossy += hidden.loss.get((c.name, i), c.loss) * k * np.outer(R[:, i], R[:, i])
         for m, s, d, k in hidden.springs:
             P = whole(Place(m, s))[:, [AXES.index(d)]]
             K += k * P @ P.T
         for m, s, mass in hidden.masses:
             P = whole(Place(m, s))
             M += mass * P @ P.T
+        for m, s, J in hidden.inertias:
+            P = whole(self.turning(m, s))[:, 3:]
+            M += J * P @ P.T
         B = la.null_space(np.array(held)) if held else np.eye(len(squares))
-        return np.sqrt(np.maximum(la.eigvalsh(B.T @ K @ B, B.T @ M @ B), 0.0)) / (2 * np.pi)
+        w2, V = la.eigh(B.T @ K @ B, B.T @ M @ B)
+        w2, V = np.maximum(w2, 0.0), B @ V
+        viscous = (2 * zeta_of(self.structure.damping, squares) * np.sqrt(squares)) @ V**2
+        omega = np.maximum(np.sqrt(w2), 1e-9)
+        zeta = viscous / (2 * omega) + np.einsum("ij,ij->j", V, lossy @ V) / (2 * omega**2)
+        shapes = np.array([self.reading(s, hidden, whole) for s in self.structure.channels]) @ V
+        return np.sqrt(w2) / (2 * np.pi), zeta, shapes
 
-    def receptances(self, hidden, omega, nuisance=None):
+    def receptances(self, hidden, omega, nuisance=None, test=AS_DESCRIBED):
         """Return FRFs (n_freq, n_sensors, n_excitations) [m/N], with factors of what is uncertain."""
         nuisance, structure = nuisance or {}, self.structure
-        squares, whole = self.coordinates(hidden, nuisance)
+        squares, whole = self.coordinates(hidden, nuisance, test)
         parts = [
             (self.relative(c, hidden, whole), dynamic_stiffness(c, hidden, omega, nuisance.get(c.name, 1.0)))
             for c in structure.connections.values()
         ]
         parts += attachments(hidden, omega, whole, self.turning)
-        out = np.array([self.reading(s, hidden, whole) for s in structure.channels]).T
-        stated = {s["name"]: self.reading(s, Hidden(), whole) for s in structure.channels}
-        inputs = np.array([stated[name] for name in structure.excitations]).T
+        inputs, fixtures = self.inputs(omega, whole, test)
+        parts += fixtures
+        out = np.array([self.reading(s, hidden, whole, test) for s in structure.channels]).T
         zeta = zeta_of(structure.damping, squares) * nuisance.get("damping", 1.0)
         return coupled(squares, np.zeros(len(squares)), zeta, parts, out, inputs, omega)
 
@@ -162,21 +217,39 @@ class Bench:
         first, *other = (whole(self.side(connection, k, hidden)) for k in range(len(connection.sides)))
         return first - other[0] if other else first
 
-    def reading(self, sensor, hidden, whole):
+    def reading(self, sensor, hidden, whole, test=AS_DESCRIBED):
         """Return the motion (n,) that a sensor takes, where it truly is and in its true direction."""
         name = sensor["name"]
-        motions = whole(Place(sensor["member"], hidden.places.get(name, sensor["position"])))
+        motions = whole(self.sensor_place(sensor, hidden, test))
         towards, angle = hidden.tilts.get(name, (sensor["direction"], 0.0))
+        if name in test.turns:
+            one, other = (np.eye(3)[AXES.index(d)] for d in (sensor["direction"], towards))
+            return motions @ turned(np.cos(angle) * one + np.sin(angle) * other, test.turns[name])
         along, across = (motions[:, AXES.index(d)] for d in (sensor["direction"], towards))
         return along if angle == 0 else np.cos(angle) * along + np.sin(angle) * across
 
-    def accelerances(self, hidden, every=1, nuisance=None):
+    def inputs(self, omega, whole, test):
+        """Return the motions (n, n_excitations) that forces take, and what the test hangs on members."""
+        w, at, inputs = omega[:, None, None], {s["name"]: s for s in self.structure.channels}, []
+        fixtures = [(whole(place), -(w**2) * mass * np.eye(3)) for place, mass in self.body_places(test)]
+        for name in self.structure.excitations:
+            motions = whole(Place(at[name]["member"], at[name]["position"]))
+            force = turned(
+                np.eye(3)[AXES.index(at[name]["direction"])], test.force_turns.get(name, (0, 0, 0))
+            )
+            inputs.append(motions @ force)
+            across = test.stingers.get(name, 0.0) * (np.eye(3) - np.outer(force, force))
+            if name in test.stingers or name in test.drivers:
+                fixtures.append((motions, across - w**2 * test.drivers.get(name, 0.0) * np.eye(3)))
+        return np.array(inputs).T, fixtures
+
+    def accelerances(self, hidden, every=1, nuisance=None, test=AS_DESCRIBED):
         """Return FRFs [m/s²/N] without noise as the instruments read them."""
         frequency = self.structure.frequency[::every]
         omega = 2 * np.pi * frequency
-        H = -(omega[:, None, None] ** 2) * self.receptances(hidden, omega, nuisance)
+        H = -(omega[:, None, None] ** 2) * self.receptances(hidden, omega, nuisance, test)
         names = [s["name"] for s in self.structure.channels]
-        for name, gain in hidden.gains.items():
+        for name, gain in (*hidden.gains.items(), *test.gains.items()):
             H[:, names.index(name)] *= gain
         for pair in hidden.swaps:
             i, j = (names.index(name) for name in pair)
@@ -185,11 +258,11 @@ class Bench:
 
     # how clearly something shows ------------------------------------------------------------------------
 
-    def coarse(self, hidden, **nuisance):
+    def coarse(self, hidden, test=AS_DESCRIBED, **nuisance):
         """Return ln |H| on some lines (n, n_out, n_in), not below the noise floor; results are kept."""
-        key = repr((hidden, sorted(nuisance.items())))
+        key = repr((hidden, test, sorted(nuisance.items())))
         if key not in self.known:
-            H = self.accelerances(hidden, COARSE, nuisance)
+            H = self.accelerances(hidden, COARSE, nuisance, test)
             floor = np.abs(H).max(axis=0) * 10 ** (FLOOR_DB / 20)
             self.known[key] = 0.5 * np.log(np.abs(H) ** 2 + floor**2)
         return self.known[key]
@@ -207,8 +280,16 @@ class Bench:
 
         Nuisances take part with steps of a standard deviation each, against 0.1 dB of noise.
         """
+        return self.left(self.coarse(hidden | beside) - self.coarse(beside))
+
+    def change_by_test(self, hidden, test):
+        """Return the rms change [dB] by a test beside what is hidden, and what nuisances leave of it."""
+        return self.left(self.coarse(hidden, test) - self.coarse(hidden))
+
+    def left(self, change):
+        """Return the rms of a change of ln |H| [dB], and what nuisances leave of it."""
         to_db = 20 / np.log(10)
-        d = to_db * (self.coarse(hidden | beside) - self.coarse(beside)).ravel()
+        d = to_db * change.ravel()
         X = to_db * self.nuisances()
         scale = NOISE_DB * np.sqrt(len(d) / 8)  # neighbouring lines are not independent
         c = np.linalg.solve(X.T @ X / scale**2 + np.eye(X.shape[1]), X.T @ d / scale**2)

@@ -68,6 +68,12 @@ def plans(seed, n, structures):
     return out
 
 
+def which_are_real(seed, n):
+    """Return by number of case whether its test is not as described: one of each two."""
+    deck = Deck((True, False), np.random.default_rng(seed))
+    return {number: deck.draw() for number in range(1, n + 1)}
+
+
 def shows(bench, thing, beside):
     """Say whether one thing shows clearly beside others, and how much in dB."""
     if thing.sensors:

@@ -22,6 +22,8 @@ DEPENDENT = 1e-9
 """A column adds nothing where this share of it is left beside the others."""
 PIECES = 12
 """Elements of a member of beams, at least."""
+CLOSE = 1e-3
+"""Nodes are at least this share of a member's length apart [-]."""
 SHEAR = {"rhs": 0.45, "round": 0.886, "tube": 0.53}
 """Shear coefficients of OpenSees' sections, in both directions [-]."""
 
@@ -40,12 +42,16 @@ class Change:
 
 @dataclass(frozen=True)
 class Place:
-    """A point of an axis or, about a point, the six mean motions of what lies within a reach along it [m]."""
+    """A point of an axis or, about a point, the six mean motions of what lies within a reach along it [m].
+
+    A ``spot`` is a point beside the axis, global [m]: its displacements there.
+    """
 
     member: str
     s: float
     about: tuple = ()
     reach: float = 0.0
+    spot: tuple = ()
 
 
 class Part:
@@ -53,7 +59,7 @@ class Part:
 
     def __init__(self, K, M, n_modes, solve, modes):
         self.K, self.M, self.n_modes, self.solve, self.modes = K, M, n_modes, solve, modes
-        self.responses = {}
+        self.responses, self.known = {}, {}
 
     def motion(self, place):
         """Return displacements or mean motions (n, 3 or 6) of a place by the part's unknowns."""
@@ -65,6 +71,13 @@ class Part:
 
     def reduced(self, places):
         """Return squared frequencies [rad²/s²] and the motions of places in these coordinates."""
+        key = tuple(places)
+        if key not in self.known:
+            self.known[key] = self.reduction(places)
+        return self.known[key]
+
+    def reduction(self, places):
+        """Return what `reduced` keeps."""
         motions = {place: self.motion(place) for place in places}
         for place, P in motions.items():
             if place not in self.responses:
@@ -107,6 +120,8 @@ class Solid(Part):
         super().__init__(K, M, n_modes, solved.solve, V)
 
     def motion(self, place):
+        if place.spot:
+            return self.body.spot(place.member, np.array(place.spot))
         if place.about:
             return self.body.patch(place.member, place.s, np.array(place.about), place.reach)
         return self.body.point(place.member, place.s)
@@ -188,24 +203,27 @@ class Beams(Part):
         return K, M
 
     def motion(self, place):
-        i = self.at[place.member, round(place.s, 6)]
+        s = place.s
+        if place.spot:  # a node closer than `CLOSE` serves as well: what it misses is the curvature between
+            s = min(self.positions(place.member), key=lambda x: abs(x - place.s))
+        i = self.at[place.member, round(s, 6)]
         P = np.zeros((6 * len(self.points), 6))
         P[6 * i : 6 * i + 6] = np.eye(6)
-        if not place.about:
+        if not (place.about or place.spot):
             return P[:, :3]
-        arm = np.array(place.about) - self.points[i]
+        arm = np.array(place.about or place.spot) - self.points[i]
         P[6 * i + 3 : 6 * i + 6, :3] = np.cross(np.eye(3), arm)  # u at the end of the arm: u + θ × arm
-        return P
+        return P[:, :3] if place.spot else P
 
     def positions(self, member):
         return np.array(sorted(s for m, s in self.at if m == member))
 
 
 def apart(marks, length):
-    """Return marks without those closer than a thousandth of the length to the one before."""
+    """Return marks without those closer than `CLOSE` of the length to the one before."""
     out = [marks[0]]
     for s in marks[1:]:
-        if s - out[-1] > 1e-3 * length:
+        if s - out[-1] > CLOSE * length:
             out.append(s)
     return out
 

@@ -10,10 +10,11 @@ import numpy as np
 from tests.independent.bodies import Bar
 from tests.independent.casefiles import DIRECTIONS
 
-STRUCTURES, FURTHER, LATER, FRESH, LATEST = (
-    Path(__file__).with_name(f"{name}.toml") for name in ("structures", "further", "later", "fresh", "latest")
+STRUCTURES, FURTHER, LATER, FRESH, LATEST, NEWEST = (
+    Path(__file__).with_name(f"{name}.toml")
+    for name in ("structures", "further", "later", "fresh", "latest", "newest")
 )
-NAMED = FURTHER, LATER, FRESH, LATEST
+NAMED = FURTHER, LATER, FRESH, LATEST, NEWEST
 """Structures that every run draws are the first ones; of the others each is drawn when it is named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11
