@@ -60,7 +60,7 @@ def test_derivatives_of_residuals_are_those_of_differences(kind):
         numeric = (function(x + d, False)[0] - function(x - d, False)[0]) / (2 * step)
         # The metric in which shapes are compared is held in a step: that is all that may differ.
         scale = np.abs(J[k]).max() + 1e-3
-        assert np.abs(numeric - J[k])[function.groups < 2].max() < 1e-4 * scale
+        assert np.abs(numeric - J[k])[function.kinds < 2].max() < 1e-4 * scale
         assert np.abs(numeric - J[k]).max() < 2e-2 * scale
 
 

@@ -24,7 +24,7 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
+from updating.inference.mode_fit import BAD_PRIOR, LARGEST_LEFT, ComputedModes, ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
@@ -137,10 +137,11 @@ class Calibrated:
         """
         own = self.fitted.levels
         assert isinstance(own, ModeLevels)
-        there = np.unique(self.problem.function((), (), self.problem.targets.fitted).groups)
         out = np.zeros(len(LARGEST_LEFT))
-        levels = ModeLevels.up_to(own.n, own.size, own.variance, LARGEST_LEFT[there])
-        out[there] = levels.discrepancy_share(self.fitted.misfit)
+        levels = ModeLevels.up_to(
+            own.kind, own.n, own.size, own.variance, LARGEST_LEFT[own.kind], own.bad, own.bad_prior
+        )
+        out[own.kind] = levels.discrepancy_share(self.fitted.misfit)
         return out
 
 
@@ -228,6 +229,7 @@ def search_modes(
     problem, made = formed_mode_problem(
         model, targets, nuisances, damping_std=damping_std, model_error=model_error
     )
+    problem = replace(problem, bad_prior=BAD_PRIOR)
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(made.model, targets, kinds, exclude)
     search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
