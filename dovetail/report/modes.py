@@ -28,6 +28,7 @@ from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
 from fem.summary import counted, percent
+from updating.diagnosis.mode_diagnosis import ModeTable
 from updating.diagnosis.reported_modes import ReportedModes
 
 CORRECTED = (
@@ -167,7 +168,7 @@ def _modes(result: ModeRunResult, shown: Shown) -> Markup:
         row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in steps.values())]
         row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
         row += [_mac_text(x[k]) for x in (m.mac_nominal, m.mac_found)] if shaped else []
-        rows.append([*row, "predicted" if m.held_out[k] else "fitted"])
+        rows.append([*row, _role(m, k)])
     sensors = (
         "Arrows show the measured shape, scaled to the mode. Rings show where the model puts their tips."
         if shaped
@@ -188,6 +189,15 @@ def _modes(result: ModeRunResult, shown: Shown) -> Markup:
         shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else "",
         shapes(shown, sensors),
     )
+
+
+def _role(m: ModeTable, k: int) -> str:
+    """Return what a mode was to the diagnosis."""
+    if not m.belongs[k]:
+        return f"does not belong to the model: {percent(m.bad[k])}"
+    if not m.held_out[k]:
+        return "fitted"
+    return f"predicted: {m.predicted_text(k)}" if math.isfinite(m.found_std[k]) else "predicted"
 
 
 def _mac_text(value: float) -> str:

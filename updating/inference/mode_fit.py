@@ -18,7 +18,7 @@ from updating.inference.belief import FORM_LEFT
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
-from updating.inference.fit_function import ROBUST, Errors, FitFunction
+from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import FAR, LEAST_MAC, Matched, ModeTargets, match
 from updating.inference.parameters import DampingCurve
@@ -199,6 +199,43 @@ class ModeProblem:
         modes = [at.damped(i, int(k)) if k >= 0 else None for i, k in enumerate(partner)]
         f = np.array([np.nan if m is None else m.frequency for m in modes])
         return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac, partner)
+
+    def predicted_std(self, result: FitResult) -> Floats:
+        """Return relative standard deviations of the frequencies that a fitted model predicts, (n,) [-].
+
+        Of modes held out: by the covariance of all that was fitted, what the form leaves of the fitted
+        frequencies, and the mesh. NaN for fitted modes and those without a partner.
+        """
+        t, levels, every = self.targets, result.levels, np.arange(self.targets.n)
+        if not (t.held_out.any() and isinstance(levels, ModeLevels)):
+            return np.full(t.n, np.nan)
+        # A mode finds its partner among all of them, in their order.
+        alone = replace(self, common=None)
+        function = alone.function(result.effects, start_of(result.effects), every)
+        x = function.point_of(result)
+        predicted = t.held_out & (matched_modes(alone, function.modes_at(x), every).partner >= 0)
+        weight = np.hypot(t.frequency_std, self.mesh_level)
+        fitted = propagated(function, x, function.units, result.covariance)[: t.n] * weight / weight.min()
+        left = levels.discrepancy_left(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
+        return np.where(predicted, np.sqrt(fitted**2 + left + self.mesh_level**2), np.nan)
+
+    def readings(self) -> tuple[Reading, ...]:
+        """Return the readings that fits see, in the order of the groups of residuals."""
+        groups = np.unique(self.function((), (), self.targets.fitted).groups)
+        return tuple(Reading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The frequency, damping ratio or shape of a measured mode; modes count from 0."""
+
+    mode: int
+    kind: int
+
+    @property
+    def words(self) -> str:
+        """The kind in words."""
+        return ("frequency", "damping ratio", "shape")[self.kind]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
