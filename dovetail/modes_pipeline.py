@@ -86,9 +86,9 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
     return ModeTargets.of(
         m.frequency, modes.frequency_std,
         zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float), zeta_std=modes.zeta_std,
-        shapes=m.shapes if len(modes.sensors) else None, shape_std=modes.shape_std, sensors=modes.sensors,
+        shapes=m.shapes if modes.has_shapes else None, shape_std=modes.shape_std, sensors=modes.sensors,
         numbers=[n - 1 for n in modes.numbers] or None, plane=modes.plane,
-        held_out=[n - 1 for n in modes.held_out], name=modes.name,
+        held_out=[n - 1 for n in modes.held_out], name=modes.name, driven=modes.driven,
     )  # fmt: skip
 
 

@@ -116,7 +116,7 @@ def _compared(result: ModeRunResult) -> Markup:
         spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
         rows.append([
             name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread,
-            "yes" if zeta is not None and np.isfinite(zeta).any() else "no", len(m.sensors) or "–",
+            "yes" if zeta is not None and np.isfinite(zeta).any() else "no", len(m.sensors) if m.has_shapes else "–",
             ", ".join(map(str, m.held_out)) or "–",
         ])  # fmt: skip
     head = [
@@ -126,6 +126,9 @@ def _compared(result: ModeRunResult) -> Markup:
     mesh, plane = study.model.mesh, study.modes.plane if study.modes else ""
     size = f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points"
     seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
+    if study.modes is not None and not study.modes.has_shapes:
+        by = (("sensors of the test", study.modes.sensors), ("forces of the test", study.modes.driven))
+        seen += [(name, ", ".join(s.name for s in part)) for name, part in by if part]
     return section(
         "Compared data",
         table(head, rows, numbers=(2, 6), caption="Measured modes"),

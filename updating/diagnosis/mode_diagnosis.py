@@ -24,7 +24,7 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, LARGEST_LEFT, ComputedModes, ModeProblem, Reading
+from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, LARGEST_LEFT, ComputedModes, ModeProblem, Reading, n_below
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
@@ -442,6 +442,13 @@ def _verdict_reason(d: ModeDiagnosis) -> str:
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:
     t, out = problem.targets, []
+    n = n_below(problem)
+    if not t.directed and n > t.n:
+        out.append(
+            f"the {t.n} frequencies are paired in order with some of the model's {n} modes in their range: "
+            "torsional, axial and other modes that the test has not seen may be among the partners. Sensors and "
+            "forces of the test, its plane, or the numbers of the modes exclude them"
+        )
     if not t.has_shapes:
         out.append(
             f"{len(t.fitted)} natural frequencies without shapes hardly locate an effect: read the "

@@ -269,6 +269,13 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
     return match(some, pairs.frequency, pairs.shapes, problem.seen(at), problem.bad_prior)
 
 
+def n_below(problem: ModeProblem) -> int:
+    """Return how many modes of the nominal model the test can have seen in the range of the measured ones."""
+    function = problem.function((), (), problem.targets.fitted)
+    at = function.modes_at(function.start)
+    return int((problem.seen(at) & (at.pairs(0).frequency <= problem.targets.frequency[-1])).sum())
+
+
 @dataclass(eq=False)
 class ModeFunction(FitFunction):
     """Residuals of measured modes as a function of all that varies; ``lines`` are the modes.

@@ -133,6 +133,12 @@ class ModeTargets:
         return len(self.shapes) > 1
 
     @property
+    def directed(self) -> bool:
+        """Whether anything says which of the model's modes the test can have seen."""
+        named = self.numbers is not None or bool(self.plane)
+        return named or self.has_shapes or bool(self.sensors) or bool(self.driven)
+
+    @property
     def noise_level(self) -> float:
         """Relative deviation that the noise of the frequencies of a fit leaves, root mean square [-]."""
         return float(np.sqrt((self.frequency_std[self.fitted] ** 2).mean()))

@@ -12,7 +12,7 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import MOTION, Sensor
+from updating.measurement.measurement import MOTION, BaseMotion, Sensor
 
 IN_PLANE = 0.5
 """Least share of a mode's motion in the plane of a test for it to be seen [-]."""
@@ -81,7 +81,8 @@ def mass_of(model: Model) -> float:
 
 def _judged(part: Sequence[Sensor], mass: float) -> bool:
     """Whether channels say which modes a test has seen: strains and motions of the base have another scale."""
-    return bool(part) and bool(np.isfinite(mass)) and all(s.directed and s.quantity == MOTION for s in part)
+    motions = [s.directed and s.quantity == MOTION and not isinstance(s, BaseMotion) for s in part]
+    return bool(motions) and all(motions) and bool(np.isfinite(mass))
 
 
 def _rows(reduced: ReducedModel, part: tuple[Sensor, ...]) -> Floats:
