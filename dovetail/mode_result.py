@@ -106,8 +106,12 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
         "credible": [_explanation(e) for e in d.credible],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
         "bad_readings": [
-            {"mode": b.reading.mode + 1, "measured_Hz": b.frequency, "reading": b.reading.words,
-             "probability": b.probability}
+            {
+                "mode": b.reading.mode + 1,
+                "measured_Hz": b.frequency,
+                "reading": b.reading.words,
+                "probability": b.probability,
+            }
             for b in d.bad_readings
         ],
         "next_measurements": list(d.next_measurements),

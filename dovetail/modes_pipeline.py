@@ -188,10 +188,7 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
     for k in range(len(m.measured)):
         off = [_off(f[k], m.measured[k]) for f in (m.nominal, m.fitted, m.found)]
         mac = f"{m.mac_found[k]:5.3f}" if np.isfinite(m.mac_found[k]) else "    -"
-        out.append(
-            f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}"
-            + _remark(m, k)
-        )
+        out.append(f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}" + _remark(m, k))
     if d.next_measurements:
         out += ["", "would tell the first two explanations apart:", *(f"  {t}" for t in d.next_measurements)]
     return [*out, *(f"note: {note}" for note in d.notes)]

@@ -24,7 +24,15 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, LARGEST_LEFT, ComputedModes, ModeProblem, Reading, n_below
+from updating.inference.mode_fit import (
+    BAD_PRIOR,
+    FREQUENCY,
+    LARGEST_LEFT,
+    ComputedModes,
+    ModeProblem,
+    Reading,
+    n_below,
+)
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
@@ -404,7 +412,7 @@ def _table(
     for b in readings:
         if b.reading.kind == FREQUENCY:
             bad[b.reading.mode] = b.probability
-    nominal, fitted = problem.computed(problem.nominal()), problem.computed(nothing.fitted)
+    nominal, fitted = problem.believed.computed(problem.nominal()), problem.computed(nothing.fitted)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     found = there.computed(final.fitted)
     return ModeTable(

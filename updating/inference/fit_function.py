@@ -298,7 +298,6 @@ class FitFunction:
         tolerance: float = TOLERANCE,
         report: Report | None = None,
         prior: Prior | None = None,
-        levels: Costs | None = None,
     ) -> Solution:
         """Find the x of greatest posterior probability from a start.
 
@@ -316,8 +315,6 @@ class FitFunction:
             Called after each step with the unknowns and the cost.
         prior : Prior, optional
             In place of its own.
-        levels : Costs, optional
-            In place of its own.
         """
         limits = self.limits()
         assert len(limits) == len(x)
@@ -326,7 +323,7 @@ class FitFunction:
             x,
             prior or self.prior(),
             (limits[:, 0], limits[:, 1]),
-            levels=levels or self.levels(stage, counted_as),
+            levels=self.levels(stage, counted_as),
             groups=self.groups,
             robust=ROBUST,
             max_iterations=max_iterations,

@@ -20,7 +20,15 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_targets import FAR, LEAST_MAC, Matched, ModeTargets, match
+from updating.inference.mode_targets import (
+    ALIEN_WIDTH,
+    FAR,
+    LEAST_MAC,
+    SPREAD_BEFORE,
+    Matched,
+    ModeTargets,
+    match,
+)
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
 from updating.inference.unknowns import Uncertain, by_unknowns, effect_unknowns, nuisance_unknowns, values_at
@@ -41,7 +49,7 @@ SPREAD = 1.25**2 - 1
 
 BAD_PRIOR = 0.015
 """Prior probability that the frequency, damping or shape of a measured mode does not belong to the model [-]."""
-BAD_STD = np.array([0.3, 1.0, 1.0])
+BAD_STD = np.array([ALIEN_WIDTH, 1.0, 1.0])
 """Standard deviations of ln f, ln ζ and components of a shape that do not belong, as of another mode [-]."""
 DOUBT = 0.01
 """Probability from which on a reading may be a bad one [-]."""
@@ -105,9 +113,22 @@ class ModeProblem:
 
         All readings belong there: far from the data any may seem bad, and a bad one moves nothing.
         """
-        if factor == 1:
-            return self
-        return replace(self, targets=self.targets.with_deviations(factor), bad_prior=0.0)
+        return self if factor == 1 else replace(self.believed, targets=self.targets.with_deviations(factor))
+
+    @property
+    def believed(self) -> ModeProblem:
+        """The problem with every reading believed, for models that may be far from the data."""
+        return replace(self, bad_prior=0.0) if self.bad_prior else self
+
+    @property
+    def spread(self) -> Floats:
+        """Standard deviation of ln f by which modes find their partners in order, (n,) [-].
+
+        That of the fit, where a reading may be a bad one; else that of models before it.
+        """
+        if not self.bad_prior:
+            return np.full(self.targets.n, SPREAD_BEFORE)
+        return np.sqrt(self.targets.frequency_std**2 + self.left[FREQUENCY] ** 2 + self.mesh_level**2)
 
     @property
     def form_right(self) -> bool:
@@ -266,7 +287,9 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
         numbers=None if t.numbers is None else t.numbers[modes],
     )  # fmt: skip
     pairs = at.pairs(0)
-    return match(some, pairs.frequency, pairs.shapes, problem.seen(at), problem.bad_prior)
+    return match(
+        some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
+    )
 
 
 def n_below(problem: ModeProblem) -> int:
@@ -351,12 +374,13 @@ class ModeFunction(FitFunction):
         A reading that seems bad at the start pulls no more. So all are believed first, and where one seems
         bad then, the better of the maxima near there and near the start is taken.
         """
-        levels, solve = self.levels(stage), super().minimise
-        if not levels.bad_prior:
+        solve = super().minimise
+        if not self._modes_problem.bad_prior:
             return solve(x, stage, max_iterations, **how)
-        believed = solve(x, stage, max_iterations, **how, levels=replace(levels, bad_prior=0.0))
+        all_believed: Any = self._modes_problem.believed
+        believed = replace(self, problem=all_believed).minimise(x, stage, max_iterations, **how)
         found = solve(believed.x, stage, max_iterations, **how)
-        if levels.is_bad(self.misfit(found.x)).max() < DOUBT:
+        if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
             return found
         return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
 

@@ -21,7 +21,7 @@ UNSEEN_NATS = 3.0
 SPREAD_BEFORE = 0.05
 """Standard deviation of the logarithm of a frequency ratio before a fit, for pairs by their order [-]."""
 ALIEN_WIDTH = 0.3
-"""The same of a measured mode that is none of the computed ones [-]."""
+"""The same of a frequency that does not belong to the model: as of another mode [-]."""
 
 PAIRED, PASSED_OVER, LEFT_OUT = range(3)
 """Steps along two lists of modes in order: a pair, a computed mode alone, a measured one alone."""
@@ -170,6 +170,7 @@ def match(
     frequency: Floats,
     shapes: NDArray[np.number],
     seen: NDArray[np.bool_],
+    spread: Floats | float = SPREAD_BEFORE,
     alien: float = 0.0,
 ) -> Matched:
     """Find the computed partner of each measured mode.
@@ -188,6 +189,8 @@ def match(
         At the sensors.
     seen : ndarray of bool (m,)
         Which of them a test can see.
+    spread : float or ndarray (n,)
+        Standard deviation of the logarithm of a frequency ratio, for pairs by their order [-].
     alien : float
         Prior probability that a measured mode is none of the model's [-].
     """
@@ -207,7 +210,7 @@ def match(
     if targets.numbers is not None:
         partner = np.where(targets.numbers < len(allowed), targets.numbers, -1)
         return Matched(np.where(partner >= 0, allowed[np.minimum(partner, len(allowed) - 1)], -1), nothing)
-    return Matched(_in_order(targets, frequency, allowed, alien), nothing)
+    return Matched(_in_order(targets, frequency, allowed, spread, alien), nothing)
 
 
 def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats:
@@ -220,30 +223,38 @@ def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats
 
 
 def _in_order(
-    targets: ModeTargets, frequency: Floats, allowed: NDArray[np.int64], alien: float
+    targets: ModeTargets,
+    frequency: Floats,
+    allowed: NDArray[np.int64],
+    spread: Floats | float,
+    alien: float,
 ) -> NDArray[np.int64]:
     """Return partners that rise with the measured modes, by dynamic programming; -1 for none.
 
-    The cost is Σ ½ ρ(ln f ratio / s)² with a relative scale s of what models are off before a fit,
-    ``UNSEEN_NATS`` for each computed mode that is passed over, and for each measured mode that is left out the
-    odds against that.
+    The cost is Σ ½ ρ(ln f ratio / s)², and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a
+    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ²) + π s/b].
     """
     n, m = targets.n, min(len(allowed), 3 * targets.n + 6)
     if m < n and not alien:
         return np.concatenate([allowed, np.full(n - m, -1)])[:n]
-    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300)) / SPREAD_BEFORE
-    cost = 2 * (np.sqrt(1 + off**2 / 2) - 1) * 2
-    left_out = np.log(ALIEN_WIDTH / SPREAD_BEFORE) - np.log(alien) if alien else np.inf
+    s = np.broadcast_to(spread, n)[:, None]
+    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300))
+    cost = 2 * (np.sqrt(1 + (off / s) ** 2 / 2) - 1) * 2
+    left_out = np.full(n, np.inf)
+    if alien:
+        odds = np.log(alien * s / ALIEN_WIDTH)
+        cost = -np.logaddexp(-cost, odds - 0.5 * (off / ALIEN_WIDTH) ** 2)
+        left_out = -odds[:, 0] + 0.5 * (FAR / ALIEN_WIDTH) ** 2
     best = np.full((n + 1, m + 1), np.inf)
     step = np.zeros((n + 1, m + 1), dtype=np.int64)
     best[0] = UNSEEN_NATS * np.arange(m + 1)
     for i in range(1, n + 1):
-        best[i, 0] = i * left_out
+        best[i, 0] = best[i - 1, 0] + left_out[i - 1]
         for j in range(1, m + 1):
             ways = (
                 best[i - 1, j - 1] + cost[i - 1, j - 1],
                 best[i, j - 1] + UNSEEN_NATS,
-                best[i - 1, j] + left_out,
+                best[i - 1, j] + left_out[i - 1],
             )
             step[i, j] = int(np.argmin(ways))
             best[i, j] = ways[step[i, j]]

@@ -62,7 +62,9 @@ def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: 
         v = V[:, some]
         n = _in_plane(*(v.T @ G @ v for G in motion), LEAST_MOTION**2 / mass) if motion else len(some)
         if channels:
-            response = channels[0][:, some] if len(channels) == 1 else channels[0][:, some] @ channels[1][:, some].T
+            response = (
+                channels[0][:, some] if len(channels) == 1 else channels[0][:, some] @ channels[1][:, some].T
+            )
             strong = np.linalg.svd(response, compute_uv=False) >= LEAST_MOTION ** len(channels)
             n = min(n, int(strong.sum()))
         out[some[n:]] = False
