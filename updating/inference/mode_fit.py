@@ -377,9 +377,10 @@ class ModeFunction(FitFunction):
         solve = super().minimise
         if not self._modes_problem.bad_prior:
             return solve(x, stage, max_iterations, **how)
-        all_believed: Any = self._modes_problem.believed
-        believed = replace(self, problem=all_believed).minimise(x, stage, max_iterations, **how)
-        found = solve(believed.x, stage, max_iterations, **how)
+        problem: Any = self._modes_problem.believed
+        believing = replace(self, problem=problem)
+        believing._parametric = self._parametric  # of the same model
+        found = solve(believing.minimise(x, stage, max_iterations, **how).x, stage, max_iterations, **how)
         if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
             return found
         return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
