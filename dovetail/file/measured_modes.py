@@ -345,7 +345,7 @@ def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
 
 
 def _named(t: Table, key: str, channels: Sequence[Channel], *, alone: bool) -> tuple[Sensor, ...]:
-    """Return the channels of the study that a list names: unless there is one, all where modes stand alone."""
+    """Return the channels that a list names; without a list all, where the modes are ``alone``."""
     every = {c.sensor.name: c.sensor for c in channels}
     if t.get(key, None) is None:
         return tuple(every.values()) if alone else ()

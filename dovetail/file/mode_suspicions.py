@@ -87,10 +87,11 @@ def _unseen(measured: MeasuredModes, model: Model) -> str:
     n = int((computed.frequency[computed.n_rigid :] <= f[-1]).sum())
     if n <= f.size:
         return ""
+    most = " or more" if n >= f.size + MORE_MODES else ""
     return (
-        f"the model has {n}{' or more' if n >= f.size + MORE_MODES else ''} modes up to {f[-1]:.4g} Hz, "
-        f"{f.size} were measured: without shapes torsional or axial modes may become their partners. Name the "
-        "sensors and excitations of the test in [modes], or its plane, or numbers"
+        f"the model has {n}{most} modes up to {f[-1]:.4g} Hz, {f.size} were measured: without shapes "
+        "torsional or axial modes may become their partners. Name sensors and excitations of the test in "
+        "[modes], or its plane, or numbers"
     )
 
 

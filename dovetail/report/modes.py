@@ -116,7 +116,8 @@ def _compared(result: ModeRunResult) -> Markup:
         spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
         rows.append([
             name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread,
-            "yes" if zeta is not None and np.isfinite(zeta).any() else "no", len(m.sensors) if m.has_shapes else "–",
+            "yes" if zeta is not None and np.isfinite(zeta).any() else "no",
+            len(m.sensors) if m.has_shapes else "–",
             ", ".join(map(str, m.held_out)) or "–",
         ])  # fmt: skip
     head = [

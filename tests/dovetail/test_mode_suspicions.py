@@ -112,3 +112,12 @@ def test_modes_without_any_partner_have_no_error(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "no measured mode has a partner in the model; standard deviation" in out
     assert "nan" not in out
+
+
+def test_frequencies_that_may_be_torsional_or_axial_are_warned_of(tmp_path):
+    """The fourth in the weak plane lies above seven modes of the model."""
+    weak = [8.36, 52.35, 146.6, 287.2]
+    assert any("torsional or axial" in text for text in warned(tmp_path, listed(weak)))
+    for more in ('plane = "x"', "numbers = [1, 3, 4, 6]"):
+        assert not any("torsional or axial" in text for text in warned(tmp_path, listed(weak, more)))
+    assert not any("torsional or axial" in text for text in warned(tmp_path, SENSORS + listed(weak)))

@@ -454,8 +454,8 @@ def _notes(problem: ModeProblem) -> tuple[str, ...]:
     if not t.directed and n > t.n:
         out.append(
             f"the {t.n} frequencies are paired in order with some of the model's {n} modes in their range: "
-            "torsional, axial and other modes that the test has not seen may be among the partners. Sensors and "
-            "forces of the test, its plane, or the numbers of the modes exclude them"
+            "torsional, axial and other modes that the test has not seen may be among the partners. Sensors "
+            "and forces of the test, its plane, or the numbers of the modes exclude them"
         )
     if not t.has_shapes:
         out.append(

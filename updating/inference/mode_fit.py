@@ -48,7 +48,7 @@ SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
 
 BAD_PRIOR = 0.015
-"""Prior probability that the frequency, damping or shape of a measured mode does not belong to the model [-]."""
+"""Prior probability that a frequency, damping ratio or shape does not belong to the structure's model [-]."""
 BAD_STD = np.array([ALIEN_WIDTH, 1.0, 1.0])
 """Standard deviations of ln f, ln ζ and components of a shape that do not belong, as of another mode [-]."""
 DOUBT = 0.01

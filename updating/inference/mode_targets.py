@@ -231,8 +231,8 @@ def _in_order(
 ) -> NDArray[np.int64]:
     """Return partners that rise with the measured modes, by dynamic programming; -1 for none.
 
-    The cost is Σ ½ ρ(ln f ratio / s)², and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a
-    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ²) + π s/b].
+    The cost is Σ ½ ρ(ln f ratio / s), and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a
+    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ) + π s/b].
     """
     n, m = targets.n, min(len(allowed), 3 * targets.n + 6)
     if m < n and not alien:

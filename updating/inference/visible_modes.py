@@ -1,4 +1,4 @@
-"""Which computed modes a test could have measured: by the directions of its sensors and forces, and its plane."""
+"""Which computed modes a test could have measured, by its plane and the directions of sensors and forces."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -27,9 +27,9 @@ Floats = NDArray[np.float64]
 def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: ModesAt) -> NDArray[np.bool_]:
     """Return which computed modes a test could have measured, (r,).
 
-    Not those of rigid bodies, nor those whose motion is mostly out of the plane of the test, nor those without
-    motion at any sensor along its direction, or at any force. A vector x with xᵀ M x = 1 has a typical motion
-    of m^-½, with the mass m of the structure. Of modes of one frequency as many count as the test tells apart.
+    Left out are motions of rigid bodies, those mostly out of the plane of the test, and those without motion
+    at any sensor or force along its direction. A vector x with xᵀ M x = 1 has a typical motion of m^-½, with
+    the mass m of the structure. Of modes of one frequency as many count as the test tells apart.
 
     Parameters
     ----------
@@ -62,9 +62,8 @@ def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: 
         v = V[:, some]
         n = _in_plane(*(v.T @ G @ v for G in motion), LEAST_MOTION**2 / mass) if motion else len(some)
         if channels:
-            response = (
-                channels[0][:, some] if len(channels) == 1 else channels[0][:, some] @ channels[1][:, some].T
-            )
+            first, *second = (rows[:, some] for rows in channels)
+            response = first @ second[0].T if second else first
             strong = np.linalg.svd(response, compute_uv=False) >= LEAST_MOTION ** len(channels)
             n = min(n, int(strong.sum()))
         out[some[n:]] = False
@@ -82,7 +81,7 @@ def mass_of(model: Model) -> float:
 
 
 def _judged(part: Sequence[Sensor], mass: float) -> bool:
-    """Whether channels say which modes a test has seen: strains and motions of the base have another scale."""
+    """Whether all channels are motions or forces of points: others have another scale."""
     motions = [s.directed and s.quantity == MOTION and not isinstance(s, BaseMotion) for s in part]
     return bool(motions) and all(motions) and bool(np.isfinite(mass))
 

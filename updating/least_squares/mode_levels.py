@@ -15,7 +15,7 @@ class ModeLevels:
     A group is one reading: the frequency, the damping ratio or the shape of one mode. Readings of one kind
     have a discrepancy τ in common, whose size τ_k has the prior probability p_k. Of each kind the cost is
 
-        -ln Σ_k p_k Π_i [(1 - π) s_ik⁻ⁿ exp(-N v / 2 s_ik²) + π b_i⁻ⁿ exp(-N v / 2 b_i²)],  s_ik² = σ_i² + τ_k².
+        -ln Σ_k p_k Π_i [(1 - π) s⁻ⁿ exp(-N v / 2s²) + π b⁻ⁿ exp(-N v / 2b²)],  s² = σ_i² + τ_k².
 
     The second term is that of a bad reading, which may be anything within the wide deviation b. Where n
     values are independent of N residuals, as one component of a shape is lost to its scale, n stands in the
@@ -126,6 +126,6 @@ class ModeLevels:
         return (self._shares(v)[1] * self.discrepancy).sum(axis=-1)
 
     def discrepancy_share(self, v: Floats) -> Floats:
-        """Return the share of each group's residuals that is discrepancy, E[τ² / (σ² + τ²)], (n_groups,) [-]."""
+        """Return the share of the residuals that is discrepancy, E[τ² / (σ² + τ²)], (n_groups,) [-]."""
         total, size, _ = self._shares(v)
         return (size * self.discrepancy / total).sum(axis=-1)
