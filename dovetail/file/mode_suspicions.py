@@ -34,10 +34,8 @@ Floats = NDArray[np.float64]
 
 def mode_suspicions(measured: MeasuredModes, model: Model) -> list[str]:
     """Return suspicions about measured modes, in sentences."""
-    words = (
-        _unit(measured, model), _ratios(measured), _deviations(measured), *_twice(measured),
-        _unseen(measured, model),
-    )  # fmt: skip
+    number = _unit(measured, model) or _unseen(measured, model)
+    words = (number, _ratios(measured), _deviations(measured), *_twice(measured))
     return [f"{measured.name}: {text}" for text in words if text]
 
 

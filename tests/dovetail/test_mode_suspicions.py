@@ -51,7 +51,8 @@ def listed(frequency, more=""):
 )
 def test_frequencies_in_another_unit_are_named(tmp_path, factor, unit):
     found = warned(tmp_path, listed(1.05 * factor * NOMINAL))
-    assert [f"either they are in {unit}," in text for text in found] == ([True] if unit else [])
+    said = [text for text in found if "torsional or axial" not in text]
+    assert [f"either they are in {unit}," in text for text in said] == ([True] if unit else [])
 
 
 def test_a_unit_is_known_by_shapes_where_the_test_missed_modes(tmp_path):

@@ -60,7 +60,9 @@ def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: 
         out[alone] &= strength >= LEAST_MOTION ** len(channels)
     for some in (some for some in alike if len(some) > 1):
         v = V[:, some]
-        n = _in_plane(*(v.T @ G @ v for G in motion), LEAST_MOTION**2 / mass) if motion else len(some)
+        n = len(some)
+        if motion:
+            n = _in_plane(v.T @ motion[0] @ v, v.T @ motion[1] @ v, LEAST_MOTION**2 / mass)
         if channels:
             first, *second = (rows[:, some] for rows in channels)
             response = first @ second[0].T if second else first
