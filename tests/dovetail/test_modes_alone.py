@@ -159,7 +159,7 @@ def test_a_bad_reading_and_a_prediction_are_written_everywhere(tmp_path, capsys)
     assert bad["probability"] > 0.9
     assert result["modes"][2]["bad_probability"] == pytest.approx(bad["probability"])
     last = result["modes"][5]
-    # The model has what Euler and Bernoulli leave out, rotary inertia and shear: β² r² (1 + E/κG) / 2 = 0.5 %.
+    # The model has rotary inertia and shear beside it: β² r² (1 + E/κG) / 2 = 0.5 %.
     shear = 17.28**2 * 0.01**2 / 12 * (1 + 2.6 / 0.85) / 2
     assert 0 < last["found_std"] < 2e-3
     assert abs(last["found_Hz"] / 709.6 - 1) < 3 * last["found_std"] + shear
