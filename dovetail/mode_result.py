@@ -92,7 +92,8 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
     columns = {
         "measured_Hz": m.measured, "std": m.std, "nominal_Hz": m.nominal, "fitted_Hz": m.fitted,
         "found_Hz": m.found, "zeta": m.zeta, "zeta_found": m.zeta_found, "mac_nominal": m.mac_nominal,
-        "mac_found": m.mac_found, "held_out": m.held_out,
+        "mac_found": m.mac_found, "held_out": m.held_out, "found_std": m.found_std,
+        "bad_probability": m.bad,
     }  # fmt: skip
     return {
         "verdict": d.verdict,
@@ -104,6 +105,15 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
         ],
         "credible": [_explanation(e) for e in d.credible],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "bad_readings": [
+            {
+                "mode": b.reading.mode + 1,
+                "measured_Hz": b.frequency,
+                "reading": b.reading.words,
+                "probability": b.probability,
+            }
+            for b in d.bad_readings
+        ],
         "next_measurements": list(d.next_measurements),
         "modes": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
         "frequency_error": {

@@ -20,11 +20,12 @@ from dovetail.report.words import explanation_text, far_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from fem.summary import percent
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, ModeTable, diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.formed import formed_mode_problem
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import Measurement
 
@@ -85,9 +86,9 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
     return ModeTargets.of(
         m.frequency, modes.frequency_std,
         zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float), zeta_std=modes.zeta_std,
-        shapes=m.shapes if len(modes.sensors) else None, shape_std=modes.shape_std, sensors=modes.sensors,
+        shapes=m.shapes if modes.has_shapes else None, shape_std=modes.shape_std, sensors=modes.sensors,
         numbers=[n - 1 for n in modes.numbers] or None, plane=modes.plane,
-        held_out=[n - 1 for n in modes.held_out], name=modes.name,
+        held_out=[n - 1 for n in modes.held_out], name=modes.name, driven=modes.driven,
     )  # fmt: skip
 
 
@@ -122,7 +123,7 @@ def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     more: dict[str, Any] = {"damping_std": study.damping_std, "model_error": study.model_error}
     if study.baseline is None:
         problem, made = formed_mode_problem(study.model, after, study.nuisances, **more)
-        return problem, made.formed
+        return replace(problem, bad_prior=BAD_PRIOR), made.formed
     before, (model, changes) = targets_of(study.baseline), first_state(study)
     _, changed, problem = changed_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed
@@ -187,10 +188,7 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
     for k in range(len(m.measured)):
         off = [_off(f[k], m.measured[k]) for f in (m.nominal, m.fitted, m.found)]
         mac = f"{m.mac_found[k]:5.3f}" if np.isfinite(m.mac_found[k]) else "    -"
-        out.append(
-            f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}"
-            + ("  predicted, not fitted" if m.held_out[k] else "")
-        )
+        out.append(f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}" + _remark(m, k))
     if d.next_measurements:
         out += ["", "would tell the first two explanations apart:", *(f"  {t}" for t in d.next_measurements)]
     return [*out, *(f"note: {note}" for note in d.notes)]
@@ -199,6 +197,15 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
 def _doubts(d: ModeDiagnosis) -> list[str]:
     """Return how probable the answer is, and what speaks for caution."""
     return [text for text in (probability_text(d), far_text(mode_uncertain(d))) if text]
+
+
+def _remark(m: ModeTable, k: int) -> str:
+    """Return what a row of the table of modes ends with."""
+    if not m.belongs[k]:
+        return f"  does not belong to the model ({percent(m.bad[k])})"
+    if not m.held_out[k]:
+        return ""
+    return "  predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")
 
 
 def _off(computed: float, measured: float) -> str:

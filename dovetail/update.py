@@ -133,7 +133,7 @@ def update_study(study: Study) -> StudyUpdate:
         msg = f"{study.path}: no parameter is uncertain; name some in [[update.parameters]] or [uncertain]"
         raise StudyError(msg)
     given = study.modes
-    usual = "frf" if given is None else "modes" if given.sensors else "frequencies"
+    usual = "frf" if given is None else "modes" if given.has_shapes else "frequencies"
     to = plan.to or (usual,)
     identified, notes = None, []
     modes = given
@@ -145,7 +145,7 @@ def update_study(study: Study) -> StudyUpdate:
     targets = None
     if modes is not None and (shaped or "frequencies" in to):
         if not shaped:
-            modes = replace(modes, sensors=(), modes=replace(modes.modes, shapes=modes.modes.shapes[:0]))
+            modes = replace(modes, modes=replace(modes.modes, shapes=modes.modes.shapes[:0], labels=()))
         targets = targets_of(modes)
         if modes.held_out:
             out = ", ".join(f"{f:.5g}" for f in targets.frequency[targets.held_out])
@@ -169,7 +169,7 @@ def update_study(study: Study) -> StudyUpdate:
     updated = update_fitted(problem, model, plan.unknowns, plan.settings)
     updated = replace(updated, model=with_resting_base(updated.model))
     before = after = None
-    if modes is not None and modes.sensors:
+    if modes is not None and modes.has_shapes:
         before, after = (_compared(modes, m) for m in (with_resting_base(study.model), updated.model))
     return StudyUpdate(study, updated, to, modes, identified, data, before, after, tuple(notes))
 

@@ -39,6 +39,7 @@ from dovetail.file.measured import RawMeasurement, read_files
 from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_out, top_frequency
 from dovetail.file.measured_modes import (
     MeasuredModes,
+    ModalTest,
     RawModes,
     State,
     UpdatePlan,
@@ -366,7 +367,7 @@ class _Reader:
         if "measurements" in self.needs and modes is not None:
             with beside_implausible(odd), top.at("modes"):
                 self.warnings += mode_suspicions(modes, model)
-        baseline = self._baseline(sensors)
+        baseline = self._baseline(ModalTest(sensors, excitations, not raw))
         if measurements and modes is not None and "baseline" in top:
             unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
             self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
@@ -414,24 +415,24 @@ class _Reader:
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
-            states=self._states(sensors),
+            states=self._states(ModalTest(sensors, excitations, not raw)),
         )
 
-    def _states(self, sensors: Sequence[Channel]) -> tuple[State, ...]:
+    def _states(self, test: ModalTest) -> tuple[State, ...]:
         """Read ``[[states]]``: the modes of states after the baseline."""
         states: tuple[State, ...] = ()
         with self._attempt("measurements"):
-            states = read_states(self.top, self.path.parent, self.measured_notes, sensors)
+            states = read_states(self.top, self.path.parent, self.measured_notes, test)
         return states
 
-    def _baseline(self, sensors: Sequence[Channel]) -> MeasuredModes | None:
+    def _baseline(self, test: ModalTest) -> MeasuredModes | None:
         """Read ``[baseline]``: the modes of an earlier state."""
         baseline = None
         if "measurements" in self.top.table("baseline"):
             return None
         with self._attempt("measurements"):
             raw = read_raw_modes(self.top, self.path.parent, self.measured_notes, "baseline")
-            baseline = match_modes(raw, sensors, self.measured_notes)
+            baseline = match_modes(raw, test, self.measured_notes)
         return baseline
 
     def _channel_errors(self, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> ChannelErrors:
@@ -592,7 +593,8 @@ class _Reader:
                 replace(m, errors=errors) for m in match(raw, sensors, excitations, faults, notes)
             )
         with self._attempt("measurements"):
-            modes = match_modes(raw_modes, sensors, self.measured_notes)
+            test = ModalTest(sensors, excitations, not raw)
+            modes = match_modes(raw_modes, test, self.measured_notes)
         return measurements, modes, faults
 
     def _plan(
@@ -605,7 +607,7 @@ class _Reader:
         modes: MeasuredModes | None,
     ) -> UpdatePlan:
         """Read ``[update]``."""
-        shaped = has_phase or (modes is not None and bool(modes.sensors))
+        shaped = has_phase or (modes is not None and modes.has_shapes)
         has = {"frf": has_frf, "modes": shaped, "frequencies": has_phase or modes is not None}
         beside = tuple(n for n in nuisances if n.effect == SectionShear.kind)
         known, plan = [unknown_of(model, n) for n in nuisances if n not in beside], UpdatePlan()

@@ -38,6 +38,7 @@ class MeasuredModes:
         Rows of the shapes by the names of the sensors, NaN where a mode was not measured; no rows where
         frequencies alone are known.
     sensors : tuple of Sensor
+        Of the rows of the shapes; without shapes those of the test, where they are known.
     frequency_std : ndarray (n_modes,)
         Relative standard deviations of the frequencies [-].
     shape_std : ndarray (n_modes,)
@@ -52,6 +53,8 @@ class MeasuredModes:
         Axes along which the test has seen motion, such as ``"xz"``; empty for all.
     held_out : tuple of int
         Modes that are predicted and not fitted, counted from 1 in rising order.
+    driven : tuple of Sensor
+        Forces of the test, where they are known.
     """
 
     modes: Modes
@@ -63,6 +66,12 @@ class MeasuredModes:
     numbers: tuple[int, ...] = ()
     plane: str = ""
     held_out: tuple[int, ...] = ()
+    driven: tuple[Sensor, ...] = ()
+
+    @property
+    def has_shapes(self) -> bool:
+        """Whether shapes were measured."""
+        return len(self.modes.shapes) > 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +138,23 @@ class UpdatePlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ModalTest:
+    """Channels of the tests that gave measured modes.
+
+    Attributes
+    ----------
+    sensors, excitations : sequence of Channel
+        Of the study.
+    alone : bool
+        Whether the study has no FRFs, so that all of them are of the tests of its modes.
+    """
+
+    sensors: Sequence[Channel]
+    excitations: Sequence[Channel]
+    alone: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RawModes:
     """Modes as their file has them, with the coordinates of its nodes [m] and its standard deviations [-]."""
 
@@ -149,12 +175,12 @@ def read_raw_modes(
     return _raw_modes_of(top.table(key), folder, said, beside)
 
 
-def read_states(top: Table, folder: Path, said: list[str], sensors: Sequence[Channel]) -> tuple[State, ...]:
+def read_states(top: Table, folder: Path, said: list[str], test: ModalTest) -> tuple[State, ...]:
     """Read ``[[states]]``: the modes of later states, in their order; ``said`` gains notes."""
     out: list[State] = []
     for k, t in enumerate(top.tables("states"), 1):
         name = t.text("name", f"state {k}")
-        modes = match_modes(_raw_modes_of(t, folder, said, ()), sensors, said)
+        modes = match_modes(_raw_modes_of(t, folder, said, ()), test, said)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
         out.append(State(name, modes))
@@ -167,7 +193,7 @@ def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]
             t.number(one, None, above=0)
     frequency, zeta = t.vector("frequency", None, None, "Hz"), t.vector("zeta", None, None, "-")
     file = t.text("file", None)
-    for one in ("numbers", "plane", "held_out", *beside):
+    for one in ("numbers", "plane", "held_out", "sensors", "excitations", *beside):
         t.get(one, None)
     t.finish()
     if not t.values:
@@ -214,8 +240,8 @@ def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]
     return RawModes(t, modes, nodes, Path(file).name, std)
 
 
-def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[str]) -> MeasuredModes | None:
-    """Return measured modes at the sensors whose channels they have.
+def match_modes(raw: RawModes | None, test: ModalTest, notes: list[str]) -> MeasuredModes | None:
+    """Return measured modes at the sensors whose channels they have; without shapes at those of their test.
 
     Raises
     ------
@@ -224,7 +250,7 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     """
     if raw is None:
         return None
-    t, modes = raw.table, raw.modes
+    t, modes, sensors = raw.table, raw.modes, test.sensors
     elastic = modes.frequency > 0
     modes = Modes(
         modes.frequency[elastic], modes.shapes[:, elastic],
@@ -238,13 +264,17 @@ def match_modes(raw: RawModes | None, sensors: Sequence[Channel], notes: list[st
     more = {
         "zeta_std": zeta_std, "numbers": _numbers(t, "numbers", n, 1000),
         "plane": _plane(t), "held_out": _numbers(t, "held_out", n, n),
+        "driven": _named(t, "excitations", test.excitations, alone=test.alone and not modes.labels),
     }  # fmt: skip
     if more["numbers"] and len(more["numbers"]) != n:
         t.refuse("numbers", f"{len(more['numbers'])} numbers stand beside {n} modes; one each is needed")
     if len(more["held_out"]) >= n > 0:
         t.refuse("held_out", "it names every mode; leave at least one for the fit")
     if not modes.labels:
-        return MeasuredModes(modes, (), f_std, s_std, raw.name, **more)
+        seen_by = _named(t, "sensors", sensors, alone=test.alone)
+        return MeasuredModes(modes, seen_by, f_std, s_std, raw.name, **more)
+    if t.get("sensors", None) is not None:
+        t.refuse("sensors", "the rows of the shapes say which sensors they belong to; leave it out")
     if not n:
         t.refuse("file", "it has no mode above 0 Hz")
     found = [(c.sensor, got) for c in sensors if (got := c.find(modes.labels)) is not None]
@@ -312,6 +342,17 @@ def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
     if not whole or len(set(value)) < len(value) or any(not 1 <= v <= most for v in value):
         t.refuse(key, f"{value} is not allowed; different whole numbers from 1 to {most} are needed")
     return tuple(value)
+
+
+def _named(t: Table, key: str, channels: Sequence[Channel], *, alone: bool) -> tuple[Sensor, ...]:
+    """Return the channels that a list names; without a list all, where the modes are ``alone``."""
+    every = {c.sensor.name: c.sensor for c in channels}
+    if t.get(key, None) is None:
+        return tuple(every.values()) if alone else ()
+    for name in (names := t.texts(key)):
+        if name not in every:
+            t.refuse(key, f"the study has no '{name}' in [[{key}]]; {suggest(name, every)}")
+    return tuple(every[name] for name in dict.fromkeys(names))
 
 
 def _plane(t: Table) -> str:

@@ -34,7 +34,8 @@ Floats = NDArray[np.float64]
 
 def mode_suspicions(measured: MeasuredModes, model: Model) -> list[str]:
     """Return suspicions about measured modes, in sentences."""
-    words = (_unit(measured, model), _ratios(measured), _deviations(measured), *_twice(measured))
+    number = _unit(measured, model) or _unseen(measured, model)
+    words = (number, _ratios(measured), _deviations(measured), *_twice(measured))
     return [f"{measured.name}: {text}" for text in words if text]
 
 
@@ -64,14 +65,32 @@ def _deviations(measured: MeasuredModes) -> str:
 def _twice(measured: MeasuredModes) -> list[str]:
     """Return which modes look as if they were given twice."""
     f, shapes = measured.modes.frequency, measured.modes.shapes
-    alike = mac_of(shapes, np.nan_to_num(shapes)) if len(measured.sensors) else np.ones((f.size, f.size))
+    alike = mac_of(shapes, np.nan_to_num(shapes)) if measured.has_shapes else np.ones((f.size, f.size))
     return [
         f"the modes {k + 1} and {k + 2} have the same frequency, {f[k]:.6g} Hz"
-        + (", and the same shape" if len(measured.sensors) else "")
+        + (", and the same shape" if measured.has_shapes else "")
         + "; is one given twice?"
         for k in np.flatnonzero(np.diff(f) == 0)
         if alike[k, k + 1] > SAME_SHAPE
     ]
+
+
+def _unseen(measured: MeasuredModes, model: Model) -> str:
+    """Return that the model has more modes than were measured, and nothing says which of them."""
+    named = measured.numbers or measured.plane or measured.sensors or measured.driven
+    f = measured.modes.frequency
+    if named or not f.size:
+        return ""
+    computed = first_modes(assemble(model), f.size + MORE_MODES)
+    n = int((computed.frequency[computed.n_rigid :] <= f[-1]).sum())
+    if n <= f.size:
+        return ""
+    most = " or more" if n >= f.size + MORE_MODES else ""
+    return (
+        f"the model has {n}{most} modes up to {f[-1]:.4g} Hz, {f.size} were measured: without shapes "
+        "torsional or axial modes may become their partners. Name sensors and excitations of the test in "
+        "[modes], or its plane, or numbers"
+    )
 
 
 def _unit(measured: MeasuredModes, model: Model) -> str:
@@ -98,7 +117,7 @@ def _over_computed(measured: MeasuredModes, computed: Modes, model: Model) -> Fl
     """Return ln(measured / computed) of modes that are alike, or in their order without shapes."""
     f, elastic = measured.modes.frequency, computed.frequency[computed.n_rigid :]
     shapes = computed.shapes[:, computed.n_rigid :]
-    if len(measured.sensors):
+    if measured.has_shapes:
         alike = mac_of(measured.modes.shapes, sensor_rows(model, measured.sensors) @ shapes)
         return np.log(f / elastic[alike.argmax(axis=1)])[alike.max(axis=1) >= ALIKE]
     if measured.numbers:

@@ -27,6 +27,7 @@ def mode_confidence(result: ModeRunResult) -> list[str]:
             f"Modes that no fit has seen are {held[0]:.2g} % off before, {held[1]:.2g} % in the end. A "
             "prediction that is met is worth more than a fit."
         )
+    out += [f"{b.text[0].upper()}{b.text[1:]}. It counts in no error." for b in d.bad_readings]
     if len(d.credible) > 1:
         out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
     return out

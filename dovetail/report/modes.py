@@ -28,6 +28,7 @@ from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
 from fem.summary import counted, percent
+from updating.diagnosis.mode_diagnosis import ModeTable
 from updating.diagnosis.reported_modes import ReportedModes
 
 CORRECTED = (
@@ -115,7 +116,8 @@ def _compared(result: ModeRunResult) -> Markup:
         spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
         rows.append([
             name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread,
-            "yes" if zeta is not None and np.isfinite(zeta).any() else "no", len(m.sensors) or "–",
+            "yes" if zeta is not None and np.isfinite(zeta).any() else "no",
+            len(m.sensors) if m.has_shapes else "–",
             ", ".join(map(str, m.held_out)) or "–",
         ])  # fmt: skip
     head = [
@@ -125,6 +127,9 @@ def _compared(result: ModeRunResult) -> Markup:
     mesh, plane = study.model.mesh, study.modes.plane if study.modes else ""
     size = f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points"
     seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
+    if study.modes is not None and not study.modes.has_shapes:
+        by = (("sensors of the test", study.modes.sensors), ("forces of the test", study.modes.driven))
+        seen += [(name, ", ".join(s.name for s in part)) for name, part in by if part]
     return section(
         "Compared data",
         table(head, rows, numbers=(2, 6), caption="Measured modes"),
@@ -167,7 +172,7 @@ def _modes(result: ModeRunResult, shown: Shown) -> Markup:
         row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in steps.values())]
         row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
         row += [_mac_text(x[k]) for x in (m.mac_nominal, m.mac_found)] if shaped else []
-        rows.append([*row, "predicted" if m.held_out[k] else "fitted"])
+        rows.append([*row, _role(m, k)])
     sensors = (
         "Arrows show the measured shape, scaled to the mode. Rings show where the model puts their tips."
         if shaped
@@ -188,6 +193,15 @@ def _modes(result: ModeRunResult, shown: Shown) -> Markup:
         shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else "",
         shapes(shown, sensors),
     )
+
+
+def _role(m: ModeTable, k: int) -> str:
+    """Return what a mode was to the diagnosis."""
+    if not m.belongs[k]:
+        return f"does not belong to the model: {percent(m.bad[k])}"
+    if not m.held_out[k]:
+        return "fitted"
+    return f"predicted: {m.predicted_text(k)}" if math.isfinite(m.found_std[k]) else "predicted"
 
 
 def _mac_text(value: float) -> str:

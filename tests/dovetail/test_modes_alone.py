@@ -95,11 +95,77 @@ def test_keys_of_modes_are_read(tmp_path):
         ("numbers = [1, 2]", "one each is needed"),
         ("zeta = [0.01]", "one each"),
         ("frequency_std = [0.1, 0.2]", "one each"),
+        ('sensors = ["top"]', "no 'top'"),
+        ('excitations = ["hammer"]', "no 'hammer'"),
     ],
 )
 def test_wrong_keys_of_modes_are_refused(tmp_path, line, words):
     with pytest.raises(StudyError, match=words):
         load_study(written(tmp_path, f"[modes]\nfrequency = [10.0, 20.0, 30.0]\n{line}\n"))
+
+
+TEST = """
+[[sensors]]
+name = "tip x"
+point = "tip"
+direction = "x"
+
+[[sensors]]
+name = "tip y"
+point = "tip"
+direction = "y"
+
+[[excitations]]
+name = "hammer"
+point = "tip"
+direction = "x"
+
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "sensors", "forces"),
+    [
+        ("", ["tip x", "tip y"], ["hammer"]),
+        ('sensors = ["tip y"]', ["tip y"], ["hammer"]),
+        ('sensors = ["tip x"]\nexcitations = ["hammer"]', ["tip x"], ["hammer"]),
+    ],
+)
+def test_frequencies_belong_to_the_channels_that_modes_name_or_to_all(tmp_path, line, sensors, forces):
+    study = load_study(written(tmp_path, f"{TEST}[modes]\nfrequency = [8.36, 52.3]\n{line}\n"))
+    targets = targets_of(study.modes)
+    assert [s.name for s in targets.sensors] == sensors
+    assert [s.name for s in targets.driven] == forces
+    assert not targets.has_shapes
+
+
+def test_sensors_of_shapes_are_those_of_their_rows(tmp_path):
+    (tmp_path / "modes.csv").write_text("frequency,a,b\n8.36,1.0,0.5\n", encoding="utf-8")
+    named = TEST.replace('"tip x"', '"a"').replace('"tip y"', '"b"')
+    with pytest.raises(StudyError, match="rows of the shapes"):
+        load_study(written(tmp_path, f'{named}[modes]\nfile = "modes.csv"\nsensors = ["a"]\n'))
+
+
+def test_a_bad_reading_and_a_prediction_are_written_everywhere(tmp_path, capsys):
+    f = [8.356, 52.37, 155.4, 287.4, 475.0, 709.6]  # closed form in the weak plane, the third 6 % too high
+    study = written(tmp_path, f'[modes]\nfrequency = {f}\nplane = "x"\nheld_out = [6]\n')
+    assert main(["run", str(study), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "mode 3 (155.4 Hz) does not belong to the structure's model" in said
+    assert re.search(r"predicted, not fitted: 70\d(\.\d+)? ± \d", said)
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    (bad,) = result["bad_readings"]
+    assert (bad["mode"], bad["reading"]) == (3, "frequency")
+    assert bad["probability"] > 0.9
+    assert result["modes"][2]["bad_probability"] == pytest.approx(bad["probability"])
+    last = result["modes"][5]
+    # The model has rotary inertia and shear beside it: β² r² (1 + E/κG) / 2 = 0.5 %.
+    shear = 17.28**2 * 0.01**2 / 12 * (1 + 2.6 / 0.85) / 2
+    assert 0 < last["found_std"] < 2e-3
+    assert abs(last["found_Hz"] / 709.6 - 1) < 3 * last["found_std"] + shear
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "does not belong to the model" in page
+    assert "predicted: 70" in page
 
 
 def test_a_study_of_frequencies_alone_is_run(tmp_path, capsys):

@@ -39,6 +39,12 @@ def measured(model, n=6, *, shapes=True, noise=1e-3, seed=0, **more):
     return ModeTargets.of(f, noise, **known, **more)
 
 
+def levels_of(n, variance, left, bad_prior=0.0):
+    one = np.ones(len(n))
+    kind = np.zeros(len(n), dtype=int)
+    return ModeLevels.up_to(kind, n, n, variance * one, left * one, 0.3**2 * one, bad_prior)
+
+
 def with_mass(model, mass, position):
     (effect,) = propose(model, ["point_mass"])
     return model.with_effect(effect.with_values(mass=mass, position=position))
@@ -60,7 +66,7 @@ def test_derivatives_of_residuals_are_those_of_differences(kind):
         numeric = (function(x + d, False)[0] - function(x - d, False)[0]) / (2 * step)
         # The metric in which shapes are compared is held in a step: that is all that may differ.
         scale = np.abs(J[k]).max() + 1e-3
-        assert np.abs(numeric - J[k])[function.groups < 2].max() < 1e-4 * scale
+        assert np.abs(numeric - J[k])[function.kinds < 2].max() < 1e-4 * scale
         assert np.abs(numeric - J[k]).max() < 2e-2 * scale
 
 
@@ -89,17 +95,43 @@ def test_motion_out_of_the_plane_of_a_test_is_not_matched():
 
 def test_with_noise_alone_the_likelihood_is_that_of_independent_data():
     one = np.ones(1)
-    levels = ModeLevels.up_to(5 * one, 5 * one, 4e-6 * one, 0 * one)
+    levels = levels_of(5 * one, 4e-6, 0.0)
     assert levels.cost(9e-6 * one) - levels.cost(4e-6 * one) == pytest.approx(5 / 2 * (9 - 4) / 4)
 
 
 def test_a_discrepancy_of_any_size_lets_a_large_misfit_cost_less():
     one = np.ones(1)
-    known, unknown = (ModeLevels.up_to(5 * one, 5 * one, 1e-6 * one, t * one) for t in (0.0, 0.01))
+    known, unknown = (levels_of(5 * one, 1e-6, t) for t in (0.0, 0.01))
     v = 25e-6 * one
     assert unknown.cost(v) < known.cost(v)
     slope = (unknown.cost(v * 1.0001) - unknown.cost(v)) / (v[0] * 1e-4)
     assert 2 * slope == pytest.approx(unknown.weight(v)[0], rel=1e-3)
+
+
+def test_the_slopes_of_the_cost_of_bad_readings_are_those_of_differences():
+    levels = levels_of(np.array([1.0, 1.0, 6.0]), 1e-6, 0.01, 0.015)
+    v = np.array([2e-6, 2e-3, 5e-6])
+    for k in range(3):
+        up, down = (np.where(np.arange(3) == k, v * (1 + a), v) for a in (1e-5, -1e-5))
+        slope = (levels.cost(up) - levels.cost(down)) / (2e-5 * v[k])
+        assert 2 * slope == pytest.approx(levels.weight(v)[k], rel=1e-4)
+    assert levels.is_bad(v) == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
+
+
+def test_a_bad_reading_costs_its_odds_and_no_more_the_farther_it_is_off():
+    one = np.ones(5)
+    sure, doubtful = (levels_of(one, 1e-6, 0.0, p) for p in (0.0, 0.015))
+    good = 1e-6 * one
+    bad = np.where(np.arange(5) == 2, 0.05**2, good)
+    assert sure.cost(bad) - sure.cost(good) > 1000
+    odds = -np.log(0.015 / (1 - 0.015)) + np.log(0.3 / 1e-3) - 0.5 + 0.5 * (0.05 / 0.3) ** 2
+    assert doubtful.cost(bad) - doubtful.cost(good) == pytest.approx(odds, rel=1e-3)
+
+
+def test_the_unknown_explains_one_mode_by_no_more_than_the_odds_against_a_bad_reading():
+    levels = levels_of(np.ones(5), 1e-6, 0.0, 0.015)
+    v = np.where(np.arange(5) < 2, 0.05**2, 1e-6)
+    assert levels.gain(v, np.full(5, 1e-6)) == pytest.approx(-2 * np.log(0.015), rel=1e-6)
 
 
 def test_a_hidden_mass_is_found_by_shapes_and_held_out_modes_are_predicted():

@@ -24,7 +24,15 @@ from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import LARGEST_LEFT, ComputedModes, ModeProblem
+from updating.inference.mode_fit import (
+    BAD_PRIOR,
+    FREQUENCY,
+    LARGEST_LEFT,
+    ComputedModes,
+    ModeProblem,
+    Reading,
+    n_below,
+)
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
@@ -80,6 +88,10 @@ class ModeTable:
         Modal assurance criteria.
     held_out : ndarray of bool
         Modes that no fit has seen: they are predicted.
+    found_std : ndarray
+        Relative standard deviations of ``found`` where a mode is predicted [-].
+    bad : ndarray
+        Probability that the frequency does not belong to the structure's model; NaN where it was held out.
     """
 
     measured: NDArray[np.float64]
@@ -92,10 +104,24 @@ class ModeTable:
     mac_nominal: NDArray[np.float64]
     mac_found: NDArray[np.float64]
     held_out: NDArray[np.bool_]
+    found_std: NDArray[np.float64]
+    bad: NDArray[np.float64]
+
+    @property
+    def belongs(self) -> NDArray[np.bool_]:
+        """Whether each mode is more probably the model's than not."""
+        return ~(self.bad >= HALF)
+
+    def predicted_text(self, k: int) -> str:
+        """Return a predicted frequency with its standard deviation."""
+        return f"{self.found[k]:.5g} ± {self.found[k] * self.found_std[k]:.2g} Hz"
 
     def errors(self, computed: NDArray[np.float64], held_out: bool) -> float:
-        """Return the root mean square of ln f ratios of modes that were fitted, or held out [-]."""
-        return frequency_error(self.measured, computed, self.held_out == held_out)
+        """Return the root mean square of ln f ratios of modes that were fitted, or held out [-].
+
+        Without those that do not belong.
+        """
+        return frequency_error(self.measured, computed, (self.held_out == held_out) & self.belongs)
 
 
 def frequency_error(
@@ -106,6 +132,30 @@ def frequency_error(
     if not some.any():
         return float("nan")
     return float(np.sqrt(np.mean(np.log(computed[some] / measured[some]) ** 2)))
+
+
+@dataclass(frozen=True, slots=True)
+class BadReading:
+    """A frequency, damping ratio or shape that probably does not belong to the structure's model.
+
+    Attributes
+    ----------
+    reading : Reading
+    frequency : float
+        Of the measured mode [Hz].
+    probability : float
+    """
+
+    reading: Reading
+    frequency: float
+    probability: float
+
+    @property
+    def text(self) -> str:
+        """A sentence without a full stop."""
+        mode = f"mode {self.reading.mode + 1} ({self.frequency:.5g} Hz)"
+        subject = mode if self.reading.kind == FREQUENCY else f"the {self.reading.words} of {mode}"
+        return f"{subject} does not belong to the structure's model: probability {percent(self.probability)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,10 +187,11 @@ class Calibrated:
         """
         own = self.fitted.levels
         assert isinstance(own, ModeLevels)
-        there = np.unique(self.problem.function((), (), self.problem.targets.fitted).groups)
         out = np.zeros(len(LARGEST_LEFT))
-        levels = ModeLevels.up_to(own.n, own.size, own.variance, LARGEST_LEFT[there])
-        out[there] = levels.discrepancy_share(self.fitted.misfit)
+        levels = ModeLevels.up_to(
+            own.kind, own.n, own.size, own.variance, LARGEST_LEFT[own.kind], own.bad, own.bad_prior
+        )
+        out[own.kind] = levels.discrepancy_share(self.fitted.misfit)
         return out
 
 
@@ -169,6 +220,8 @@ class ModeDiagnosis:
     seconds : float
     baseline : Calibrated or None
         The fit to an earlier state, where the change since then was searched for.
+    bad_readings : tuple of BadReading
+        More probable than not.
     """
 
     verdict: str
@@ -183,6 +236,7 @@ class ModeDiagnosis:
     notes: tuple[str, ...]
     seconds: float
     baseline: Calibrated | None = None
+    bad_readings: tuple[BadReading, ...] = ()
 
     @property
     def final(self) -> Hypothesis:
@@ -228,6 +282,7 @@ def search_modes(
     problem, made = formed_mode_problem(
         situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
     )
+    problem = replace(problem, bad_prior=BAD_PRIOR)
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(made.model, targets, kinds, exclude)
     search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
@@ -307,11 +362,13 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     explanations.sort(key=lambda e: -e.probability)
     verdict = UNEXPLAINED if not done.explains else EFFECT if best.effects else NOTHING
     nothing, final = search.known[frozenset()], _reported(done)
-    table = _table(problem, nothing, final)
+    bad = _bad_readings(done, problem)
+    table = _table(problem, nothing, final, bad)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
         verdict, "", tuple(explanations), table, tuple((s.name, s.left) for s in search.scanned), (),
         fitted_model(done.model, final.fitted), there, done, _notes(problem), 0.0,
+        bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )  # fmt: skip
     return replace(
         out, reason=_reason(out), next_measurements=_next(out),
@@ -332,19 +389,44 @@ def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 
 
-def _table(problem: ModeProblem, nothing: Hypothesis, final: Hypothesis) -> ModeTable:
+def _bad_readings(done: Searched, problem: ModeProblem) -> list[BadReading]:
+    """Return how probable it is over all hypotheses that each reading does not belong.
+
+    What the library does not have may explain any reading.
+    """
+    readings = problem.readings()
+    total = np.zeros(len(readings))
+    for h in done.hypotheses:
+        levels = h.fitted.levels
+        assert isinstance(levels, ModeLevels)
+        total += done.probability(h) * levels.is_bad(h.fitted.misfit)
+    f = problem.targets.frequency
+    return [BadReading(r, float(f[r.mode]), float(p)) for r, p in zip(readings, total, strict=True)]
+
+
+def _table(
+    problem: ModeProblem, nothing: Hypothesis, final: Hypothesis, readings: Sequence[BadReading]
+) -> ModeTable:
     t = problem.targets
-    nominal, fitted = problem.computed(problem.nominal()), problem.computed(nothing.fitted)
+    bad = np.full(t.n, np.nan)
+    for b in readings:
+        if b.reading.kind == FREQUENCY:
+            bad[b.reading.mode] = b.probability
+    nominal, fitted = problem.believed.computed(problem.nominal()), problem.computed(nothing.fitted)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     found = there.computed(final.fitted)
     return ModeTable(
         t.frequency, t.frequency_std, nominal.frequency, fitted.frequency, found.frequency, t.zeta,
-        found.zeta, nominal.mac, found.mac, t.held_out,
+        found.zeta, nominal.mac, found.mac, t.held_out, there.predicted_std(final.fitted), bad,
     )  # fmt: skip
 
 
 def _reason(d: ModeDiagnosis) -> str:
     """Return why the verdict is what it is."""
+    return "; ".join([_verdict_reason(d), *(b.text for b in d.bad_readings)])
+
+
+def _verdict_reason(d: ModeDiagnosis) -> str:
     m, first = d.modes, d.explanations[0]
     before, after = (f"{100 * m.errors(f, False):.2g} %" for f in (m.fitted, m.found))
     if d.verdict == UNEXPLAINED:
@@ -368,6 +450,13 @@ def _reason(d: ModeDiagnosis) -> str:
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:
     t, out = problem.targets, []
+    n = n_below(problem)
+    if not t.directed and n > t.n:
+        out.append(
+            f"the {t.n} frequencies are paired in order with some of the model's {n} modes in their range: "
+            "torsional, axial and other modes that the test has not seen may be among the partners. Sensors "
+            "and forces of the test, its plane, or the numbers of the modes exclude them"
+        )
     if not t.has_shapes:
         out.append(
             f"{len(t.fitted)} natural frequencies without shapes hardly locate an effect: read the "

@@ -207,9 +207,9 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     size, Q = np.linalg.eigh(covariance[:n, :n])
     errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
     known = _common_modes(first, problem.targets)[function.mode_of] >= 0
-    share = first.form_share[function.groups]
+    share = first.form_share[function.kinds]
     if not same_sensors(first.problem.targets, problem.targets):
-        share = np.where(function.groups == SHAPE, 0.0, share)
+        share = np.where(function.kinds == SHAPE, 0.0, share)
     return CommonErrors.of(function.least_deviations, errors * np.where(known, 1 - share, 1.0))
 
 

@@ -85,7 +85,7 @@ class FitResult:
     def gain_to(self, left: NDArray[np.float64] | float) -> float:
         """Return by how much the log likelihood would rise with mean squares at most so far above noise."""
         costs = self._costs
-        return costs.cost(self.misfit) - costs.cost(np.minimum(self.misfit, costs.noise + left))
+        return costs.gain(self.misfit, costs.noise + left)
 
     @property
     def _costs(self) -> Costs:

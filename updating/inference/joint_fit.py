@@ -48,6 +48,12 @@ class JointLevels:
         first, second = self._parts(v)
         return np.concatenate([self.frf.weight(first), self.modes.weight(second)])
 
+    def gain(self, v: Floats, least: Floats) -> float:
+        """Return by how much the log likelihood would rise with mean squares no larger than the least."""
+        return sum(own.gain(*each) for own, each in zip(
+            (self.frf, self.modes), zip(self._parts(v), self._parts(least), strict=True), strict=True
+        ))  # fmt: skip
+
 
 @dataclass(eq=False)
 class JointFunction(FitFunction):

@@ -18,17 +18,26 @@ from updating.inference.belief import FORM_LEFT
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
-from updating.inference.fit_function import ROBUST, Errors, FitFunction
+from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_targets import FAR, IN_PLANE, LEAST_MAC, Matched, ModeTargets, match
+from updating.inference.mode_targets import (
+    ALIEN_WIDTH,
+    FAR,
+    LEAST_MAC,
+    SPREAD_BEFORE,
+    Matched,
+    ModeTargets,
+    match,
+)
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
 from updating.inference.unknowns import Uncertain, by_unknowns, effect_unknowns, nuisance_unknowns, values_at
+from updating.inference.visible_modes import visible_modes
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 FREQUENCY, DAMPING, SHAPE = 0, 1, 2
-"""Groups of residuals: ln f, ln ζ, and components of shapes in parts of their root mean square."""
+"""Kinds of residuals: ln f, ln ζ, and components of shapes in parts of their root mean square."""
 LARGEST_LEFT = np.array([0.01, 0.4, 0.1])
 """Largest plausible size of what frame theory leaves of each, for the default ``model_error`` [-]."""
 MIXED = 0.003
@@ -38,6 +47,12 @@ LEAST_MIXED = 1e-4
 SPREAD = 1.25**2 - 1
 """By how much more than stated the variance of noise may be [-]."""
 
+BAD_PRIOR = 0.015
+"""Prior probability that a frequency, damping ratio or shape does not belong to the structure's model [-]."""
+BAD_STD = np.array([ALIEN_WIDTH, 1.0, 1.0])
+"""Standard deviations of ln f, ln ζ and components of a shape that do not belong, as of another mode [-]."""
+DOUBT = 0.01
+"""Probability from which on a reading may be a bad one [-]."""
 BEFORE_FIT = 0.01
 """Relative deviation of frequencies that a fair model has before a fit [-]."""
 
@@ -66,6 +81,10 @@ class ModeProblem:
         Small deviations are those of FRFs.
     common : CommonErrors or None
         Errors that the residuals of the fitted modes have in common.
+    bad_prior : float
+        Probability that a reading does not belong to the structure's model, whatever that is [-].
+    mass : float
+        Of the structure; NaN where modes that hardly move the sensors count as seen [kg].
     """
 
     reduced: ReducedModel
@@ -77,6 +96,8 @@ class ModeProblem:
     scatter: None = None
     n_lines: int = 0
     common: CommonErrors | None = None
+    bad_prior: float = 0.0
+    mass: float = np.nan
 
     @property
     def stages(self) -> Floats:
@@ -85,12 +106,29 @@ class ModeProblem:
         A precise test allows no step on which the modes of two neighbours change places: fits begin with
         deviations that are no smaller than those of the model.
         """
-        first = BEFORE_FIT / self.targets.noise_level
-        return np.array([first, 1.0] if first > 1 else [1.0])
+        return np.array([np.hypot(1.0, BEFORE_FIT / self.targets.noise_level), 1.0])
 
     def at_stage(self, factor: float) -> ModeProblem:
-        """Return the problem with deviations that are larger by a factor."""
-        return self if factor == 1 else replace(self, targets=self.targets.with_deviations(factor))
+        """Return the problem with deviations that are larger by a factor.
+
+        All readings belong there: far from the data any may seem bad, and a bad one moves nothing.
+        """
+        return self if factor == 1 else replace(self.believed, targets=self.targets.with_deviations(factor))
+
+    @property
+    def believed(self) -> ModeProblem:
+        """The problem with every reading believed, for models that may be far from the data."""
+        return replace(self, bad_prior=0.0) if self.bad_prior else self
+
+    @property
+    def spread(self) -> Floats:
+        """Standard deviation of ln f by which modes find their partners in order, (n,) [-].
+
+        That of the fit, where a reading may be a bad one; else that of models before it.
+        """
+        if not self.bad_prior:
+            return np.full(self.targets.n, SPREAD_BEFORE)
+        return np.sqrt(self.targets.frequency_std**2 + self.left[FREQUENCY] ** 2 + self.mesh_level**2)
 
     @property
     def form_right(self) -> bool:
@@ -128,26 +166,8 @@ class ModeProblem:
         return self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
 
     def seen(self, at: ModesAt) -> NDArray[np.bool_]:
-        """Return which computed modes a test can see."""
-        pairs = at.pairs(0)
-        out = np.arange(len(pairs.eigenvalues)) >= pairs.n_rigid
-        out &= pairs.eigenvalues > 0
-        if self.targets.plane:
-            within, all_ = (self._motion(axes) for axes in (self.targets.plane, "xyz"))
-            V = at.columns[: self.reduced.basis.T.shape[1]] @ pairs.vectors
-            size = [np.einsum("rk,rs,sk->k", V, G, V, optimize=True) for G in (within, all_)]
-            out &= size[0] >= IN_PLANE * size[1]
-        return out
-
-    def _motion(self, axes: str) -> Floats:
-        """Return the squares of all points' motions along some axes, on the basis's columns."""
-        basis = self.reduced.basis
-
-        def part() -> Floats:
-            chosen = np.isin(np.arange(len(basis.T)) % 6, ["xyz".index(a) for a in axes])
-            return np.where(chosen[:, None], basis.T, 0.0)
-
-        return self.reduced.projected(("motion", axes), part)[1]
+        """Return which computed modes the test could have measured."""
+        return visible_modes(self.reduced, self.targets, self.mass, at)
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
@@ -201,6 +221,43 @@ class ModeProblem:
         f = np.array([np.nan if m is None else m.frequency for m in modes])
         return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac, partner)
 
+    def predicted_std(self, result: FitResult) -> Floats:
+        """Return relative standard deviations of the frequencies that a fitted model predicts, (n,) [-].
+
+        Of modes held out: by the covariance of all that was fitted, what the form leaves of the fitted
+        frequencies, and the mesh. NaN for fitted modes and those without a partner.
+        """
+        t, levels, every = self.targets, result.levels, np.arange(self.targets.n)
+        if not (t.held_out.any() and isinstance(levels, ModeLevels)):
+            return np.full(t.n, np.nan)
+        # A mode finds its partner among all of them, in their order.
+        alone = replace(self, common=None)
+        function = alone.function(result.effects, start_of(result.effects), every)
+        x = function.point_of(result)
+        predicted = t.held_out & (matched_modes(alone, function.modes_at(x), every).partner >= 0)
+        weight = np.hypot(t.frequency_std, self.mesh_level)
+        fitted = propagated(function, x, function.units, result.covariance)[: t.n] * weight / weight.min()
+        left = levels.discrepancy_left(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
+        return np.where(predicted, np.sqrt(fitted**2 + left + self.mesh_level**2), np.nan)
+
+    def readings(self) -> tuple[Reading, ...]:
+        """Return the readings that fits see, in the order of the groups of residuals."""
+        groups = np.unique(self.function((), (), self.targets.fitted).groups)
+        return tuple(Reading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The frequency, damping ratio or shape of a measured mode; modes count from 0."""
+
+    mode: int
+    kind: int
+
+    @property
+    def words(self) -> str:
+        """The kind in words."""
+        return ("frequency", "damping ratio", "shape")[self.kind]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComputedModes:
@@ -230,7 +287,16 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
         numbers=None if t.numbers is None else t.numbers[modes],
     )  # fmt: skip
     pairs = at.pairs(0)
-    return match(some, pairs.frequency, pairs.shapes, problem.seen(at))
+    return match(
+        some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
+    )
+
+
+def n_below(problem: ModeProblem) -> int:
+    """Return how many modes of the nominal model the test can have seen in the range of the measured ones."""
+    function = problem.function((), (), problem.targets.fitted)
+    at = function.modes_at(function.start)
+    return int((problem.seen(at) & (at.pairs(0).frequency <= problem.targets.frequency[-1])).sum())
 
 
 @dataclass(eq=False)
@@ -275,9 +341,14 @@ class ModeFunction(FitFunction):
         return [len(self._deviation[0]), len(self._deviation[1]), int(self._known.sum())]
 
     @property
-    def groups(self) -> NDArray[np.int64]:
-        """Kind of each residual, (m,)."""
+    def kinds(self) -> NDArray[np.int64]:
+        """Kind of each residual: of a frequency, a damping ratio or a shape, (m,)."""
         return np.repeat([FREQUENCY, DAMPING, SHAPE], self._sizes)
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Reading that each residual belongs to: kind times the number of modes, and the mode, (m,)."""
+        return self.kinds * self._data.n + self.mode_of
 
     def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that noise leaves, (n_groups,)."""
@@ -286,19 +357,38 @@ class ModeFunction(FitFunction):
     def levels(self, stage: float = np.inf, counted_as: int = 0) -> ModeLevels:
         """Return how probable error levels are: noise as stated, and a discrepancy."""
         complex_ = np.iscomplexobj(self._data.shapes)
-        n_shape = self._known.sum() - len(self._known) if self._data.has_shapes else 0
-        n = np.array([self._sizes[0], self._sizes[1], n_shape * (2 if complex_ else 1)], dtype=float)
-        there = [k for k in (FREQUENCY, DAMPING, SHAPE) if self._sizes[k]]
-        least = np.array([np.min(d) if len(d) else 1.0 for d in self._deviation])
-        variance = least**2 / np.array([1.0, 1.0, 2.0 if complex_ else 1.0])
-        size = np.array(self._sizes, dtype=float)
-        left = self._modes_problem.left
-        return ModeLevels.up_to(n[there], size[there], variance[there], left[there])
+        groups, size = np.unique(self.groups, return_counts=True)
+        kind, size = groups // self._data.n, size.astype(float)
+        n = np.where(kind == SHAPE, (size - 1) * (2 if complex_ else 1), size)
+        parts = np.array([1.0, 1.0, 2.0 if complex_ else 1.0])
+        least = np.array([d.min() if len(d) else 1.0 for d in self._deviation])
+        bad = BAD_STD[kind] * least[kind] / np.concatenate(self._deviation)
+        return ModeLevels.up_to(
+            kind, n, size, (least**2 / parts)[kind], self._modes_problem.left[kind], bad**2 / parts[kind],
+            self._modes_problem.bad_prior,
+        )  # fmt: skip
+
+    def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:
+        """Find the x of greatest posterior probability from a start.
+
+        A reading that seems bad at the start pulls no more. So all are believed first, and where one seems
+        bad then, the better of the maxima near there and near the start is taken.
+        """
+        solve = super().minimise
+        if not self._modes_problem.bad_prior:
+            return solve(x, stage, max_iterations, **how)
+        problem: Any = self._modes_problem.believed
+        believing = replace(self, problem=problem)
+        believing._parametric = self._parametric  # of the same model
+        found = solve(believing.minimise(x, stage, max_iterations, **how).x, stage, max_iterations, **how)
+        if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
+            return found
+        return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
 
     def left(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        levels, there = self.levels(), np.unique(self.groups)
-        left = (FORM_LEFT * self._modes_problem.left[there]) ** 2 * levels.n / levels.size
+        levels = self.levels()
+        left = (FORM_LEFT * self._modes_problem.left[levels.kind]) ** 2 * levels.n / levels.size
         return SPREAD * levels.noise + left
 
     def errors(self, x: Floats) -> Errors:

@@ -24,6 +24,7 @@ from updating.inference.preparation import (
     nominal_ratio,
 )
 from updating.inference.unknowns import Uncertain
+from updating.inference.visible_modes import mass_of
 from updating.measurement.measurement import with_sensor_masses
 
 HIGHEST = 1.2
@@ -67,7 +68,9 @@ def build_mode_problem(
         knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), True,
         nominal if np.ptp(model.damping.ratio) or other else None,
     )  # fmt: skip
-    return ModeProblem(reduced, targets, tuple(nuisances), curve, model_error, mesh_level)
+    return ModeProblem(
+        reduced, targets, tuple(nuisances), curve, model_error, mesh_level, mass=mass_of(undamped)
+    )
 
 
 def fine_enough(model: Model, targets: ModeTargets) -> tuple[Model, float]:

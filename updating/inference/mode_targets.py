@@ -18,8 +18,13 @@ LEAST_MAC = 0.2
 """Least modal assurance criterion of partners [-]."""
 UNSEEN_NATS = 3.0
 """Cost of a computed mode among the measured ones that a test has not seen [nats]."""
-IN_PLANE = 0.5
-"""Least share of a mode's motion in the plane of a test for it to be seen [-]."""
+SPREAD_BEFORE = 0.05
+"""Standard deviation of the logarithm of a frequency ratio before a fit, for pairs by their order [-]."""
+ALIEN_WIDTH = 0.3
+"""The same of a frequency that does not belong to the model: as of another mode [-]."""
+
+PAIRED, PASSED_OVER, LEFT_OUT = range(3)
+"""Steps along two lists of modes in order: a pair, a computed mode alone, a measured one alone."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -43,7 +48,9 @@ class ModeTargets:
     shape_std : ndarray (n,)
         Standard deviation of a component, relative to the root mean square of the shape [-].
     sensors : tuple of Sensor
-        Of the rows of the shapes.
+        Of the rows of the shapes; without shapes those of the test.
+    driven : tuple of Sensor
+        Forces of the test, if they are known: modes that none of them moves were not measured.
     numbers : ndarray of int (n,) or None
         Which elastic modes of the nominal model they are, counted from 0.
     plane : str
@@ -65,6 +72,7 @@ class ModeTargets:
     plane: str
     held_out: NDArray[np.bool_]
     name: str = "modes"
+    driven: tuple[Sensor, ...] = ()
 
     __repr__ = fields_summary
 
@@ -83,6 +91,7 @@ class ModeTargets:
         plane: str = "",
         held_out: Sequence[int] = (),
         name: str = "modes",
+        driven: Sequence[Sensor] = (),
     ) -> "ModeTargets":
         """Return measured modes in rising order, shapes of length 1; ``held_out`` counts from 0 as given.
 
@@ -103,7 +112,7 @@ class ModeTargets:
         own = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
         return cls(
             f[order], each[0], np.where(each[1] > 0, each[1], np.nan), each[2], psi, each[3],
-            tuple(sensors), own, plane, seen[order], name,
+            tuple(sensors), own, plane, seen[order], name, tuple(driven),
         )  # fmt: skip
 
     def with_deviations(self, factor: float) -> "ModeTargets":
@@ -122,6 +131,12 @@ class ModeTargets:
     def has_shapes(self) -> bool:
         """Whether there are shapes."""
         return len(self.shapes) > 1
+
+    @property
+    def directed(self) -> bool:
+        """Whether anything says which of the model's modes the test can have seen."""
+        named = self.numbers is not None or bool(self.plane)
+        return named or self.has_shapes or bool(self.sensors) or bool(self.driven)
 
     @property
     def noise_level(self) -> float:
@@ -151,13 +166,19 @@ class Matched:
 
 
 def match(
-    targets: ModeTargets, frequency: Floats, shapes: NDArray[np.number], seen: NDArray[np.bool_]
+    targets: ModeTargets,
+    frequency: Floats,
+    shapes: NDArray[np.number],
+    seen: NDArray[np.bool_],
+    spread: Floats | float = SPREAD_BEFORE,
+    alien: float = 0.0,
 ) -> Matched:
     """Find the computed partner of each measured mode.
 
     With shapes so that the sum of MAC less ``LIKENESS`` |ln f ratio| is largest: modes that have crossed keep
     their partners. Without, in the order of frequencies; a computed mode between two measured ones may have
-    been missed by the test, at a cost. With numbers as they say.
+    been missed by the test, and a measured one may be none of the model's, at a cost. With numbers as they
+    say: they count the modes that a test can see.
 
     Parameters
     ----------
@@ -167,7 +188,11 @@ def match(
     shapes : ndarray (n_out, m)
         At the sensors.
     seen : ndarray of bool (m,)
-        Which of them a test can see: no motion of a rigid body, and enough in its plane.
+        Which of them a test can see.
+    spread : float or ndarray (n,)
+        Standard deviation of the logarithm of a frequency ratio, for pairs by their order [-].
+    alien : float
+        Prior probability that a measured mode is none of the model's [-].
     """
     n, nothing = targets.n, np.full(targets.n, np.nan)
     allowed = np.flatnonzero(seen)
@@ -185,7 +210,7 @@ def match(
     if targets.numbers is not None:
         partner = np.where(targets.numbers < len(allowed), targets.numbers, -1)
         return Matched(np.where(partner >= 0, allowed[np.minimum(partner, len(allowed) - 1)], -1), nothing)
-    return Matched(_in_order(targets, frequency, allowed), nothing)
+    return Matched(_in_order(targets, frequency, allowed, spread, alien), nothing)
 
 
 def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats:
@@ -197,27 +222,46 @@ def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats
     return cross / np.maximum((np.abs(psi) ** 2).sum(axis=0)[:, None] * size, 1e-300)
 
 
-def _in_order(targets: ModeTargets, frequency: Floats, allowed: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return partners that rise with the measured modes, by dynamic programming.
+def _in_order(
+    targets: ModeTargets,
+    frequency: Floats,
+    allowed: NDArray[np.int64],
+    spread: Floats | float,
+    alien: float,
+) -> NDArray[np.int64]:
+    """Return partners that rise with the measured modes, by dynamic programming; -1 for none.
 
-    The cost is Σ ½ ρ(ln f ratio / s)² with a relative scale s = 5 % of what models are off before a fit, and
-    ``UNSEEN_NATS`` for each computed mode that is passed over.
+    The cost is Σ ½ ρ(ln f ratio / s), and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a
+    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ) + π s/b].
     """
     n, m = targets.n, min(len(allowed), 3 * targets.n + 6)
-    if m < n:
+    if m < n and not alien:
         return np.concatenate([allowed, np.full(n - m, -1)])[:n]
-    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300)) / 0.05
-    cost = 2 * (np.sqrt(1 + off**2 / 2) - 1) * 2
+    s = np.broadcast_to(spread, n)[:, None]
+    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300))
+    cost = 2 * (np.sqrt(1 + (off / s) ** 2 / 2) - 1) * 2
+    left_out = np.full(n, np.inf)
+    if alien:
+        odds = np.log(alien * s / ALIEN_WIDTH)
+        cost = -np.logaddexp(-cost, odds - 0.5 * (off / ALIEN_WIDTH) ** 2)
+        left_out = -odds[:, 0] + 0.5 * (FAR / ALIEN_WIDTH) ** 2
     best = np.full((n + 1, m + 1), np.inf)
+    step = np.zeros((n + 1, m + 1), dtype=np.int64)
     best[0] = UNSEEN_NATS * np.arange(m + 1)
-    for i in range(n):
-        for j in range(i, m):
-            best[i + 1, j + 1] = min(best[i, j] + cost[i, j], best[i + 1, j] + UNSEEN_NATS)
+    for i in range(1, n + 1):
+        best[i, 0] = best[i - 1, 0] + left_out[i - 1]
+        for j in range(1, m + 1):
+            ways = (
+                best[i - 1, j - 1] + cost[i - 1, j - 1],
+                best[i, j - 1] + UNSEEN_NATS,
+                best[i - 1, j] + left_out[i - 1],
+            )
+            step[i, j] = int(np.argmin(ways))
+            best[i, j] = ways[step[i, j]]
     out, i, j = np.full(n, -1), n, int(np.argmin(best[n]))
-    while i > 0:
-        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
-            i, j = i - 1, j - 1
-            out[i] = allowed[j]
-        else:
-            j -= 1
+    while i > 0 and j > 0:
+        way = step[i, j]
+        if way == PAIRED:
+            out[i - 1] = allowed[j - 1]
+        i, j = i - (way != PASSED_OVER), j - (way != LEFT_OUT)
     return out

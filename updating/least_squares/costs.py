@@ -21,3 +21,7 @@ class Costs(Protocol):
     def weight(self, v: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return twice its derivatives by the mean squares, (n_groups,)."""
         ...
+
+    def gain(self, v: NDArray[np.float64], least: NDArray[np.float64]) -> float:
+        """Return by how much the log likelihood would rise with mean squares no larger than the least."""
+        ...

@@ -40,3 +40,7 @@ class Levels:
     def weight(self, v: Floats) -> Floats:
         """Return twice its derivatives by the mean squares, (n_groups,)."""
         return self.n / (self.least + np.maximum(v - self.noise, 0.0))
+
+    def gain(self, v: Floats, least: Floats) -> float:
+        """Return by how much the log likelihood would rise with mean squares no larger than the least."""
+        return self.cost(v) - self.cost(np.minimum(v, least))

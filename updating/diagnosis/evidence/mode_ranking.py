@@ -24,7 +24,7 @@ from updating.diagnosis.evidence.screening import Grid, Screened, terms_beside
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeFunction, ModeProblem, Partners
+from updating.inference.mode_fit import DOUBT, ModeFunction, ModeProblem, Partners
 from updating.inference.scatter import Scatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
@@ -52,10 +52,18 @@ class ModeLook:
 
     Residuals are in standard deviations, and behind them stand the deviations of all that varies from its
     prior: what adapts to a change is taken out of both, as a fit would.
+
+    Attributes
+    ----------
+    problem : ModeProblem
+    current : FitResult
+    all_belong : bool
+        Whether changes are to explain readings that seem bad as well: those may be what is missing.
     """
 
     problem: ModeProblem
     current: FitResult
+    all_belong: bool = False
 
     @cached_property
     def _function(self) -> ModeFunction:
@@ -73,11 +81,23 @@ class ModeLook:
     @cached_property
     def _scale(self) -> Floats:
         """One over the standard deviation of each residual, discrepancy included."""
-        function, r = self._function, self._found[0]
-        levels = function.levels()
-        member, size = np.unique(function.groups, return_inverse=True, return_counts=True)[1:]
-        v = function.mean_by_group(np.abs(r) ** 2)
-        return np.sqrt((levels.weight(v) / size)[member])
+        member, size = np.unique(self._function.groups, return_inverse=True, return_counts=True)[1:]
+        return np.sqrt((self._worth / size)[member])
+
+    @cached_property
+    def _squares(self) -> Floats:
+        return self._function.mean_by_group(np.abs(self._found[0]) ** 2)
+
+    @cached_property
+    def _worth(self) -> Floats:
+        """Weight of each reading."""
+        levels = self._function.levels()
+        return (replace(levels, bad_prior=0.0) if self.all_belong else levels).weight(self._squares)
+
+    @cached_property
+    def doubtful(self) -> bool:
+        """Whether any reading seems bad."""
+        return bool((self._function.levels().is_bad(self._squares) > DOUBT).any())
 
     @cached_property
     def _adapting(self) -> tuple[Floats, Floats, Floats]:
@@ -102,7 +122,6 @@ class ModeLook:
         levels, rows = self._function.levels(), self._adapting[2]
         n, member = len(self._scale), np.unique(self._function.groups, return_inverse=True)[1]
         of_group = np.eye(member.max() + 1)[np.concatenate([member, member])]
-        level_weight = levels.weight(self._function.mean_by_group(np.abs(self._found[0]) ** 2))
 
         def parts(r: Floats) -> tuple[Floats, Floats]:
             return r[:, : 2 * n] ** 2 @ of_group, (r[:, 2 * n :] ** 2).sum(axis=1)
@@ -110,8 +129,8 @@ class ModeLook:
         def posterior(r: Floats) -> tuple[Floats, Floats]:
             """Return the log evidence up to a constant, and the weight of each group in parts of its own."""
             squares, known = parts(r)
-            v = squares / level_weight
-            share = levels.weight(v) / level_weight
+            v = squares / self._worth
+            share = levels.weight(v) / self._worth
             curvature = np.einsum("ng,gij->nij", share, each) + rows[:, 2 * n :] @ rows[:, 2 * n :].T
             return -levels.costs(v) - known / 2 - np.linalg.slogdet(curvature)[1] / 2, share
 
@@ -339,7 +358,7 @@ class ModeRanking:
 
         Those are left out that gain less evidence than the prior asks for one more effect.
         """
-        look = ModeLook(problem, current)
+        look = ModeLook(problem, current, all_belong=True)
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
         effects = [(n, e) for n, e in effects if not e.amplitude_dependent]
         slopes = look.slopes([e for _, e in effects])
@@ -387,7 +406,8 @@ class ModeRanking:
         most: int,
     ) -> tuple[Screened, ...]:
         grids = _grids(problem, effects)
-        each = [_tried(ModeLook(problem, base), grids, listed, most) for base in _bases(problem, current)]
+        looks = [look for base in _bases(problem, current) for look in _looks(problem, base)]
+        each = [_tried(look, grids, listed, most) for look in looks]
         best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
         rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
         gain = best.max(axis=0, initial=-np.inf)
@@ -403,8 +423,8 @@ class ModeRanking:
     ) -> list[tuple[Effect, Little]]:
         """Return candidates that the data see, with what they do beside a fit to the first order."""
         grids = _grids(problem, effects)
-        little = _by_slopes(ModeLook(problem, current), grids)
-        each = zip(grids, little, strict=True)
+        ways = [_by_slopes(look, grids) for look in _looks(problem, current)]
+        each = [(g, max(little, key=lambda x: x.evidence)) for g, *little in zip(grids, *ways, strict=True)]
         return [(g.effect.with_values(**x.values), x) for g, x in each if np.isfinite(x.evidence)]
 
     def blocks(self, problem: ModeProblem, current: FitResult, *, far: bool) -> RankedBlocks:
@@ -445,6 +465,12 @@ def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
     """Return a fit, and the same with nominal parameters if any are uncertain."""
     nominal = problem.at_nominal(current)
     return (current,) if nominal.values == current.values else (current, nominal)
+
+
+def _looks(problem: ModeProblem, base: FitResult) -> tuple[ModeLook, ...]:
+    """Return a look at a fit, and one that believes every reading where any seems bad."""
+    look = ModeLook(problem, base)
+    return (look, ModeLook(problem, base, all_belong=True)) if look.doubtful else (look,)
 
 
 def _tried(

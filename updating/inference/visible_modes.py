@@ -1,0 +1,119 @@
+"""Which computed modes a test could have measured, by its plane and the directions of sensors and forces."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Model
+from fem.reduction.parametric_modes import ModesAt
+from fem.reduction.reduced_model import ReducedModel
+from fem.system import assemble
+from updating.inference.fit_data import sensor_vectors
+from updating.inference.mode_targets import ModeTargets
+from updating.measurement.measurement import MOTION, BaseMotion, Sensor
+
+IN_PLANE = 0.5
+"""Least share of a mode's motion in the plane of a test for it to be seen [-]."""
+LEAST_MOTION = 0.01
+"""Least motion of a mode at the sensors or forces of a test, in parts of a mode's typical motion [-]."""
+SAME = 1e-6
+"""Eigenvalues nearer than this, relatively, are one whose vectors may be any of their combinations [-]."""
+
+Floats = NDArray[np.float64]
+
+
+def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: ModesAt) -> NDArray[np.bool_]:
+    """Return which computed modes a test could have measured, (r,).
+
+    Left out are motions of rigid bodies, those mostly out of the plane of the test, and those without motion
+    at any sensor or force along its direction. A vector x with xᵀ M x = 1 has a typical motion of m^-½, with
+    the mass m of the structure. Of modes of one frequency as many count as the test tells apart.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    targets : ModeTargets
+    mass : float
+        m [kg]; NaN where motion is not judged by its size.
+    at : ModesAt
+    """
+    pairs = at.pairs(0)
+    lam = pairs.eigenvalues
+    out = (np.arange(len(lam)) >= pairs.n_rigid) & (lam > 0)
+    judged = [part for part in (targets.sensors, targets.driven) if _judged(part, mass)]
+    if not judged and not targets.plane:
+        return out
+    V = at.columns[: reduced.basis.T.shape[1]] @ pairs.vectors
+    motion = [_motion(reduced, axes) for axes in (targets.plane, "xyz")] if targets.plane else []
+    channels = [np.sqrt(mass) * _rows(reduced, part) @ V for part in judged]
+    alike = _alike(lam, np.flatnonzero(out))
+    # Most modes are alone: of these all at once.
+    alone = np.array([some[0] for some in alike if len(some) == 1], dtype=np.int64)
+    if motion:
+        v = V[:, alone]
+        within, every = (np.einsum("rk,rs,sk->k", v, G, v, optimize=True) for G in motion)
+        out[alone] &= (within >= IN_PLANE * every) & ~(every <= LEAST_MOTION**2 / mass)
+    if channels:
+        strength = np.prod([np.linalg.norm(rows[:, alone], axis=0) for rows in channels], axis=0)
+        out[alone] &= strength >= LEAST_MOTION ** len(channels)
+    for some in (some for some in alike if len(some) > 1):
+        v = V[:, some]
+        n = len(some)
+        if motion:
+            n = _in_plane(v.T @ motion[0] @ v, v.T @ motion[1] @ v, LEAST_MOTION**2 / mass)
+        if channels:
+            first, *second = (rows[:, some] for rows in channels)
+            response = first @ second[0].T if second else first
+            strong = np.linalg.svd(response, compute_uv=False) >= LEAST_MOTION ** len(channels)
+            n = min(n, int(strong.sum()))
+        out[some[n:]] = False
+    return out
+
+
+def mass_of(model: Model) -> float:
+    """Return the mass of a model that may move, as the mean along the three axes [kg]."""
+    system = assemble(model, reciprocal=False)
+    along = np.zeros((model.n_dof, 3))
+    for axis in range(3):
+        along[axis : 6 * len(model.mesh.points) : 6, axis] = 1.0
+    q = system.Q.T @ along
+    return float(np.einsum("ik,ik->", q, system.M @ q) / 3)
+
+
+def _judged(part: Sequence[Sensor], mass: float) -> bool:
+    """Whether all channels are motions or forces of points: others have another scale."""
+    motions = [s.directed and s.quantity == MOTION and not isinstance(s, BaseMotion) for s in part]
+    return bool(motions) and all(motions) and bool(np.isfinite(mass))
+
+
+def _rows(reduced: ReducedModel, part: tuple[Sensor, ...]) -> Floats:
+    """Return the motions of some channels by the basis's columns, (n, r)."""
+    own = reduced.projected(part, partial(sensor_vectors, reduced.model, part))[1].T
+    return own / np.array([[abs(s.gain)] for s in part])
+
+
+def _motion(reduced: ReducedModel, axes: str) -> Floats:
+    """Return the mean square of all points' motions along some axes, on the basis's columns, (r, r)."""
+    basis = reduced.basis
+
+    def part() -> Floats:
+        chosen = np.isin(np.arange(len(basis.T)) % 6, ["xyz".index(a) for a in axes])
+        return np.where(chosen[:, None], basis.T, 0.0) / np.sqrt(len(basis.T) / 6)
+
+    return reduced.projected(("motion", axes), part)[1]
+
+
+def _alike(lam: Floats, some: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return the modes in groups of one frequency."""
+    apart = np.diff(lam[some]) > SAME * lam[some[1:]]
+    return np.split(some, np.flatnonzero(apart) + 1) if some.size else []
+
+
+def _in_plane(within: Floats, every: Floats, least: float) -> int:
+    """Return how many modes of one frequency move in the plane, more than a least mean square."""
+    size, U = np.linalg.eigh(every)
+    there = size > (least if np.isfinite(least) else 0.0)
+    W = U[:, there] / np.sqrt(size[there])
+    return int((np.linalg.eigvalsh(W.T @ within @ W) >= IN_PLANE).sum())
