@@ -84,3 +84,12 @@ def test_without_a_change_the_second_state_is_as_near_as_noise_and_calibration_l
     n = 30 * N_MODES
     assert np.mean(squares) == pytest.approx(1.0, abs=3 * np.sqrt(2 / n))
     assert np.mean(np.square(plain)) > 1.3
+
+
+def test_a_form_with_more_parameters_than_modes_leaves_frequencies_as_uncertain_as_their_noise():
+    """JεεᵀJᵀ of a linear fit is less than the variance of its data, whatever the scales of its unknowns."""
+    rng, model = np.random.default_rng(4), cantilever()
+    _, _, problem = changed_problem(model, frequencies(model, rng), frequencies(model, rng), UNCERTAIN)
+    assert problem.common is not None
+    in_common = 1 / (1 - problem.common.less) ** 2 - 1
+    assert 0.1 < in_common.max() < 1.2

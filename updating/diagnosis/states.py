@@ -200,10 +200,9 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     if not n:
         return None
     _, J = function(function.moved_to(first.fitted), True)
-    covariance = first.fitted.solution.covariance
     assert J is not None
-    assert covariance is not None
-    size, Q = np.linalg.eigh(covariance[:n, :n])
+    # Units of x may differ between the two problems: the covariance is that of values.
+    size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])
     errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
     known = _common_modes(first, problem.targets)[function.mode_of] >= 0
     share = first.form_share[function.groups]
