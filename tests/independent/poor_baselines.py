@@ -1,4 +1,6 @@
-"""Make two states of plane frames whose model misses the first one: python -m tests.independent.poor_baselines FOLDER SEEDS
+"""Make two states of plane frames whose model misses the first one.
+
+    python -m tests.independent.poor_baselines FOLDER FIRST:END
 
 Natural frequencies of plane frames by OpenSees (Timoshenko beams, a fine mesh), with an error of the model
 that both states have, and a change in the second one. Each case is a folder with `study.toml` and
@@ -16,7 +18,7 @@ import openseespy.opensees as ops
 E, NU, RHO = 210e9, 0.3, 7850.0
 PIECES = 24
 """Elements of a member."""
-NOISE = 5e-4
+NOISE = 2e-4
 """Repeatability of frequencies, relative [-]."""
 N_MODES = 7
 MODULUS, DENSITY = 0.015, 0.004
@@ -127,12 +129,12 @@ def beam(rng):
 
 
 FRAMES = {"portal": portal, "bracket": bracket, "beam": beam}
-WORTH = 10.0, 50.0
+WORTH = 50.0, 400.0
 """Largest shift of a frequency by the error common to both states, in standard deviations beyond what a
 common factor of all frequencies explains: at least, and at most."""
 CAUSES = ("ground_spring", "side_spring", "support_flexibility", "foundation")
 """Kinds that stand for what holds or lets go of a foot."""
-CHANGE = 6.0, 20.0
+CHANGE = 15.0, 100.0
 """The same of the change."""
 
 
@@ -157,9 +159,8 @@ def causes(name, plane, rng):
 
 
 def changes(plane, rng):
-    """Return changes by size, and what counts as found: kinds and members."""
+    """Return changes by size, and what they are."""
     member = str(rng.choice(list(plane.members)))
-    b, h = plane.section
     if rng.random() < 0.5:
         at = float(rng.uniform(0.25, 0.85))
         return (
@@ -244,7 +245,10 @@ def write(folder, seeds):
                 plane, states, truth = draw(name, seed, what)
                 there = folder / f"{name}-{what}-{seed}"
                 there.mkdir(parents=True, exist_ok=True)
-                (there / "study.toml").write_text(study(plane, states, there.name, form=truth["form"], withheld=truth["withheld"]), encoding="utf-8")
+                (there / "study.toml").write_text(
+                    study(plane, states, there.name, form=truth["form"], withheld=truth["withheld"]),
+                    encoding="utf-8",
+                )
                 (there / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
 
 

@@ -24,6 +24,7 @@ from updating.diagnosis.evidence.diagnosis import (
     candidates_for_test,
 )
 from updating.diagnosis.evidence.ranking import FrfRanking
+from updating.inference.bases import N_BASES
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
@@ -36,8 +37,6 @@ from updating.quality.faults import corrected, find_faults
 
 Floats = NDArray[np.float64]
 
-N_BASES = 2
-"""So many times the calibration is fitted on with its own modes in the basis."""
 ONE_STRUCTURE = Between()
 """Two states of one structure differ by effects, damping, and a small share of the form's error."""
 HIGHEST = 1.5
