@@ -24,6 +24,7 @@ from dovetail.mode_result import ModeRunResult
 from dovetail.result import FRFS, RunResult
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
+from updating.diagnosis.baseline import uncommon
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import Connections, fitted_damping
@@ -127,7 +128,8 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
     """Return the study with the model that a run on modes reports, as a file in a folder.
 
     Damping is that of the study where no damping ratio was measured. What has changed between two states is
-    marked as such, so that the first one's modes are still compared with the model without it.
+    marked as such, so that the first one's modes are still compared with the model without it. What both
+    states lack is an effect of both.
 
     Parameters
     ----------
@@ -139,13 +141,14 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
     known = {e.name for e in study.model.effects}
     forms = [e for e in d.model.effects if e.is_form and e.name not in known]
     two = d.baseline is not None
+    common = [uncommon(e) for e in d.baseline.fitted.effects] if d.baseline is not None else []
     damped = np.isfinite(d.problem.targets.zeta).any()
     return text_with_model(
         _headed(study),
         folder,
         values_in(study, d.model),
         fitted_damping(d.problem, d.final.fitted, d.model) if damped else None,
-        [e.rebased(d.model) for e in (*forms, *(() if two else d.found))],
+        [e.rebased(d.model) for e in (*forms, *common, *(() if two else d.found))],
         (),
         [e.rebased(d.model) for e in d.found] if two else (),
     )

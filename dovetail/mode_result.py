@@ -19,7 +19,7 @@ from dovetail.result import (
     uncertain_of,
 )
 from updating.diagnosis.findings import Finding, parameters_of
-from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
+from updating.diagnosis.mode_diagnosis import Baseline, Explanation, ModeDiagnosis
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +121,17 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
             for step, f in (("nominal", m.nominal), ("fitted", m.fitted), ("found", m.found))
         },
         "uncertain": [uncertain_dict(u) for u in mode_uncertain(d)],
+    } | ({} if d.judged is None else {"baseline": _baseline(d.judged)})
+
+
+def _baseline(judged: Baseline) -> dict[str, Any]:
+    """Return what the first state says of the calibrated model."""
+    t, found = judged.first.problem.targets, judged.first.computed.frequency
+    rows = zip(t.frequency, found, judged.first.missed, strict=True)
+    return {
+        "stands": judged.diagnosis is None,
+        "modes": [{"measured_Hz": f, "calibrated_Hz": g, "missed_std": off} for f, g, off in rows],
+        "causes": [_explanation(c) for c in judged.causes],
     }
 
 

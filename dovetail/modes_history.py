@@ -78,13 +78,14 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
         missing = "[baseline]" if study.baseline is None else "[[states]]"
         msg = f"{study.path.name}: it has no {missing}; a history needs a baseline and later states"
         raise StudyError(msg)
-    before, out = targets_of(study.baseline), []
+    before, out = targets_of(study.baseline), list[StateChange]()
     for k, state in enumerate(study.states):
 
         def told(text: str, done: float, first: int = k, name: str = state.name) -> None:
             say(f"{name}: {text}", (first + done) / len(study.states))
 
-        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), told)
+        judged = out[-1].diagnosis.judged if out else None
+        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), told, judged)
         out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
     return tuple(out)
 

@@ -21,7 +21,7 @@ from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
 from fem.summary import percent
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, ModeTable, diagnose_modes
+from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis, ModeTable, diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.formed import formed_mode_problem
@@ -92,8 +92,13 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
     )  # fmt: skip
 
 
-def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagnosis:
-    """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline."""
+def diagnose_study_modes(
+    study: Study, say: Progress | None = None, judged: Baseline | None = None
+) -> ModeDiagnosis:
+    """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline.
+
+    What the baseline says of the model is found out unless it is known from another state's diagnosis.
+    """
     study = by_modes(study)
     assert study.modes is not None
     more: dict[str, Any] = {
@@ -103,7 +108,7 @@ def diagnose_study_modes(study: Study, say: Progress | None = None) -> ModeDiagn
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
-    before, (model, changes) = targets_of(study.baseline), first_state(study)
+    before, (model, changes) = judged or targets_of(study.baseline), first_state(study)
     return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
 
 

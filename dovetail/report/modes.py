@@ -49,6 +49,7 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
     d = result.diagnosis
     parts = [
         check_first(result),
+        _baseline(result),
         _how_sure(result),
         _compared(result),
         _explanations(result, shown),
@@ -86,6 +87,35 @@ def _structure(result: ModeRunResult, shown: Shown) -> Markup:
     if len(d.credible) > 1:
         caption += "; diamonds mark the places of other explanations"
     return shown.figure("model", f"{alt}.", f"{caption}.", ["structure"], hint=TURN)
+
+
+def _baseline(result: ModeRunResult) -> Markup:
+    """Return what the first of two states says of the model, where that does not stand."""
+    judged = result.diagnosis.judged
+    if judged is None or judged.diagnosis is None:
+        return Markup()
+    off = judged.first.missed
+    modes = [
+        [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
+        for k, f in enumerate(judged.first.problem.targets.frequency)
+    ]
+    causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
+    return section(
+        "The baseline is poor",
+        paragraph(
+            "The calibrated model does not explain the first state. Something may be missing in both states. "
+            "What has changed was looked for beside each of these causes, and probabilities are sums over "
+            "them."
+        ),
+        table(["missing in both states", "probability"], causes, numbers=(1,)),
+        table(
+            ["mode", "measured [Hz]", "missed by [σ]"],
+            modes,
+            numbers=(0, 1, 2),
+            caption="Frequencies of the calibrated model less the measured ones of the first state, in "
+            "standard deviations of the measurement",
+        ),
+    )
 
 
 def _how_sure(result: ModeRunResult) -> Markup:

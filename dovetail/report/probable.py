@@ -129,8 +129,9 @@ def label_of(d: Diagnosis, names: Iterable[str]) -> str:
     effects = [*d.candidates, *(f.effect for f in d.findings)]
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
     known[UNKNOWN] = "something that the library does not have"
-    if d.searched is not None and d.searched.otherwise is not None:
-        known |= {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.otherwise.faults}
+    if d.searched is not None:
+        faults = (f for other in d.searched.otherwise for f in other.faults)
+        known |= {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in faults}
     return " and ".join(known.get(n, n) for n in names) or "nothing missing"
 
 

@@ -10,7 +10,7 @@ from dovetail.validation.cases import CaseSettings
 from fem.analysis.modes import first_modes
 from fem.system import assemble
 from tests.conftest import ROOT
-from updating.diagnosis.states import calibrate
+from updating.diagnosis.baseline import calibrate
 
 
 class Drawn(Exception):  # noqa: N818 - it carries a case, and is no error

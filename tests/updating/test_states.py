@@ -7,7 +7,8 @@ from fem.analysis.modes import first_modes
 from fem.effects.added_mass import AddedMass
 from fem.system import assemble
 from tests.frames import beam, fix
-from updating.diagnosis.states import calibrate, changed_problem, corrected
+from updating.diagnosis.baseline import calibrate, judged
+from updating.diagnosis.states import changed_problem, corrected, diagnose_change
 from updating.inference.common_errors import CommonErrors
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
@@ -84,3 +85,59 @@ def test_without_a_change_the_second_state_is_as_near_as_noise_and_calibration_l
     n = 30 * N_MODES
     assert np.mean(squares) == pytest.approx(1.0, abs=3 * np.sqrt(2 / n))
     assert np.mean(np.square(plain)) > 1.3
+
+
+def test_a_form_with_more_parameters_than_modes_leaves_frequencies_as_uncertain_as_their_noise():
+    """JεεᵀJᵀ of a linear fit is less than the variance of its data, whatever the scales of its unknowns."""
+    rng, model = np.random.default_rng(4), cantilever()
+    _, _, problem = changed_problem(model, frequencies(model, rng), frequencies(model, rng), UNCERTAIN)
+    assert problem.common is not None
+    in_common = 1 / (1 - problem.common.less) ** 2 - 1
+    assert 0.1 < in_common.max() < 1.2
+
+
+def test_a_model_that_the_first_state_does_not_contradict_stands():
+    rng, model = np.random.default_rng(5), cantilever()
+    first = calibrate(model, frequencies(model, rng), UNCERTAIN, model_error=0.0)
+    found = judged(first, ["point_mass"], say=lambda text, done: None)
+    assert found.diagnosis is None
+    assert found.bases == (first,)
+    assert found.texts == ()
+
+
+@pytest.fixture(scope="module")
+def poor():
+    """Return what a first state says of a model that lacks a mass of 0.3 kg at its end."""
+    first = calibrate(
+        cantilever(), frequencies(cantilever(mass=0.3), np.random.default_rng(6)), UNCERTAIN, model_error=0.0
+    )
+    return judged(first, ["point_mass"], say=lambda text, done: None)
+
+
+def test_what_both_states_lack_is_a_model_of_the_first(poor):
+    (cause,) = poor.bases[0].fitted.effects
+    assert cause.kind == "point_mass"
+    assert cause.name.startswith("common ")
+    assert cause.mass == pytest.approx(0.3, rel=0.1)
+    assert poor.weights.sum() == pytest.approx(1)
+    assert np.abs(poor.first.missed).max() > 10 > 4 > np.abs(poor.bases[0].missed).max()
+    assert f"mode {1 + np.abs(poor.first.missed).argmax()} by" in poor.texts[0]
+
+
+@pytest.mark.parametrize("more", [0.0, 0.05])
+def test_a_change_is_looked_for_beside_what_both_states_lack(poor, more):
+    after = cantilever(mass=0.3)
+    if more:
+        after = after.with_effect(AddedMass(name="later", point=5, mass=more))
+    after = frequencies(after, np.random.default_rng(7))
+    d = diagnose_change(
+        cantilever(), poor, after, UNCERTAIN, kinds=["point_mass", "stiffness_loss"], model_error=0.0
+    )
+    assert d.judged is poor
+    assert d.baseline in poor.bases
+    assert sum(e.probability for e in d.explanations) == pytest.approx(1)
+    if more:
+        assert [e.kind for e in d.found] == ["point_mass"]
+        assert d.found[0].mass == pytest.approx(more, rel=0.2)
+    else:
+        assert d.verdict == "nothing missing"

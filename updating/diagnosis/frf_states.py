@@ -25,6 +25,8 @@ from updating.diagnosis.evidence.diagnosis import (
     candidates_for_test,
 )
 from updating.diagnosis.evidence.ranking import FrfRanking
+from updating.inference.bases import N_BASES
+from updating.inference.belief import UNKNOWN_ODDS
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
@@ -37,8 +39,6 @@ from updating.quality.faults import corrected, find_faults
 
 Floats = NDArray[np.float64]
 
-N_BASES = 2
-"""So many times the calibration is fitted on with its own modes in the basis."""
 ONE_STRUCTURE = Between()
 """Two states of one structure differ by effects, damping, and a small share of the form's error."""
 HIGHEST = 1.5
@@ -177,4 +177,24 @@ def begin_change(
         f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
         "leaves there was taken off the second state's, so that only the change remains"
     )
-    return replace(searched, notes=(note, *searched.notes)), first
+    return replace(searched, notes=(*poor_baseline(first), note, *searched.notes)), first
+
+
+def poor_baseline(first: CalibratedFrfs) -> tuple[str, ...]:
+    """Return a sentence where the calibrated model does not explain the first state; none where it does.
+
+    It does not where what the library does not have would be the more probable explanation of that state.
+    """
+    problem, result = first.problem, first.result
+    if result.levels is None or result.gain_to(FrfRanking().left(problem)) <= UNKNOWN_ODDS:
+        return ()
+    lines = problem.lines_up_to(np.inf, FULL_LINES)
+    band, f = problem.band_of(lines), problem.data.frequency[lines]
+    k = int(np.argmax(result.misfit / result.levels.noise))
+    there = f[band == np.unique(band)[k]]
+    left, noise = (DB_PER_NEPER * float(np.sqrt(v[k])) for v in (result.misfit, result.levels.noise))
+    return (
+        f"the baseline is poor: from {there[0]:.4g} to {there[-1]:.4g} Hz the calibrated model misses it by "
+        f"{left:.2g} dB, {left / noise:.2g} σ of its noise. Something may be missing in both states; what it "
+        "does to the change is only in the uncertainty of what was taken off",
+    )

@@ -75,7 +75,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     for base in bases:
         _add_laws(search, base, at_first, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
-    return replace(done, search=search, best=search.polished(best), otherwise=None)
+    return replace(done, search=search, best=search.polished(best), otherwise=())
 
 
 def _add_laws(

@@ -1,5 +1,7 @@
 """From a model and measured modes to the posterior over what is missing."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +24,7 @@ from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
-from updating.inference.formed import formed_mode_problem
+from updating.inference.formed import Formed, formed_mode_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import (
     BAD_PRIOR,
@@ -40,6 +42,8 @@ from updating.least_squares.mode_levels import ModeLevels
 
 CREDIBLE = 0.9
 """Probability that the explanations of a credible set have together [-]."""
+MOST_NAMED = 3
+"""Modes that are named as missed."""
 HALF = 0.5
 """An explanation that is less probable than all others together is not put first in words [-]."""
 
@@ -171,12 +175,21 @@ class Calibrated:
     fitted : FitResult
     computed : ComputedModes
         The model's partners of the measured modes.
+    made : Formed
+        The model before the fit, and its form.
     """
 
     model: Model
     problem: ModeProblem
     fitted: FitResult
     computed: ComputedModes
+    made: Formed
+
+    @property
+    def missed(self) -> NDArray[np.float64]:
+        """By how many standard deviations of noise it misses each frequency, NaN without a partner, (n,)."""
+        t = self.problem.targets
+        return np.log(self.computed.frequency / t.frequency) / t.frequency_std
 
     @property
     def form_share(self) -> NDArray[np.float64]:
@@ -222,6 +235,8 @@ class ModeDiagnosis:
         The fit to an earlier state, where the change since then was searched for.
     bad_readings : tuple of BadReading
         More probable than not.
+    judged : Baseline or None
+        What that state says of the model.
     """
 
     verdict: str
@@ -237,6 +252,7 @@ class ModeDiagnosis:
     seconds: float
     baseline: Calibrated | None = None
     bad_readings: tuple[BadReading, ...] = ()
+    judged: Baseline | None = None
 
     @property
     def final(self) -> Hypothesis:
@@ -263,6 +279,59 @@ class ModeDiagnosis:
     def found(self) -> tuple[Effect, ...]:
         """Effects of the verdict."""
         return self.searched.best.effects if self.verdict == EFFECT else ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Baseline:
+    """What the first state says of the model.
+
+    Attributes
+    ----------
+    first : Calibrated
+        The model that was fitted to it, without further effects.
+    bases : tuple of Calibrated
+        Models that the change is looked for beside, the most probable first.
+    log_weights : ndarray (n_bases,)
+        Logarithms of their probabilities, up to a constant.
+    diagnosis : ModeDiagnosis or None
+        Of what is missing in both states; None where the calibrated model stands.
+    """
+
+    first: Calibrated
+    bases: tuple[Calibrated, ...]
+    log_weights: NDArray[np.float64]
+    diagnosis: ModeDiagnosis | None = None
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """Probabilities of the bases, of them together 1, (n_bases,)."""
+        return np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
+
+    @property
+    def causes(self) -> tuple[Explanation, ...]:
+        """What both states may lack, beside each of which the change is looked for."""
+        d = self.diagnosis
+        nothing = d is None or d.searched.search.known[frozenset()].score > d.searched.unknown
+        return tuple(
+            Explanation(e, tuple(parameters_of(x, b.fitted) for x in e), float(w), bool(e) or nothing)
+            for b, w in zip(self.bases, self.weights, strict=True)
+            for e in (b.fitted.effects,)
+        )
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """By how much the calibrated model misses the first state, and what that is put down to."""
+        if self.diagnosis is None:
+            return ()
+        off = self.first.missed
+        worst = [int(k) for k in np.argsort(-np.nan_to_num(np.abs(off)))[:MOST_NAMED] if np.isfinite(off[k])]
+        modes = ", ".join(f"mode {k + 1} by {abs(off[k]):.2g} σ" for k in worst)
+        shares = "; ".join(f"{percent(c.probability)} {c.label}" for c in self.causes)
+        return (
+            f"the baseline is poor: the calibrated model misses it in {modes}, and something may be missing "
+            "in both states",
+            f"the change was looked for beside each cause that both states may have: {shares}",
+        )
 
 
 def search_modes(
@@ -355,8 +424,8 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
     explanations = [
-        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), done.probability(h))
-        for h in done.hypotheses
+        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
+        for h, p in _told_apart(done)
     ]
     explanations.append(Explanation((), (), done.unknown_probability, known=False))
     explanations.sort(key=lambda e: -e.probability)
@@ -374,6 +443,23 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
         out, reason=_reason(out), next_measurements=_next(out),
         seconds=time.perf_counter() - begun,
     )  # fmt: skip
+
+
+def _told_apart(done: Searched) -> list[tuple[Hypothesis, float]]:
+    """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
+    every = [(h, done.probability(h)) for h in done.hypotheses]
+    if not done.otherwise:
+        return every
+    ways = [done, *done.otherwise]
+    out = {h.key: (h, 0.0) for way in reversed(ways) for h in way.search.known.values()}
+    alone = []
+    for h, p in every:
+        if any(way.search.known.get(h.key) is h for way in ways):
+            best, sum_ = out[h.key]
+            out[h.key] = best, sum_ + p
+        else:
+            alone.append((h, p))
+    return [*out.values(), *alone]
 
 
 def _reported(done: Searched) -> Hypothesis:

@@ -8,11 +8,15 @@ the second state's residuals are
     r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
 
 So k r is subtracted. ε remains uncertain as the first state has left it, and acts on all modes together.
+
+Where the first state says that the model lacks something, δ is no constant: see
+:mod:`updating.diagnosis.baseline`.
 """
 
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,57 +24,29 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from fem.summary import percent
+from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import told
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.frf_states import N_BASES
 from updating.diagnosis.mode_diagnosis import (
+    Baseline,
     Calibrated,
     ModeDiagnosis,
     candidates_for,
     concluded,
     searched_modes,
 )
-from updating.inference.bases import better_basis
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import fit
-from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import fitted_model
-
-
-def calibrate(
-    model: Model,
-    before: ModeTargets,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    model_error: float = EXPLAINED_LEVEL,
-) -> Calibrated:
-    """Fit uncertain parameters, and the form's, to the modes of the first state.
-
-    On a basis with the modes of the fitted model: the second state's basis begins with them, and what one of
-    the two lacks would look like a change.
-    """
-    problem, made = formed_mode_problem(
-        model, before, nuisances, damping_std=damping_std, model_error=model_error
-    )
-    fitted = fit(problem)
-    for _ in range(N_BASES):
-        better = better_basis(problem, fitted)
-        if better is None:
-            break
-        problem = replace(problem, reduced=better[1])
-        fitted = fit(problem, stages=problem.stages[-1:], x_from=fitted)
-    return Calibrated(fitted_model(made.formed, fitted), problem, fitted, problem.computed(fitted))
+from updating.inference.unknowns import Unknown
 
 
 def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
@@ -180,6 +156,22 @@ def changed_problem(
     Parameters as of :func:`diagnose_change`.
     """
     first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
+    more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
+    return first, *second_state(first, after, changes, **more)
+
+
+def second_state(
+    first: Calibrated,
+    after: ModeTargets,
+    changes: Sequence[Effect] = (),
+    *,
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
+) -> tuple[Model, ModeProblem]:
+    """Return model and problem of the second state beside a calibration on the first.
+
+    Parameters as of :func:`diagnose_change`.
+    """
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
         changed, corrected(first, after), (), damping_std=damping_std, model_error=CHANGED * model_error,
@@ -190,21 +182,25 @@ def changed_problem(
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
     )
     problem = replace(problem, damping=curve)
-    return first, changed, replace(problem, common=_parameters_error(first, problem))
+    return changed, replace(problem, common=_parameters_error(first, problem))
 
 
 def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors | None:
-    """Return what uncertain calibrated parameters do to the second state's residuals, (1 - k) J ε."""
-    uncertain = replace(problem, nuisances=first.problem.nuisances)
+    """Return what uncertain calibrated parameters do to the second state's residuals, (1 - k) J ε.
+
+    Those of effects that both states have are among them.
+    """
+    causes = tuple(Unknown(((e.name, p.name),)) for e in first.fitted.effects for p in e.parameters())
+    own = tuple(n for n in first.problem.nuisances if n.refs[0] in first.fitted.values)
+    uncertain = replace(problem, nuisances=(*own, *causes))
     function = uncertain.function((), (), problem.targets.fitted)
     n = len(function.variables)
     if not n:
         return None
     _, J = function(function.moved_to(first.fitted), True)
-    covariance = first.fitted.solution.covariance
     assert J is not None
-    assert covariance is not None
-    size, Q = np.linalg.eigh(covariance[:n, :n])
+    # Units of x may differ between the two problems: the covariance is that of values.
+    size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])
     errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
     known = _common_modes(first, problem.targets)[function.mode_of] >= 0
     share = first.form_share[function.kinds]
@@ -215,7 +211,7 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
 
 def diagnose_change(
     model: Model,
-    before: ModeTargets,
+    before: ModeTargets | Baseline,
     after: ModeTargets,
     nuisances: Sequence[Nuisance] = (),
     *,
@@ -235,30 +231,55 @@ def diagnose_change(
     ----------
     model : Model
         In the first state.
-    before, after : ModeTargets
+    before : ModeTargets or Baseline
+        Of the first state, or what it says of the model.
+    after : ModeTargets
     changes : sequence of Effect
         Effects that are known to have come since the first state.
     nuisances, damping_std, kinds, exclude, model_error, progress
         As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
     """
     begun, say = time.perf_counter(), progress or (lambda text, done: None)
-    say("calibrating on the first state", 0.0)
-    first, changed, problem = changed_problem(
-        situated(model, kinds),
-        before,
-        after,
-        nuisances,
-        changes=changes,
-        damping_std=damping_std,
-        model_error=model_error,
-    )
-    candidates = candidates_for(changed, problem.targets, kinds, exclude)
-    search = Search(problem, (), candidates, told(say, begun), ranking=ModeRanking())
-    out = concluded(searched_modes(search, changed, say), begun)
-    level = 100 * first.fitted.level
-    note = (
-        f"the calibrated model misses the first state's frequencies by {level:.2g} %; "
-        f"model error has {percent(first.form_share[0])} of the residuals' variance, and that share was "
+    model = situated(model, kinds)
+    more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
+    if isinstance(before, Baseline):
+        baseline = before
+    else:
+        say("calibrating on the first state", 0.0)
+        baseline = judged(calibrate(model, before, nuisances, **more), kinds, exclude, say=say)
+    ways = []
+    for base, weight in zip(baseline.bases, baseline.log_weights - baseline.log_weights[0], strict=True):
+        changed, problem = second_state(base, after, changes, **more)
+        # What gives way in both states already is no candidate: it would not be absent where it is rigid.
+        given = {key for e in base.fitted.effects for key in e.released()}
+        candidates = candidates_for(changed, problem.targets, kinds, exclude)
+        candidates = tuple(c for c in candidates if not given & set(c.released()))
+        search = Search(
+            problem, (), candidates, told(say, begun), ranking=ModeRanking(),
+            beforehand=float(weight) + problem.log_density,
+        )  # fmt: skip
+        ways.append((searched_modes(search, changed, say), base))
+    ways.sort(key=lambda way: -way[0].best.score)
+    (done, base), *others = ways
+    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)), begun)
+    return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
+
+
+def _worst(base: Calibrated) -> str:
+    """Return the mode that is missed most, in standard deviations of its noise."""
+    off = np.abs(base.missed)
+    if not np.isfinite(off).any():
+        return ""
+    k = int(np.nanargmax(off))
+    return f", most of all mode {k + 1} by {off[k]:.2g} σ"
+
+
+def _notes_on(baseline: Baseline, base: Calibrated) -> tuple[str, ...]:
+    """Return what a reader should know of the first state."""
+    level = 100 * base.fitted.level
+    subtracted = (
+        f"the calibrated model misses the first state's frequencies by {level:.2g} %{_worst(base)}; "
+        f"model error has {percent(base.form_share[0])} of the residuals' variance, and that share was "
         "subtracted from the second state"
     )
-    return replace(out, notes=(note, *out.notes), baseline=first)
+    return (*baseline.texts, subtracted)

@@ -22,12 +22,7 @@ def weigh_unfitted(search: Search) -> None:
     data say little, "nothing" competes with many weak effects. Their evidence comes from their slopes beside
     the model without effects. Those that look like a twin of the best hypothesis are fitted after all.
     """
-    ranking, problem, nothing = search.fits.ranking, search.fits.problem, search.known[frozenset()]
-    if not (isinstance(ranking, ModeRanking) and isinstance(problem, ModeProblem)):
-        return
-    rest = [e for e in search.candidates if key_of((e,)) not in search.known]
-    looked = [_estimated(search, nothing, e, x) for e, x in ranking.looked(problem, nothing.fitted, rest)]
-    looked.sort(key=lambda h: -h.score)
+    looked = looked_at(search)
     for h in looked[:MOST_FITTED]:
         if h.score < search.best.score - TWIN_NATS:
             break
@@ -36,6 +31,16 @@ def weigh_unfitted(search: Search) -> None:
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
             continue
     search.known.update({h.key: h for h in looked if h.key not in search.known})
+
+
+def looked_at(search: Search) -> list[Hypothesis]:
+    """Return hypotheses of one effect that were not fitted, to the first order, the most probable first."""
+    ranking, problem, nothing = search.fits.ranking, search.fits.problem, search.known[frozenset()]
+    if not (isinstance(ranking, ModeRanking) and isinstance(problem, ModeProblem)):
+        return []
+    rest = [e for e in search.candidates if key_of((e,)) not in search.known]
+    looked = ranking.looked(problem, nothing.fitted, rest)
+    return sorted((_estimated(search, nothing, e, x) for e, x in looked), key=lambda h: -h.score)
 
 
 def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: Little) -> Hypothesis:

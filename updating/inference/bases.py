@@ -14,6 +14,8 @@ BASIS_SHARE, BASIS_LINES = 0.03, (16, 24)
 """Share of the level that a basis may err by, and at how many lines responses join it, once and again."""
 LEAST_SHAPE = 1e-4
 """What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
+N_BASES = 2
+"""So many times a calibration is fitted on with its own modes in the basis."""
 HIGHEST = 1.2
 """Modes up to this multiple of the highest measured frequency join the basis of a fit to modes [-]."""
 

@@ -40,6 +40,11 @@ class CommonErrors:
         U, s, _ = np.linalg.svd((_parts(errors) / both).T, full_matrices=False)
         return cls(both, U, 1 - 1 / np.sqrt(1 + s**2))
 
+    @property
+    def log_density(self) -> float:
+        """Logarithm of the determinant of the map: by so much densities of what it maps are higher."""
+        return float(np.log1p(-self.less).sum())
+
     def removed(self, r: Complexes) -> Complexes:
         """Return residuals, or changes of them, (..., m), made independent."""
         plain = _parts(r) / self.std

@@ -131,6 +131,14 @@ class ModeProblem:
         return np.sqrt(self.targets.frequency_std**2 + self.left[FREQUENCY] ** 2 + self.mesh_level**2)
 
     @property
+    def log_density(self) -> float:
+        """Logarithm of the density that deviations and errors in common give the residuals [nats].
+
+        By so much log likelihoods differ between two problems of the same modes, up to a constant.
+        """
+        return self.function((), (), self.targets.fitted).log_density
+
+    @property
     def form_right(self) -> bool:
         """Whether nothing but noise and the mesh may be left."""
         return self.model_error == 0
@@ -577,6 +585,16 @@ class ModeFunction(FitFunction):
     def least_deviations(self) -> Floats:
         """Standard deviation of each residual without a discrepancy: the least of its group, (m,)."""
         return np.repeat([d.min() if len(d) else 1.0 for d in self._deviation], self._sizes)
+
+    @property
+    def log_density(self) -> float:
+        """Logarithm of the density that weights and errors in common give the residuals, up to a constant."""
+        out = sum(float(np.log(d.min() / d).sum()) for d in self._deviation[: DAMPING + 1] if len(d))
+        if self._data.has_shapes:
+            d, n = self._deviation[SHAPE], self._known.sum(axis=1)
+            out += float((n * np.log(d.min() / d)).sum())
+        common = self._modes_problem.common
+        return out if common is None else out + common.log_density
 
     @property
     def mode_of(self) -> NDArray[np.int64]:

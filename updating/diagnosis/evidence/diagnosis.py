@@ -55,8 +55,9 @@ class Searched:
         With the form's effects.
     notes : tuple of str
         What a reader should know of the mesh.
-    otherwise : Searched, optional
-        The search on the same data with other faults of the measurement set right.
+    otherwise : tuple of Searched
+        Searches on the same data that take something else for granted: other faults of the measurement, or
+        another model of an earlier state.
     """
 
     search: Search
@@ -65,7 +66,7 @@ class Searched:
     mesh_db: float
     model: Model
     notes: tuple[str, ...] = ()
-    otherwise: "Searched | None" = None
+    otherwise: "tuple[Searched, ...]" = ()
 
     @property
     def problem(self) -> FitProblem:
@@ -107,20 +108,18 @@ class Searched:
     @property
     def hypotheses(self) -> list[Hypothesis]:
         """All that were fitted fully, at further positions and by other readings of the data, too."""
-        others = self.otherwise.search.known.values() if self.otherwise else ()
-        return [*self.search.known.values(), *self.search.elsewhere, *others]
+        own = [*self.search.known.values(), *self.search.elsewhere]
+        return own + [h for other in self.otherwise for h in other.hypotheses]
 
     @property
     def proposed_faults(self) -> tuple[Fault, ...]:
         """Faults set right in either reading."""
-        return (*self.faults, *(self.otherwise.faults if self.otherwise else ()))
+        return (*self.faults, *(f for other in self.otherwise for f in other.faults))
 
     def names(self, h: Hypothesis) -> tuple[str, ...]:
         """Return the names of a hypothesis's effects, and of its faults where others are set right here."""
-        other = self.otherwise
-        if other is None or self.search.known.get(h.key) is h:
-            return tuple(sorted(h.key))
         here = {f.name for f in self.faults}
+        other = next((o for o in self.otherwise if any(k is h for k in o.hypotheses)), self)
         return tuple(sorted([*h.key, *(f.name for f in other.faults if f.name not in here)]))
 
     def probability(self, h: Hypothesis) -> float:
@@ -239,7 +238,7 @@ def begun_with(
         return found
     sure = tuple(f for f in faults if f not in doubtful(faults))
     other = replace(right, data=as_read(read, right.data, sure))
-    return replace(found, otherwise=reading(other, result, sure))
+    return replace(found, otherwise=(reading(other, result, sure),))
 
 
 def searched(begun: Searched, progress: Progress) -> Searched:
@@ -248,7 +247,7 @@ def searched(begun: Searched, progress: Progress) -> Searched:
     Each of the two adds effects once, then that one goes on which explains the data better. It ends where
     nothing that it may still find is as probable as what the other has.
     """
-    ways = [begun] if begun.otherwise is None else [begun, begun.otherwise]
+    ways = [begun, *begun.otherwise]
     going = [(way.search, way.search.rounds()) for way in ways]
     for _, rounds in going:
         next(rounds, None)
@@ -260,7 +259,7 @@ def searched(begun: Searched, progress: Progress) -> Searched:
     progress("refining", 0.9)
     best, *others = sorted(ways, key=lambda way: -way.search.best.score)
     best = replace(best, best=best.search.polished(best.search.beside_form(best.search.best)))
-    return replace(best, otherwise=replace(others[0], otherwise=None) if others else None)
+    return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
 
 
 def candidates_for_test(

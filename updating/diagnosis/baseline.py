@@ -1,0 +1,129 @@
+"""The first of two states, judged: whether its calibrated model stands, and what both states may lack.
+
+A model that lacks something in the first state lacks it in the second one, too. What it leaves is then no
+constant: it depends on what has changed. So each effect that may be missing in both is a model of the first
+state, as probable as that state makes it, and the change is looked for beside each of them:
+
+    p(change | both) ∝ Σ_cause p(first | cause) p(cause) p(second | first, cause, change) p(change).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fem.model import Effect, Model
+from updating.diagnosis.evidence.diagnosis import told
+from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.mode_ranking import ModeRanking
+from updating.diagnosis.evidence.search import Search
+from updating.diagnosis.mode_diagnosis import (
+    CREDIBLE,
+    HALF,
+    Baseline,
+    Calibrated,
+    ModeDiagnosis,
+    candidates_for,
+    concluded,
+    searched_modes,
+)
+from updating.diagnosis.unfitted import looked_at
+from updating.inference.bases import N_BASES, better_basis
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.fit_result import FitResult
+from updating.inference.fitting import fit
+from updating.inference.formed import Formed, formed_mode_problem
+from updating.inference.heartbeat import Progress
+from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.parameters import Nuisance
+from updating.inference.preparation import fitted_model
+
+MOST_CAUSES = 4
+"""Beside at most so many models of the first state the change is looked for: that costs a search each."""
+COMMON = "common "
+"""Begins the names of effects that are missing in both states: a change may be of the same kind and place."""
+
+
+def calibrate(
+    model: Model,
+    before: ModeTargets,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    damping_std: float = 0.5,
+    model_error: float = EXPLAINED_LEVEL,
+) -> Calibrated:
+    """Fit uncertain parameters, and the form's, to the modes of the first state."""
+    problem, made = formed_mode_problem(
+        model, before, nuisances, damping_std=damping_std, model_error=model_error
+    )
+    return _on_own_basis(problem, made, fit(problem))
+
+
+def _on_own_basis(problem: ModeProblem, made: Formed, fitted: FitResult) -> Calibrated:
+    """Return a fit that goes on with the modes of the fitted model in its basis.
+
+    The second state's basis begins with them, and what one of the two lacks would look like a change.
+    """
+    for _ in range(N_BASES):
+        better = better_basis(problem, fitted)
+        if better is None:
+            break
+        problem = replace(problem, reduced=better[1])
+        effects = fitted.effects
+        fitted = fit(problem, effects, values_of(effects), stages=problem.stages[-1:], x_from=fitted)
+    return Calibrated(fitted_model(made.formed, fitted), problem, fitted, problem.computed(fitted), made)
+
+
+def judged(
+    first: Calibrated, kinds: Sequence[str] | None = None, exclude: Sequence[str] = (), *, say: Progress
+) -> Baseline:
+    """Return what the first state says of its calibrated model, and what may be missing in both states.
+
+    The model stands where "nothing missing" is more probable than all single effects, by a look at them, and
+    than what the library does not have. Otherwise the first state is diagnosed as any other test is, and
+    the models of its credible set are those that the change is looked for beside.
+    """
+    begun, problem, made = time.perf_counter(), first.problem, first.made
+    candidates = candidates_for(made.model, problem.targets, kinds, exclude)
+    search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
+    nothing = Hypothesis(first.fitted, search.fits.odds.prior(()))
+    search.known[frozenset()] = nothing
+    scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
+    if nothing.score - np.logaddexp.reduce(scores) > np.log(HALF):
+        return Baseline(first, (first,), np.zeros(1))
+    done = searched_modes(search, made.formed, say)
+    return _with_causes(first, concluded(done, begun))
+
+
+def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
+    """Return the models of the first state's credible set; what no effect explains stays with the first."""
+    done, search = d.searched, d.searched.search
+    nothing = search.known[frozenset()]
+    alone = float(np.logaddexp(nothing.score, done.unknown))
+    every = [(alone, nothing), *((h.score, h) for h in done.hypotheses if h.effects)]
+    every.sort(key=lambda each: -each[0])
+    before = np.cumsum([0.0, *(np.exp(score - done.evidence) for score, _ in every)])
+    bases, scores = [], []
+    for score, h in [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:MOST_CAUSES]:
+        full = h if search.is_full(h) else search.full(h.effects, values_of(h.effects), h)
+        bases.append(_with_cause(first, search, full) if h.effects else first)
+        scores.append(full.score if h.effects else score)
+    order = np.argsort(-np.array(scores), kind="stable")
+    return Baseline(first, tuple(bases[k] for k in order), np.array(scores)[order], d)
+
+
+def _with_cause(first: Calibrated, search: Search, h: Hypothesis) -> Calibrated:
+    """Return the model of the first state with the effects of a hypothesis."""
+    problem = search.fits.free(h)
+    assert isinstance(problem, ModeProblem)
+    effects = tuple(replace(e, name=f"{COMMON}{e.name}") for e in h.effects)
+    problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
+    fitted = fit(problem, effects, values_of(effects), stages=problem.stages[-1:], x_from=h.fitted)
+    return _on_own_basis(problem, first.made, fitted)
+
+
+def uncommon(effect: Effect) -> Effect:
+    """Return an effect that is missing in both states by the name of its candidate."""
+    return replace(effect, name=effect.name.removeprefix(COMMON))
