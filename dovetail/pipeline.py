@@ -40,6 +40,7 @@ from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
 from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.form import with_form
 from updating.inference.formed import formed_problem
 from updating.inference.preparation import N_FIT_LINES, prepared_like
@@ -264,8 +265,17 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
         if d.baseline is not None and study.baseline_frfs is not None:
             data = carried_over(d.baseline.at(study.baseline_frfs, outputs, inputs), data)
         problem = replace(d.problem, data=data)
-        out[label] = tuple(rms_db(problem.log_ratio(step.result)) for step in d.steps)
+        results = (_at_channels(s.result, d.problem.data.measurement, kept) for s in d.steps)
+        out[label] = tuple(rms_db(problem.log_ratio(r)) for r in results)
     return out
+
+
+def _at_channels(result: FitResult, fitted: Measurement, other: Measurement) -> FitResult:
+    """Return a result with the errors of another measurement's channels; the description's of further ones."""
+    if not len(result.channels):
+        return result
+    errors = fitted.with_channel_errors(result.channels).errors
+    return replace(result, channels=replace(other, errors=errors).channel_errors)
 
 
 def _part(say: Progress, start: float, end: float) -> Progress:
