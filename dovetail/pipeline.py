@@ -271,7 +271,7 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
 
 
 def _at_channels(result: FitResult, fitted: Measurement, other: Measurement) -> FitResult:
-    """Return a result with the errors of another measurement's channels; the description's of further ones."""
+    """Return a result with its errors of channels at those of another measurement, by name."""
     if not len(result.channels):
         return result
     errors = fitted.with_channel_errors(result.channels).errors
