@@ -367,7 +367,7 @@ class _Reader:
         if "measurements" in self.needs and modes is not None:
             with beside_implausible(odd), top.at("modes"):
                 self.warnings += mode_suspicions(modes, model)
-        baseline = self._baseline(ModalTest(sensors, excitations, not raw))
+        baseline = self._baseline(self._modal_test(raw, sensors, excitations))
         if measurements and modes is not None and "baseline" in top:
             unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
             self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
@@ -415,8 +415,15 @@ class _Reader:
             ambient=read_ambient(top, self.path.parent, sensors),
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
-            states=self._states(ModalTest(sensors, excitations, not raw)),
+            states=self._states(self._modal_test(raw, sensors, excitations)),
         )
+
+    def _modal_test(
+        self, raw: Sequence[RawMeasurement], sensors: Sequence[Channel], excitations: Sequence[Channel]
+    ) -> ModalTest:
+        """Return the channels of the tests of modes: all, unless FRFs are what they are for."""
+        no_frfs = not raw and "measurements" not in self.top.table("baseline")
+        return ModalTest(sensors, excitations, no_frfs)
 
     def _states(self, test: ModalTest) -> tuple[State, ...]:
         """Read ``[[states]]``: the modes of states after the baseline."""
@@ -593,7 +600,7 @@ class _Reader:
                 replace(m, errors=errors) for m in match(raw, sensors, excitations, faults, notes)
             )
         with self._attempt("measurements"):
-            test = ModalTest(sensors, excitations, not raw)
+            test = self._modal_test(raw, sensors, excitations)
             modes = match_modes(raw_modes, test, self.measured_notes)
         return measurements, modes, faults
 
