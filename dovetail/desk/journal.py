@@ -15,6 +15,7 @@ from dovetail.file.faults import UNITS
 from fem.io.atomic import replacing
 from fem.model import Effect, parameter_values
 from updating.live.hypothesis import Hypothesis
+from updating.measurement.channel_errors import N_ERRORS
 from updating.quality.corrections import Fault
 
 SCHEMA = "dovetail-desk/1"
@@ -107,6 +108,7 @@ def _plain(h: Hypothesis) -> dict[str, Any]:
         "faults": [asdict(f) for f in h.faults],
         "off": sorted(h.off),
         "held_out": sorted(h.held_out),
+        "channels": h.channels.tolist(),
     }
 
 
@@ -132,7 +134,8 @@ def _stairs(steps: Sequence[Mapping[str, Any]]) -> tuple[Stair, ...]:
 def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypothesis:
     numbers = [v for e in d["effects"] for v in e["values"].values()] + [v for _, _, v in d["values"]]
     numbers += [v for f in d["faults"] for v in (f["value"], f["std"], f["span"], *f["direction"])]
-    if not np.isfinite(np.array([*numbers, *d["zeta"]], dtype=float)).all():
+    channels = np.array(d.get("channels", []), dtype=float).reshape(-1, N_ERRORS)
+    if not np.isfinite(np.array([*numbers, *d["zeta"], *channels.ravel()], dtype=float)).all():
         msg = "a value of the model or of a fault is not finite"
         raise ValueError(msg)
     if unknown := {f["kind"] for f in d["faults"]} - set(UNITS):
@@ -145,4 +148,5 @@ def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypot
         tuple(Fault(**{**f, "direction": tuple(f["direction"])}) for f in d["faults"]),
         frozenset(d["off"]),
         held_out=frozenset(d.get("held_out", ())),
+        channels=channels,
     )

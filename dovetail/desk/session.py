@@ -396,7 +396,15 @@ class Desk:
         ]
         h = self.live.with_form(h) if self.varies_form else h
         values = {ref: float(last.values.get(ref, v)) for ref, v in h.values.items()}
-        h = replace(h, effects=tuple(own), values=values, zeta=last.zeta, faults=d.faults, fit=None)
+        h = replace(
+            h,
+            effects=tuple(own),
+            values=values,
+            zeta=last.zeta,
+            channels=last.channels,
+            faults=d.faults,
+            fit=None,
+        )
         self.live.learn(h)
         stair = Stair.of("diagnosis taken over", self.live.evaluate(h))
         self.commit(self.now.moved("take over the diagnosis", h).with_stair(stair))

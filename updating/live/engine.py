@@ -127,9 +127,9 @@ class LiveModel:
         return replace(h, values={**self._form_values, **h.values}, fit=None)
 
     def without_form(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis whose form is as it is drawn."""
+        """Return a hypothesis whose form is as it is drawn, and whose channels are as described."""
         kept = {ref: v for ref, v in h.values.items() if ref not in self._form_values}
-        return replace(h, values=kept, fit=None)
+        return replace(h, values=kept, channels=h.channels[:0], fit=None)
 
     @cached_property
     def _form_values(self) -> dict[ParameterRef, float]:
