@@ -84,7 +84,7 @@ class ChannelScatter:
         """Return the sizes (k,) of the combinations in errors (n, 5) of all channels; 0 without any."""
         if not len(errors):
             return np.zeros(len(self.of))
-        squares = np.maximum(self.std, 1e-300) ** 2
+        squares = np.where(self.std > 0, self.std, 1.0) ** 2
         return (self.units * errors[self.of] / squares).sum(axis=1)
 
 

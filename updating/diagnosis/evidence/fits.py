@@ -28,6 +28,8 @@ SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
+BENT = 2.5
+"""Standard deviations from nominal beyond which uncertain parameters of a model are bent [-]."""
 AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
@@ -71,8 +73,17 @@ class Fits:
         return {n.effect for n in self.form}
 
     def is_far(self, h: Hypothesis) -> bool:
-        """Whether a hypothesis is so far from the data that its uncertain parameters may be bent."""
-        return h.fitted.level > FAR * self.floor
+        """Whether a hypothesis is so far from the data that uncertain parameters may be bent, or they are."""
+        return h.fitted.level > FAR * self.floor or self.is_bent(h)
+
+    def is_bent(self, h: Hypothesis) -> bool:
+        """Whether uncertain parameters of a model without effects are implausibly far from nominal."""
+        problem = self.problem
+        if h.effects or not isinstance(problem, FitProblem):
+            return False
+        std = problem.data.measurement.errors.std
+        z = h.fitted.channels / np.where(std > 0, std, 1.0)
+        return bool(np.abs([*problem.strains(h.fitted).values(), *z.ravel()]).max(initial=0.0) > BENT)
 
     def problems(self, base: Hypothesis) -> tuple[AnyProblem, AnyProblem]:
         """Return the problems of short fits and of those that go on from them, beside a hypothesis.

@@ -124,6 +124,11 @@ class Maximum:
         return float(np.abs((self.x - other.x) / np.sqrt(np.diag(other.covariance))).max())
 
 
+def straight(problem: FitProblem, result: FitResult) -> FitResult:
+    """Return a result with all that is uncertain but damping at its nominal value."""
+    return replace(problem.at_nominal(result), scatter=np.zeros(0), channels=np.zeros((0, N_ERRORS)))
+
+
 # What processes are asked for, each with what they share.
 
 
@@ -287,7 +292,10 @@ class Search:
         Those that are simplified to one that has ``gone`` before stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
-        damped = Damped(free, base.fitted) if far and isinstance(free, FitProblem) else None
+        damped = None
+        if far and isinstance(free, FitProblem):
+            # What is bent is near the data, and no measure of how far the model is from them.
+            damped = Damped(free, straight(free, base.fitted) if self.fits.is_bent(base) else base.fitted)
         looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:
@@ -323,9 +331,7 @@ class Search:
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
-            now = replace(
-                damped.problem.at_nominal(now), scatter=np.zeros(0), channels=np.zeros((0, N_ERRORS))
-            )
+            now = straight(damped.problem, now)
         beside = self.fit_beside(base.effects)
         springs = self.springs(key_of(beside))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
