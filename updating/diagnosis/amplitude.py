@@ -79,7 +79,8 @@ class LevelProblem(FitProblem):
             name: np.concatenate([np.broadcast_to(getattr(d, name), d.H.shape) for d in levels], axis=2)
             for name in ("H", "mask", "weight", "noise")
         }
-        return cls(**_with_data(problem, replace(problem.data, **beside)), levels=tuple(levels))
+        alone = replace(problem, scatter=None)
+        return cls(**_with_data(alone, replace(problem.data, **beside)), levels=tuple(levels))
 
     @property
     def first(self) -> FitProblem:
