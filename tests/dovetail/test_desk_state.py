@@ -422,7 +422,9 @@ def test_a_cancelled_job_gives_nothing():
 
 def test_a_diagnosis_is_taken_over(desk):
     found = desk.candidates[TURNING].with_values(stiffness=190.0)
-    last = SimpleNamespace(values={("frame", "E:steel"): 2.1e11}, zeta=desk.now.hypothesis.zeta * 1.1)
+    h = desk.now.hypothesis
+    values = {("frame", "E:steel"): 2.1e11}
+    last = SimpleNamespace(values=values, zeta=h.zeta * 1.1, channels=h.channels)
     desk.diagnosis = SimpleNamespace(
         findings=[SimpleNamespace(effect=found), SimpleNamespace(effect=SimpleNamespace(name="patch"))],
         faults=(Fault("sensor_sign", "U1z", -1.0, 0.0),),
