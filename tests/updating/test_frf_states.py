@@ -10,7 +10,12 @@ from fem.effects.added_mass import PointMass
 from tests.frames import write_study
 from updating.correlation import log_ratio
 from updating.diagnosis.carried import Between, carried_over
-from updating.diagnosis.frf_states import ONE_STRUCTURE, calibrate_frfs, changed_frf_problem
+from updating.diagnosis.frf_states import (
+    ONE_STRUCTURE,
+    calibrate_frfs,
+    changed_frf_problem,
+    poor_baseline,
+)
 from updating.inference.fit_data import MODEL_ERROR
 from updating.inference.parameters import Nuisance
 
@@ -105,3 +110,16 @@ def test_what_two_units_differ_by_is_uncertain_in_the_second(calibrated):
     assert (of_two.data.weight[large] < of_one.data.weight[large]).all()
     with_scatter = of_two.nominal()
     assert set(with_scatter.values) == {("frame", "E:steel")}
+
+
+def test_a_band_that_the_calibrated_model_misses_is_named(calibrated):
+    """80 g that the model does not have are within what beams may leave, but not beside a right form."""
+    study, first = calibrated
+    assert poor_baseline(first) == ()
+    right = calibrate_frfs(
+        study.model, study.measurements[0], (Nuisance("frame", "E:steel", 0.02),), model_error=0.0
+    )
+    (text,) = poor_baseline(right)
+    low, high = (float(part) for part in text.split("from ")[1].split(" Hz")[0].split(" to "))
+    f = right.problem.data.frequency
+    assert f[0] <= low < high <= f[-1]

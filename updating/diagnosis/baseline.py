@@ -98,20 +98,25 @@ def judged(
 
 
 def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
-    """Return the models of the first state's credible set; what no effect explains stays with the first."""
+    """Return the models of the first state's credible set.
+
+    A cause that the library does not have may act on the change as the constant that the calibrated model
+    leaves, or as what stands for it in the library does: one is as probable as the other.
+    """
     done, search = d.searched, d.searched.search
-    nothing = search.known[frozenset()]
-    alone = float(np.logaddexp(nothing.score, done.unknown))
-    every = [(alone, nothing), *((h.score, h) for h in done.hypotheses if h.effects)]
+    nothing, half = search.known[frozenset()], done.unknown - np.log(2.0)
+    every = [(float(np.logaddexp(nothing.score, half)), nothing)]
+    if with_effects := [h for h in done.hypotheses if h.effects]:
+        all_ = np.logaddexp.reduce([h.score for h in with_effects])
+        every += [(float(h.score + np.logaddexp(0.0, half - all_)), h) for h in with_effects]
     every.sort(key=lambda each: -each[0])
     before = np.cumsum([0.0, *(np.exp(score - done.evidence) for score, _ in every)])
-    bases, scores = [], []
-    for score, h in [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:MOST_CAUSES]:
+    likely = [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:MOST_CAUSES]
+    bases = []
+    for _, h in likely:
         full = h if search.is_full(h) else search.full(h.effects, values_of(h.effects), h)
         bases.append(_with_cause(first, search, full) if h.effects else first)
-        scores.append(full.score if h.effects else score)
-    order = np.argsort(-np.array(scores), kind="stable")
-    return Baseline(first, tuple(bases[k] for k in order), np.array(scores)[order], d)
+    return Baseline(first, tuple(bases), np.array([score for score, _ in likely]), d)
 
 
 def _with_cause(first: Calibrated, search: Search, h: Hypothesis) -> Calibrated:
