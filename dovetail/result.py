@@ -14,11 +14,12 @@ from dovetail.file.contents import Study
 from dovetail.modes_beside import ModesBeside, beside_dict
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
-from updating.diagnosis.departures import FAR, Departure
+from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
+from updating.inference.belief import FAR_STD
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
@@ -89,7 +90,7 @@ class Uncertain:
     @property
     def far(self) -> bool:
         """Whether the fit went further from nominal than its prior makes plausible."""
-        return bool(abs(self.moved) > FAR)
+        return bool(abs(self.moved) > FAR_STD)
 
     @property
     def words(self) -> str:

@@ -244,7 +244,7 @@ class Effect(ABC):
             cls.__repr__ = effect_summary
 
     def odd_beyond(self, parameter: str) -> float:
-        """Return the change of a parameter from which on a form is odd, whatever its prior [its unit]."""
+        """Return the change of a parameter that is unusual of a form, whatever its prior [its unit]."""
         return float("inf")
 
     @abstractmethod

@@ -11,15 +11,13 @@ from joint import JointIdentification, explain_stiffness
 from joint.assembly import summarise
 from joint.assembly_fit import Estimate
 from joint.form import LAWS
+from updating.inference.belief import FAR_STD
 
 WIDE = 0.08
 """Error of an FRF beside the model's beyond which the model's own error governs the values [-]."""
 
 POOR = 3.0
 """Misfit beyond which the values are those of no right model [dB]."""
-
-FAR = 2.5
-"""An uncertain parameter that moved by this many prior standard deviations is pointed out."""
 
 _WORDS = {"K": "k", "C": "c", "D": "d", **dict.fromkeys(LAWS, "k")}
 
@@ -191,11 +189,11 @@ def _open(found: Estimate) -> list[str]:
     far = [
         f"{name} {value:.4g} ({moved:+.1f})"
         for name, value, moved in zip(fit.part_names, fit.part_values, found.moved(), strict=True)
-        if abs(moved) > FAR
+        if abs(moved) > FAR_STD
     ]
     if far:
         out.append(
-            f"  uncertain parameters that moved by more than {FAR:g} prior standard deviations: "
+            f"  uncertain parameters that moved by more than {FAR_STD:g} prior standard deviations: "
             f"{', '.join(far)}. The model may lack an effect; search for it with dovetail run"
         )
     return out

@@ -9,10 +9,8 @@ from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import UNKNOWN
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
-from updating.inference.belief import TWIN_NATS
+from updating.inference.belief import RARE, TWIN_NATS
 
-RARE = 0.01
-"""Hypotheses that are less probable are not told apart [-]."""
 Posterior = Sequence[tuple[Collection[str], float]]
 """Hypotheses by the names of their effects, each with its probability [-]."""
 

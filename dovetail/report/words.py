@@ -163,33 +163,28 @@ _INSIDE = {"u": "", "plane": " in the plane of its members"}
 """What is stiffer or softer of a connection, by the parameter of its form: the logarithm of a factor."""
 _SECTION = {
     "A": "mass per length", "Iy": "bending stiffness about y", "Iz": "bending stiffness about z",
-    "J": "torsional stiffness", "shear": "shear flexibility", "mass": "mass of its inside",
+    "J": "torsional stiffness", "shear": "shear flexibility", "mass": "mass of the connection",
 }  # fmt: skip
-"""What is larger or smaller of a section or connection, by the parameter of its form."""
+"""What is higher or lower of a section or connection, by the parameter of its form."""
 
 
 def departure_text(d: Departure) -> str:
-    """Return what the form of a section or connection has taken, with what could stand in its place."""
-    more = f"farther from what is usual than such forms differ, with probability {percent(d.probability)}"
+    """Return how a section or connection differs from the drawing, with effects that may be there instead."""
     if d.parameter in _INSIDE:
-        change = with_unit(100 * math.expm1(d.value), "%", 100 * math.exp(d.value) * min(d.std, 3.0))
-        what = f"the inside of the connection is stiffer by {change}{_INSIDE[d.parameter]}"
-        if d.value < 0:
-            what = what.replace("stiffer", "softer").replace("−", "")
+        change = with_unit(100 * abs(math.expm1(d.value)), "%", 100 * math.exp(d.value) * min(d.std, 3.0))
+        what = f"the connection is {change} {'stiffer' if d.value > 0 else 'softer'}{_INSIDE[d.parameter]}"
     else:
         change = with_unit(100 * abs(d.value), "%", 100 * d.std)
-        more_or_less = "more" if d.value > 0 else "less"
-        what = f"{_SECTION.get(d.parameter, d.parameter)} {change} {more_or_less} than drawn"
-    text = f"{place(d.where)}: {what}, {more}"
+        higher = "higher" if d.value > 0 else "lower"
+        what = f"{_SECTION.get(d.parameter, d.parameter)} is {change} {higher} than drawn"
+    text = f"{place(d.where)}: {what}; outside the usual range with a probability of {percent(d.probability)}"
     if not d.rivals:
         return text
-    others = "; ".join(f"{label_of_effects(effects)} ({percent(p)})" for effects, p in d.rivals)
-    return f"{text}. In its place could be: {others}"
-
-
-def label_of_effects(effects: Sequence[Effect]) -> str:
-    """Return kinds and places of effects on one line."""
-    return " and ".join(effect_label(e.kind, e.where) for e in effects)
+    others = "; ".join(
+        f"{' and '.join(effect_label(e.kind, e.where) for e in effects)} ({percent(p)})"
+        for effects, p in d.rivals
+    )
+    return f"{text}. Possible instead: {others}"
 
 
 def far_text(parameters: Sequence[Uncertain]) -> str:

@@ -25,7 +25,7 @@ SOFTEST = -0.2
 IN_PLANE = 2.0
 """Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
 TWICE = float(np.log(2.0))
-"""Logarithm of the factor of stiffness beyond which the surroundings of a joint are odd [-]."""
+"""Logarithm of the factor of stiffness that is unusual around a joint [-]."""
 AT_JOINT = "joint "
 """Beginning of the name of a place that is a joint."""
 _MESHES = 2
@@ -71,7 +71,7 @@ class ZoneForm(OnStretches):
     heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     def odd_beyond(self, parameter: str) -> float:
-        """Return the logarithm of a factor of stiffness that is odd of what surrounds a joint."""
+        """Return the logarithm of a factor of stiffness that is unusual around a joint."""
         return TWICE if parameter != "mass" and self.place.startswith(AT_JOINT) else np.inf
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -54,7 +54,7 @@ def test_an_effect_that_a_rule_has_taken_for_a_fault_is_found(tmp_path, monkeypa
     assert found.faults == ()
     (check,) = (c for c in found.gates.checks if c.name == "sensors and forces")
     assert "the apparent fault of K is explained by the effects" in check.found
-    other = found.searched.otherwise
+    (other,) = found.searched.otherwise
     assert other.faults == (GAIN,)
     assert sum(p for _, p in found.posterior) == pytest.approx(1.0, abs=1e-9)
     with_fault = [p for names, p in found.posterior if "sensor_gain:K" in names]
@@ -68,7 +68,7 @@ def test_a_fault_stays_one_where_no_effect_does_the_same(tmp_path, monkeypatch):
     assert found.verdict == FAULT
     (fault,) = found.faults
     assert (fault.kind, fault.sensor) == ("sensor_gain", "K")
-    other = found.searched.otherwise
+    (other,) = found.searched.otherwise
     assert other.faults == ()
     assert len(other.search.known) > 1  # effects have been tried in its place
 
@@ -77,7 +77,7 @@ def test_a_fault_that_the_data_do_not_have_is_withdrawn_at_the_end(tmp_path, mon
     """It resembles no effect, so that the data are read in one way."""
     delay = Fault("sensor_delay", "K", 2e-5, 1e-6, "s", span=4e-3)
     found = diagnosed(*asked(tmp_path, 0.25), monkeypatch, delay)
-    assert found.searched.otherwise is None
+    assert found.searched.otherwise == ()
     assert found.searched.faults == (delay,)
     assert found.verdict == EFFECT
     assert found.faults == ()

@@ -1,4 +1,4 @@
-"""Where the form of a fitted model is not as such sections and connections are: what it may have taken."""
+"""Sections and connections whose fitted form is outside its usual range, and what may be there instead."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import near_to
+from updating.inference.belief import FAR_STD, RARE
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
@@ -16,15 +17,10 @@ from updating.inference.unknowns import nuisance_unknowns
 if TYPE_CHECKING:
     from updating.diagnosis.evidence.diagnosis import Searched
 
-FAR = 2.5
-"""Standard deviations from nominal beyond which an uncertain parameter is pointed out [-]."""
-RARE = 0.01
-"""Effects in place of the form that are less probable are not named [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departure:
-    """A parameter of the form that a fit has moved farther than forms of its kind differ.
+    """A parameter of the form that a fit has moved out of its usual range.
 
     Attributes
     ----------
@@ -36,7 +32,7 @@ class Departure:
     prior_std : float
         Of its prior about 0 [-].
     probability : float
-        That it is farther than ``FAR`` deviations of the prior, or than forms of its kind may be [-].
+        That it is outside the range: ``FAR_STD`` deviations of the prior, or less where that is odd [-].
     rivals : tuple of (tuple of Effect, float)
         Hypotheses with an effect there in place of it, and their probabilities.
     """
@@ -56,18 +52,13 @@ class Departure:
 
     @property
     def near(self) -> set[str]:
-        """Names of the members and connections that it acts on."""
-        return form_near(self.effect)
-
-
-def form_near(effect: Effect) -> set[str]:
-    """Return the names of the members, and of the joint or support, that an effect of the form acts on."""
-    names = {zone[0] for zone in getattr(effect, "zones", ())} | set(getattr(effect, "members", ()))
-    return names | {effect.where.partition(" ")[2]}
+        """Names of the members, and of the joint or support, that it acts on."""
+        members = {zone[0] for zone in getattr(self.effect, "zones", ())}
+        return members | set(getattr(self.effect, "members", ())) | {self.where.partition(" ")[2]}
 
 
 def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Departure]:
-    """Return the parameters of the form that left what forms do, the farthest first."""
+    """Return the parameters of the form outside their usual ranges, the farthest first."""
     out = []
     for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
         effect = problem.reduced.model.effect(u.ref[0])
@@ -75,8 +66,7 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
         if not effect.is_form or not u.has_prior or not np.isfinite(value):
             continue
         off, prior = value - u.to_value(u.mean), u.std * u.size
-        limit = FAR * prior
-        limit = min(limit, effect.odd_beyond(u.ref[1]))
+        limit = min(FAR_STD * prior, effect.odd_beyond(u.ref[1]))
         std = result.std.get(u.ref, 0.0)
         if abs(off) > limit:
             own = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}

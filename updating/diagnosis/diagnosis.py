@@ -70,7 +70,7 @@ class Diagnosis:
     baseline : CalibratedFrfs or None
         The fit to an earlier state, where the change since then was searched for.
     departures : tuple of Departure
-        What the form of the model has taken.
+        Sections and connections whose form is outside its usual range.
     """
 
     verdict: str

@@ -33,6 +33,10 @@ UNKNOWN_ODDS = np.log(1e4)
 """Prior odds, as a logarithm, against what is missing being nothing that the library has."""
 TWIN_NATS = 3.0
 """Hypotheses within so much of the best one's score are its twins."""
+FAR_STD = 2.5
+"""Prior standard deviations beyond which the value of an uncertain parameter is implausible [-]."""
+RARE = 0.01
+"""Hypotheses that are less probable are not named [-]."""
 FORM_LEFT = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
 FORM_LEAST = 0.05

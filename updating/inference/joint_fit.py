@@ -50,9 +50,8 @@ class JointLevels:
 
     def gain(self, v: Floats, least: Floats) -> float:
         """Return by how much the log likelihood would rise with mean squares no larger than the least."""
-        return sum(own.gain(*each) for own, each in zip(
-            (self.frf, self.modes), zip(self._parts(v), self._parts(least), strict=True), strict=True
-        ))  # fmt: skip
+        (first, second), (least_frf, least_modes) = self._parts(v), self._parts(least)
+        return self.frf.gain(first, least_frf) + self.modes.gain(second, least_modes)
 
 
 @dataclass(eq=False)

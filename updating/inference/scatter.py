@@ -255,10 +255,8 @@ def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], l
     of_inputs = np.einsum("rie,rof->iefo", misread[:, n_out:], Xo, optimize=True)
     by = np.where(H != 0, 1 / np.where(H != 0, H, 1.0), 0.0)
     function = problem.function((), (), lines)
-    levels, member = (
-        function.levels(counted_as=FULL_LINES),
-        np.unique(function.groups, return_inverse=True)[1],
-    )
+    levels = function.levels(counted_as=FULL_LINES)
+    member = np.unique(function.groups, return_inverse=True)[1]
     worth = np.zeros(H.shape)
     worth[function.keep] = (levels.weight(levels.noise) / np.bincount(member))[member]
     counts = data.weight[lines] * np.sqrt(worth)

@@ -35,7 +35,7 @@ class Budget:
     n_rivals : int
         Candidates that are fitted in the place of each found effect.
     n_departures, n_beside_form : int
-        Parts of the form that left what forms do, in whose place effects are fitted, and so many for each.
+        Parts of the form outside their usual ranges where effects are fitted, and so many effects for each.
     checked : bool
         Whether faults of the measurement are looked for, rivals are fitted in the place of what was found,
         and that from other values, too.

@@ -13,6 +13,7 @@ from updating.diagnosis.evidence.absence import left_out
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
+from updating.inference.belief import FAR_STD
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
@@ -28,8 +29,6 @@ SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
-BENT = 2.5
-"""Standard deviations from nominal beyond which uncertain parameters of a model are bent [-]."""
 AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
@@ -83,7 +82,7 @@ class Fits:
             return False
         std = problem.data.measurement.errors.std
         z = h.fitted.channels / np.where(std > 0, std, 1.0)
-        return bool(np.abs([*problem.strains(h.fitted).values(), *z.ravel()]).max(initial=0.0) > BENT)
+        return bool(np.abs([*problem.strains(h.fitted).values(), *z.ravel()]).max(initial=0.0) > FAR_STD)
 
     def problems(self, base: Hypothesis) -> tuple[AnyProblem, AnyProblem]:
         """Return the problems of short fits and of those that go on from them, beside a hypothesis.

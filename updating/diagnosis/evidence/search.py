@@ -47,7 +47,6 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
-from updating.measurement.channel_errors import N_ERRORS
 
 DOUBT_NATS = 15.0
 """An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
@@ -126,7 +125,7 @@ class Maximum:
 
 def straight(problem: FitProblem, result: FitResult) -> FitResult:
     """Return a result with all that is uncertain but damping at its nominal value."""
-    return replace(problem.at_nominal(result), scatter=np.zeros(0), channels=np.zeros((0, N_ERRORS)))
+    return replace(problem.at_nominal(result), scatter=np.zeros(0)).as_described()
 
 
 # What processes are asked for, each with what they share.
@@ -462,10 +461,10 @@ class Search:
         return max((k for k in self.known.values() if k.effects), key=lambda k: k.score)
 
     def beside_form(self, h: Hypothesis) -> Hypothesis:
-        """Return the best of a hypothesis and those with an effect in place of what its form has taken.
+        """Return the best of a hypothesis and those with an effect where its form is outside the usual range.
 
-        A form that left what forms do, and effects at its place, are rivals: each such effect is looked at
-        with that part of the form as drawn, and the best are fitted with all of it free.
+        The form and effects at its place are rivals. Each effect is looked at with that part of the form as
+        drawn, and the best are fitted with all of it free.
         """
         free = self.fits.free(h)
         if not self.budget.checked or not isinstance(free, FitProblem):
@@ -480,13 +479,13 @@ class Search:
             wanted += [((*h.effects, s.effect), [Start((*kept, *s.starts[0].values), now)]) for s in found]
         if not wanted:
             return h
-        self.tell(f"fitting {len(wanted)} effects in place of what the form has taken")
+        self.tell(f"fitting {len(wanted)} effects where the form is outside its usual range")
         short = self.workers.map(_shortly, (self.fits, free, h), wanted)
         best = {each[0].key: each[0] for each in short if each}
         fitted = self.all_full(list(best.values()))
         for f in fitted:
             self.say(f"   for the form {f.score - h.score:+.1f} {f.name}")
-        return max((h, *fitted), key=lambda k: k.score) if any(self.beats(f, h) for f in fitted) else h
+        return max((f for f in fitted if self.beats(f, h)), key=lambda f: f.score, default=h)
 
     # proposals ----------------------------------------------------------------------------------------------
 
