@@ -199,7 +199,7 @@ def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
     after = without_held_out(study, measured(study, phases=False)[0])
     if study.baseline_frfs is None:
         problem, _ = formed_problem(study.model, after, study.nuisances, **more)
-        return problem, with_form(study.model, study.model_error)
+        return problem, with_form(study.model, study.model_error, after)
     before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
     _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from dovetail.desk.widgets import button, card
 from dovetail.report.probable import hypotheses, probability_text
-from dovetail.report.words import effect_label, parameters_text, place, ranked_label
+from dovetail.report.words import departure_text, effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -165,6 +165,8 @@ class CandidateList:
             f"It leaves {last.fit_db:.2f} dB on the lines of the fit, "
             f"{last.held_out_db:.2f} dB on held-out lines"
         ).classes("desk-note")
+        for differs in d.departures:
+            ui.label(f"Form: {departure_text(differs)}.").classes("desk-note")
         if sure := probability_text(d):
             ui.label(sure).classes("desk-note")
         for hypothesis, probability in hypotheses(d)[:N_RANKED]:

@@ -19,12 +19,15 @@ def read_channel_errors(
     direction = t.number("direction", float(np.degrees(USUAL.direction)), least=0.0, unit="°")
     position = t.number("position", USUAL.position, least=0.0, unit="m")
     gain = t.number("gain", USUAL.gain, least=0.0, unit="-")
+    sensor = t.number("sensor_mass", USUAL.sensor_mass, least=0.0, unit="kg")
+    driver = t.number("driver_mass", USUAL.driver_mass, least=0.0, unit="kg")
+    stinger = t.number("stinger", USUAL.stinger, least=0.0, unit="N/m")
     known = [
         _known(t.table(key), [c.name for c in channels])
         for key, channels in (("sensors", sensors), ("excitations", excitations))
     ]
     t.finish()
-    return ChannelErrors(position, float(np.radians(direction)), gain, *known)
+    return ChannelErrors(position, float(np.radians(direction)), gain, sensor, driver, stinger, *known)
 
 
 def _known(t: Table, names: Sequence[str]) -> dict[str, tuple[float, ...]]:

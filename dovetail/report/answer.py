@@ -73,14 +73,16 @@ def _staircase(result: RunResult, shown: Shown) -> Markup:
 def _structure(result: RunResult, shown: Shown) -> Markup:
     d = result.diagnosis
     m = d.problem.data.measurement
-    found = ", ".join(words.effect_label(f.effect.kind, f.effect.where) for f in d.findings)
+    effects = [words.effect_label(f.effect.kind, f.effect.where) for f in d.findings]
+    form = [f"{words.place(f.where)} {words.departure_label(f)}" for f in d.departures]
+    found = ", ".join([*effects, *form])
     many = f"{counted(len(m.sensors), 'sensor')} and {counted(len(m.excitations), 'excitation')}"
     alt = f"The structure with {many}"
     if found:
         alt += f"; marked: {found}"
     caption = (
         "Sensors in the colours of their error once the uncertain parameters are fitted"
-        + ("; the ring marks the found effect." if found else ".")
+        + ("; rings mark what was found." if found else ".")
         + " A click on a sensor shows its FRFs below."
     )
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)

@@ -83,7 +83,7 @@ def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
 
 
 def marked_places(result: RunResult) -> list[Place]:
-    """Return the places of findings and of faults, one for each point."""
+    """Return the places of findings, of departures of the form and of faults, one for each point."""
     d, m = result.diagnosis, result.diagnosis.problem.data.measurement
     out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
     for finding in d.findings:
@@ -91,6 +91,10 @@ def marked_places(result: RunResult) -> list[Place]:
         for xyz in effect.locations(result.study.model)[:6]:
             label = effect.kind.replace("_", " ")
             out.setdefault(tuple(np.round(xyz, 9)), []).append((effect.where, label, "finding"))
+    for differs in d.departures:
+        for xyz in differs.effect.locations(result.study.model)[:1]:
+            form = (differs.where, words.departure_label(differs), "finding")
+            out.setdefault(tuple(np.round(xyz, 9)), []).append(form)
     for fault in d.faults:
         group = m.sensors if fault.kind.startswith("sensor") else m.excitations
         sensor = next(s for s in group if s.name == fault.sensor)

@@ -168,6 +168,13 @@ _SECTION = {
 """What is higher or lower of a section or connection, by the parameter of its form."""
 
 
+def departure_label(d: Departure) -> str:
+    """Return in short which way a section or connection differs from the drawing, for pictures."""
+    if d.parameter in _INSIDE:
+        return f"{'stiffer' if d.value > 0 else 'softer'} than drawn"
+    return f"{_SECTION.get(d.parameter, d.parameter)} {'higher' if d.value > 0 else 'lower'} than drawn"
+
+
 def departure_text(d: Departure) -> str:
     """Return how a section or connection differs from the drawing, with effects that may be there instead."""
     if d.parameter in _INSIDE:

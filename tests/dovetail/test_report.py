@@ -14,6 +14,7 @@ from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines
 from dovetail.report import probable, words
+from dovetail.report.drawn import marked_places
 from dovetail.report.page import Markup, esc, table, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
@@ -23,6 +24,7 @@ from dovetail.result import Uncertain, diagnosis_dict, result_dict
 from fem.effects import effect_classes
 from fem.model import Parameter
 from tests.frames import cross_beam, portal, write_study
+from updating.diagnosis.departures import Departure
 from updating.diagnosis.findings import EffectParameter
 from updating.quality.corrections import Fault
 
@@ -231,6 +233,20 @@ def test_doubts_are_told(found, album):
     assert "E of steel (−5.0)" in first
     assert "far from nominal" not in rest
     assert "only in part" not in report_html(found, album)
+
+
+def test_a_connection_out_of_its_usual_range_is_told_and_marked(found, album):
+    assert len(marked_places(found)) == 1  # the mass
+    d = found.diagnosis
+    zone = next(e for e in d.problem.reduced.model.effects if e.kind == "clamp_form")
+    soft = Departure(zone, "u", -1.2, 0.2, 0.5, 0.98, ())
+    odd = replace(found, diagnosis=replace(d, departures=(soft,)))
+    first, _, _ = report_html(odd, album).partition("</header>")
+    assert first.count("69.9 ± 6.0\u00a0% softer") == 1
+    assert "support foot softer than drawn" in first
+    place = next(p for p in marked_places(odd) if p.label == "softer than drawn")
+    np.testing.assert_allclose(place.point, zone.locations(found.study.model)[0], atol=1e-9)
+    assert place.role == "finding"
 
 
 def test_parameters_far_from_nominal_are_printed_and_in_json(found, monkeypatch):

@@ -14,6 +14,11 @@ alike, relative [-]."""
 FORM_ZONE = {"u": 1.0, "plane": 0.4, "mass": 0.4}
 """Of what lies inside of a connection: of the logarithm of its stiffness, of that of bending in its plane
 besides, and of its mass, relative [-]."""
+LIGHT = 0.05
+"""Largest standard deviation of what an instrument of a test adds, in parts of a typical member's mass or
+bending stiffness [-]: instruments are chosen not to disturb."""
+STATED_MASS = 0.2
+"""Standard deviation of the stated masses of sensors, relative [-]."""
 FORM_DAMPING = 0.1
 """Relative standard deviation of each mode's damping ratio and of each member's loss factor [-]. That of
 joints is as uncertain as the study's damping."""

@@ -1,36 +1,62 @@
-"""The form of frames: what centre lines and nominal sections leave out of any real structure.
+"""The form of frames and tests: what centre lines, nominal sections and a test's description leave out.
 
 Members are a little heavier, and bend and twist a little otherwise, than their sections say. What lies inside
 of a connection of finite size is stiffer and lighter or heavier than members that end in a point, and what
-holds a clamped end gives way. All are uncertain parameters of every hypothesis: an effect is believed only
-for what they cannot do within their tolerance.
+holds a clamped end gives way. Sensors and exciters add mass, stingers stiffness. All are uncertain parameters
+of every hypothesis: an effect is believed only for what they cannot do within their tolerance.
 """
 
 from fem.effects.clamp_form import ClampForm
+from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.model import Effect, Model
-from updating.inference.belief import FORM_SECTION, FORM_ZONE
+from updating.inference.belief import FORM_SECTION, FORM_ZONE, LIGHT, STATED_MASS
 from updating.inference.parameters import Nuisance
+from updating.measurement.measurement import Measurement, instruments_on
 
 FORMS = SectionForm, ZoneForm, ClampForm
+TEST_FORMS = SensorForm, DriverForm
 
 
-def form_of(model: Model) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
-    """Return effects of no size that let a frame's form vary, and how far the form may vary.
+def form_of(
+    model: Model, measurement: Measurement | None = None
+) -> tuple[tuple[Effect, ...], tuple[Nuisance, ...]]:
+    """Return effects of no size that let the form of a frame and of a test vary, and how far it may vary.
 
     A model that has some of them already, as one that an earlier diagnosis found, keeps its own.
     """
-    known = {_place(e): e for kind in FORMS for e in model.of_kind(kind)}
-    every = [known.get(_place(e), e) for kind in FORMS for e in kind.propose(model)]
+    known = {_place(e): e for kind in (*FORMS, *TEST_FORMS) for e in model.of_kind(kind)}
     std = FORM_SECTION | FORM_ZONE
-    own = [Nuisance(e.name, p.name, std[p.name], 0.0) for e in every for p in e.parameters()]
-    return tuple(e for e in every if e not in known.values()), tuple(own)
+    each = [(e, std) for kind in FORMS for e in kind.propose(model)]
+    if measurement is not None:
+        each += _of_test(model, measurement)
+    own = [(known.get(_place(e), e), std) for e, std in each]
+    varied = [Nuisance(e.name, p.name, std[p.name], 0.0) for e, std in own for p in e.parameters()]
+    return tuple(e for e, _ in own if e not in known.values()), tuple(varied)
 
 
-def with_form(model: Model, model_error: float) -> Model:
+def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:
     """Return a model with the effects that let its form vary, if beams may err."""
-    return model.with_effect(*form_of(model)[0]) if model_error > 0 else model
+    return model.with_effect(*form_of(model, measurement)[0]) if model_error > 0 else model
+
+
+def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[str, float]]]:
+    """Return what the instruments add, with standard deviations [kg, N/m]."""
+    errors, test = measurement.errors, instruments_on(model.mesh, measurement)
+    stated = [s.mass for s in measurement.sensors if s.mass > 0]
+    usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
+    out: list[tuple[Effect, dict[str, float]]] = []
+    for sensors in SensorForm.propose_for_test(model, test) if usual > 0 else ():
+        assert isinstance(sensors, SensorForm)
+        out.append((sensors, {"mass": min(usual, LIGHT * sensors.reference)}))
+    for driver in DriverForm.propose_for_test(model, test) if errors.driver_mass * errors.stinger > 0 else ():
+        assert isinstance(driver, DriverForm)
+        m, k = driver.references
+        out.append(
+            (driver, {"mass": min(errors.driver_mass, LIGHT * m), "across": min(errors.stinger, LIGHT * k)})
+        )
+    return out
 
 
 def _place(effect: Effect) -> tuple[str, str]:

@@ -92,7 +92,7 @@ def formed_problem(
         measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
     problem, model, n, left, before = build_fine(build, refined(model, model_error), model_error)
-    form, own = form_of(model) if model_error > 0 else ((), ())
+    form, own = form_of(model, measurement) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)
     every = (*problem.nuisances, *own)
     reduced = build(formed, every).reduced

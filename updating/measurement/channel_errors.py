@@ -1,4 +1,4 @@
-"""Errors of a test's channels: of their gain, their direction and their place."""
+"""Errors of a test's channels, of their gain, direction and place, and what its instruments add."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +15,8 @@ N_ERRORS = 5
 class ChannelErrors:
     """Standard deviations of what a test's description says of each sensor and excitation.
 
+    Masses and stingers are no more than a small part of the members' (`updating.inference.form`).
+
     Attributes
     ----------
     position : float
@@ -23,6 +25,10 @@ class ChannelErrors:
         Of its direction, towards each axis across it [rad].
     gain : float
         Of its sensitivity, relative [-].
+    sensor_mass, driver_mass : float
+        Of the mass at each place of sensors where none is stated, and of each exciter's fittings [kg].
+    stinger : float
+        Of the stiffness of each exciter's stinger across the force [N/m].
     sensors, excitations : mapping of str to tuple of float
         Errors (gain, two turns, two shifts) of those of which they are known from an earlier fit, by name.
     """
@@ -30,6 +36,9 @@ class ChannelErrors:
     position: float = 0.002
     direction: float = float(np.radians(2.0))
     gain: float = 0.03
+    sensor_mass: float = 0.005
+    driver_mass: float = 0.010
+    stinger: float = 2000.0
     sensors: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     excitations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 

@@ -1,0 +1,153 @@
+"""What a test's instruments add to a structure by themselves: uncertain in every model, like its form."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Entry, Role
+from fem.effects.instruments import place_name
+from fem.effects.places import typical_mass, typical_stiffness
+from fem.elements.frame import Frame
+from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of
+
+LIGHT = 0.5
+"""Largest mass of an instrument, in parts of a typical member's [-]."""
+SOFT = 10.0
+"""Largest stiffness of a stinger across, in parts of a typical member's bending stiffness [-]."""
+LACKING = -0.02
+"""Least mass or stiffness, in the same parts: the stated one may be too large [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SensorForm(Effect):
+    """Mass of every sensor beside what the study states; the same at each place.
+
+    Attributes
+    ----------
+    points : tuple of int
+        Points of the mesh.
+    mass : float
+        At each [kg].
+    reference : float
+        Typical mass of a member, which sets the bounds [kg].
+    """
+
+    kind: ClassVar[str] = "sensor_form"
+    is_form: ClassVar[bool] = True
+    role: ClassVar[Role] = Role.MASS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg]",
+        meaning="mass of each sensor beside the stated one",
+        places="all places of sensors, together",
+    )
+    points: tuple[int, ...]
+    mass: Any
+    reference: float
+
+    @property
+    def where(self) -> str:
+        """How many places."""
+        return f"the {len(self.points)} places of sensors"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the mass."""
+        low, high = LACKING * self.reference, LIGHT * self.reference
+        return (Parameter("mass", "kg", self.mass, 0.0, low, high, linear=True),)
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return m on the translations of each point."""
+        dofs = dofs_of(self.points)[:, :3]
+        return (Contribution(dofs, M=np.tile(self.mass * np.eye(3), (len(self.points), 1, 1))),)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the points."""
+        return model.mesh.points[list(self.points)]
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """One, for all places of sensors."""
+        points = tuple(int(p) for p in np.unique(test.sensors))
+        if not points or not model.of_kind(Frame):
+            return ()
+        return (cls(name="sensor_form", points=points, mass=0.0, reference=typical_mass(model)),)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DriverForm(Effect):
+    """Mass that an exciter adds where it is attached, and the stiffness of its stinger across the force.
+
+    They are there whatever is driven. What acts along the force acts through the force cell, and is measured.
+
+    Attributes
+    ----------
+    place : str
+        Name of the place.
+    point : int
+        Point of the mesh.
+    axis : tuple of float
+        Direction of the force, a unit vector.
+    mass : float
+        [kg].
+    across : float
+        Stiffness k in K = k (I - d dᵀ), of the force's direction d [N/m].
+    references : (float, float)
+        Mass and bending stiffness of a typical member, which set the bounds [kg, N/m].
+    """
+
+    kind: ClassVar[str] = "driver_form"
+    is_form: ClassVar[bool] = True
+    role: ClassVar[Role] = Role.MASS
+    entry: ClassVar[Entry | None] = Entry(
+        quantities="`mass` [kg], `across` [N/m]",
+        meaning="mass of an exciter's fittings, and stiffness of its stinger across the force",
+        places="each place of an excitation",
+    )
+    place: str
+    point: int
+    axis: tuple[float, float, float]
+    mass: Any
+    across: Any
+    references: tuple[float, float]
+
+    @property
+    def where(self) -> str:
+        """The excitation."""
+        return f"excitation at {self.place}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return mass and stiffness."""
+        m, k = self.references
+        return (
+            Parameter("mass", "kg", self.mass, 0.0, LACKING * m, LIGHT * m, linear=True),
+            Parameter("across", "N/m", self.across, 0.0, LACKING * k, SOFT * k, linear=True),
+        )
+
+    def contribute(self, model: Model) -> tuple[Contribution, ...]:
+        """Return k (I - d dᵀ) and m on the translations of the point."""
+        across = np.eye(3) - np.outer(self.axis, self.axis)
+        dofs = dofs_of([self.point])[:, :3]
+        return (Contribution(dofs, (self.across * across)[None], M=(self.mass * np.eye(3))[None]),)
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the point."""
+        return model.mesh.points[[self.point]]
+
+    @classmethod
+    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+        """Return each place of an excitation, with the direction of the first one there."""
+        if not model.of_kind(Frame):
+            return ()
+        references = typical_mass(model), typical_stiffness(model, "x")
+        first = {int(p): d for p, d in zip(test.drivers[::-1], test.driver_directions[::-1], strict=True)}
+        out = []
+        for i, p in enumerate(sorted(first)):
+            x, y, z = (float(v) for v in first[p] / np.linalg.norm(first[p]))
+            out.append(
+                cls(
+                    name=f"driver_form:{i + 1}", place=place_name(model, p), point=p, axis=(x, y, z),
+                    mass=0.0, across=0.0, references=references,
+                )
+            )  # fmt: skip
+        return tuple(out)
