@@ -243,7 +243,6 @@ def test_a_connection_out_of_its_usual_range_is_told_and_marked(found, album):
     odd = replace(found, diagnosis=replace(d, departures=(soft,)))
     first, _, _ = report_html(odd, album).partition("</header>")
     assert first.count("69.9 ± 6.0\u00a0% softer") == 1
-    assert "support foot softer than drawn" in first
     place = next(p for p in marked_places(odd) if p.label == "softer than drawn")
     np.testing.assert_allclose(place.point, zone.locations(found.study.model)[0], atol=1e-9)
     assert place.role == "finding"

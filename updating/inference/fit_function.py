@@ -262,7 +262,8 @@ class FitFunction:
         """Return the mean squares of all groups near x as quadratic functions of the unknowns' changes."""
         r, J = self(x, True)
         assert J is not None
-        return Quadratic.of(r, J, np.unique(self.groups, return_inverse=True)[1], ROBUST, levels)
+        n_apart = 0 if self.scatter is None else self.scatter.n_channels
+        return Quadratic.of(r, J, np.unique(self.groups, return_inverse=True)[1], ROBUST, levels, n_apart)
 
     def noise(self) -> NDArray[np.float64]:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""

@@ -257,7 +257,10 @@ def with_evidence(function: FitFunction, solution: Solution, counted_as: int = 0
     v, size = near.v, None
     if scatter is None or not scatter.sizes:
         normal = near.normal(levels.weight(v), std)
-        evidence, covariance = log_evidence(-levels.cost(v), off, std, normal), np.linalg.inv(normal)
+        evidence, covariance = (
+            log_evidence(-levels.cost(v), off, std, normal, near.n_apart),
+            np.linalg.inv(normal),
+        )
     else:
         rows = len(x) - len(scatter.std) + scatter.shifts
         factors = np.array(scatter.sizes) / scatter.eigenvalue

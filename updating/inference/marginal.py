@@ -19,11 +19,17 @@ SETTLED = 1e-3
 """The steps end when the negative log posterior falls by less than this."""
 
 
-def log_evidence(log_likelihood: float, deviation: Floats, std: Floats, curvature: Floats) -> float:
+def log_evidence(
+    log_likelihood: float, deviation: Floats, std: Floats, curvature: Floats, n_apart: int = 0
+) -> float:
     """Return ln p(data) of a model by Laplace's approximation.
 
     ln p(data | ẑ) - ½ Σ ((ẑ - mean)/std)² - Σ ln std - ½ ln det A, with independent normal priors and A the
     second derivatives of the negative log posterior (MacKay, Information Theory, 2003, chapter 27).
+
+    Errors of channels are told from one another by how channels differ, and the data for which a discrepancy
+    of the model stands do not count that. The volume to which they shrink would count against whatever leaves
+    a small discrepancy, so that it does not count: of the others' it is that beside them.
 
     Parameters
     ----------
@@ -34,9 +40,13 @@ def log_evidence(log_likelihood: float, deviation: Floats, std: Floats, curvatur
     std : ndarray (n,)
     curvature : ndarray (n, n)
         A.
+    n_apart : int
+        So many of the unknowns, the last, are errors of channels.
     """
-    prior = -0.5 * float(((deviation / std) ** 2).sum()) - float(np.log(std).sum())
-    return log_likelihood + prior - 0.5 * float(np.linalg.slogdet(curvature)[1])
+    n = len(std) - n_apart
+    prior = -0.5 * float(((deviation / std) ** 2).sum()) - float(np.log(std[:n]).sum())
+    volume = float(np.linalg.slogdet(curvature)[1]) - float(np.linalg.slogdet(curvature[n:, n:])[1])
+    return log_likelihood + prior - 0.5 * volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,16 +65,25 @@ class Quadratic:
         Half their slopes there.
     curvature : ndarray (n_groups, n, n)
         Half their second derivatives.
+    n_apart : int
+        As of :func:`log_evidence`.
     """
 
     levels: Costs
     v: Floats
     slope: Floats
     curvature: Floats
+    n_apart: int = 0
 
     @classmethod
     def of(
-        cls, r: Complexes, J: Complexes, member: NDArray[np.int64], robust: float, levels: Costs
+        cls,
+        r: Complexes,
+        J: Complexes,
+        member: NDArray[np.int64],
+        robust: float,
+        levels: Costs,
+        n_apart: int = 0,
     ) -> "Quadratic":
         """Make it of residuals (m,), their Jacobian (n, m) and the group of each."""
         huber, n_groups = pseudo_huber_weight(r, robust), int(member.max()) + 1
@@ -76,7 +95,7 @@ class Quadratic:
             weighted = parts * np.tile(huber[own] / size[g], 2)
             slopes[g] = weighted @ np.concatenate([r.real[own], r.imag[own]])
             curvatures[g] = weighted @ parts.T
-        return cls(levels, np.bincount(member, pseudo_huber(r, robust)) / size, slopes, curvatures)
+        return cls(levels, np.bincount(member, pseudo_huber(r, robust)) / size, slopes, curvatures, n_apart)
 
     def at(self, change: Floats) -> Floats:
         """Return the mean squares after a change of the unknowns."""
@@ -114,7 +133,7 @@ class Quadratic:
             now = then
         v = self.at(d)
         A = self.normal(self.levels.weight(v), std)
-        return Settled(log_evidence(-self.levels.cost(v), deviation + d, std, A), d, A)
+        return Settled(log_evidence(-self.levels.cost(v), deviation + d, std, A, self.n_apart), d, A)
 
 
 class Settled(NamedTuple):

@@ -312,8 +312,7 @@ class Search:
         # Few lines say less than all, but not so much less.
         behind = (BEAM_NATS if k < final else 2 * TWIN_NATS for k in range(len(tried)))
         near = [h for h, most in zip(tried, behind, strict=True) if h.score >= tried[0].score - most]
-        # What comes from damped FRFs has bent nothing on its way.
-        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=far and not looked)]
+        fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=far)]
         if fitted:
             self._keep_behind(fitted[0][0], tried)
         return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
