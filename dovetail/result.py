@@ -48,6 +48,8 @@ _FORM = {
     "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
     "shear": "shear flexibility (relative)",
 }  # fmt: skip
+ADDED = {"mass": "mass", "across": "stiffness across the force"}
+"""What an instrument adds, by the parameter of its form."""
 _QUANTITIES = {
     "rho": "density", "k": "shear coefficients",
     "ky": "shear coefficient along y", "kz": "shear coefficient along z",
@@ -97,7 +99,8 @@ class Uncertain:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
         effect, _, parameter = self.name.partition(".")
         if self.form_of:
-            return f"{self.form_of}: {_FORM.get(parameter, parameter)}"
+            names = _FORM if self.unit == "-" else ADDED
+            return f"{self.form_of}: {names.get(parameter, parameter)}"
         if not parameter or " " in effect:
             return self.name
         key, _, of = parameter.partition(":")
@@ -315,6 +318,7 @@ def _departure(d: Departure) -> dict[str, Any]:
     return {
         "where": d.where,
         "parameter": d.parameter,
+        "unit": d.unit,
         "change": d.value,
         "std": d.std,
         "prior_std": d.prior_std,

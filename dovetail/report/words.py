@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import RunResult, Uncertain, added_parameters
+from dovetail.result import ADDED, RunResult, Uncertain, added_parameters
 from fem.model import Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -170,14 +170,19 @@ _SECTION = {
 
 def departure_label(d: Departure) -> str:
     """Return in short which way a section or connection differs from the drawing, for pictures."""
+    if d.unit != "-":
+        return f"adds {'more' if d.value > 0 else 'less'} {ADDED.get(d.parameter, d.parameter)} than stated"
     if d.parameter in _INSIDE:
         return f"{'stiffer' if d.value > 0 else 'softer'} than drawn"
     return f"{_SECTION.get(d.parameter, d.parameter)} {'higher' if d.value > 0 else 'lower'} than drawn"
 
 
 def departure_text(d: Departure) -> str:
-    """Return how a section or connection differs from the drawing, with effects that may be there instead."""
-    if d.parameter in _INSIDE:
+    """Return how a section, connection or instrument differs, with effects that may be there instead."""
+    if d.unit != "-":
+        change = f"{with_unit(abs(d.value), d.unit, d.std)} {'more' if d.value > 0 else 'less'}"
+        what = f"{ADDED.get(d.parameter, d.parameter)} is {change} than stated"
+    elif d.parameter in _INSIDE:
         change = with_unit(100 * abs(math.expm1(d.value)), "%", 100 * math.exp(d.value) * min(d.std, 3.0))
         what = f"the connection is {change} {'stiffer' if d.value > 0 else 'softer'}{_INSIDE[d.parameter]}"
     else:

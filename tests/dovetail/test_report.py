@@ -239,7 +239,7 @@ def test_a_connection_out_of_its_usual_range_is_told_and_marked(found, album):
     assert len(marked_places(found)) == 1  # the mass
     d = found.diagnosis
     zone = next(e for e in d.problem.reduced.model.effects if e.kind == "clamp_form")
-    soft = Departure(zone, "u", -1.2, 0.2, 0.5, 0.98, ())
+    soft = Departure(zone, "u", "-", -1.2, 0.2, 0.5, 0.98, ())
     odd = replace(found, diagnosis=replace(d, departures=(soft,)))
     first, _, _ = report_html(odd, album).partition("</header>")
     assert first.count("69.9 ± 6.0\u00a0% softer") == 1

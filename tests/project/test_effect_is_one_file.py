@@ -42,7 +42,7 @@ ALLOWED = {
     "updating/inference/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
     "updating/inference/form.py": (
         "lets the form of every model vary",
-        {"SectionForm", "ZoneForm", "ClampForm"},
+        {"SectionForm", "ZoneForm", "ClampForm", "SensorForm", "DriverForm"},
     ),
     "updating/diagnosis/evidence/search.py": (
         "springs of one connection that are searched together",
@@ -50,6 +50,9 @@ ALLOWED = {
     ),
     "joint/assembly.py": ("identifies a joint", {"Joint"}),
     "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
+    "dovetail/file/channel_errors.py": (
+        "tolerances of what instruments add", {"sensor_mass", "driver_mass", "stinger"},
+    ),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/connections.py": (

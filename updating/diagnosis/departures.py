@@ -20,17 +20,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Departure:
-    """A parameter of the form that a fit has moved out of its usual range.
+    """A parameter of the form of a frame or test that a fit has moved out of its usual range.
 
     Attributes
     ----------
     effect : Effect
         Of the form, at its fitted values.
     parameter : str
+    unit : str
     value, std : float
-        A relative change, or the logarithm of a factor of stiffness [-].
+        A relative change, or the logarithm of a factor of stiffness [-]; of an instrument what it adds.
     prior_std : float
-        Of its prior about 0 [-].
+        Of its prior about 0.
     probability : float
         That it is outside the range: ``FAR_STD`` deviations of the prior, or less where that is odd [-].
     rivals : tuple of (tuple of Effect, float)
@@ -39,6 +40,7 @@ class Departure:
 
     effect: Effect
     parameter: str
+    unit: str
     value: float
     std: float
     prior_std: float
@@ -71,7 +73,7 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
         if abs(off) > limit:
             own = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
             p = float(ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
-            out.append(Departure(effect.with_values(**own), u.ref[1], off, std, prior, p))
+            out.append(Departure(effect.with_values(**own), u.ref[1], u.unit, off, std, prior, p))
     return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
 
 
