@@ -48,8 +48,8 @@ class SensorForm(Effect):
 
     @property
     def where(self) -> str:
-        """How many places."""
-        return f"the {len(self.points)} places of sensors"
+        """All sensors: how many they are depends on which a fit uses."""
+        return "all places of sensors"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""
@@ -98,7 +98,7 @@ class DriverForm(Effect):
 
     kind: ClassVar[str] = "driver_form"
     is_form: ClassVar[bool] = True
-    role: ClassVar[Role] = Role.MASS
+    role: ClassVar[Role] = Role.MASS | Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg], `across` [N/m]",
         meaning="mass of an exciter's fittings, and stiffness of its stinger across the force",
@@ -142,11 +142,11 @@ class DriverForm(Effect):
         references = typical_mass(model), typical_stiffness(model, "x")
         first = {int(p): d for p, d in zip(test.drivers[::-1], test.driver_directions[::-1], strict=True)}
         out = []
-        for i, p in enumerate(sorted(first)):
-            x, y, z = (float(v) for v in first[p] / np.linalg.norm(first[p]))
+        for p, d in sorted(first.items()):
+            x, y, z = (float(v) for v in d / np.linalg.norm(d))
             out.append(
                 cls(
-                    name=f"driver_form:{i + 1}", place=place_name(model, p), point=p, axis=(x, y, z),
+                    name=f"driver_form:{p}", place=place_name(model, p), point=p, axis=(x, y, z),
                     mass=0.0, across=0.0, references=references,
                 )
             )  # fmt: skip

@@ -81,7 +81,7 @@ OTHERWISE = {
     "support_shift",  # its clamp in a softer stretch leaves no mass
     "shear_centre",  # needs smaller elements with the form: `compare` cuts them, and `frf` does not
 }  # fmt: skip
-FORMS = {"section_form", "zone_form", "clamp_form", "solid_corner"}
+FORMS = {"section_form", "zone_form", "clamp_form", "solid_corner", "sensor_form", "driver_form"}
 KINDS = sorted(set(candidate_kinds()) - OTHERWISE - FORMS)
 
 

@@ -89,7 +89,7 @@ GROUNDED = {
     "ground_damper",
     "side_spring",
 }
-GROUNDED |= {"stinger", "foot_shift", "support_shift"}
+GROUNDED |= {"stinger", "driver_form", "foot_shift", "support_shift"}
 """Kinds that may hold a rigid body."""
 
 TURNED = {"preload", "prestress", "rotor", "spin", "joint_hole", "part_shift"}

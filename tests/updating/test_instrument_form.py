@@ -99,7 +99,8 @@ def test_a_driver_and_a_stinger_are_found_and_the_modulus_with_them(drawn):
 def test_a_heavy_driver_is_outside_the_usual_range(drawn):
     problem, _ = formed_problem(drawn[0], drawn[3])
     nominal = problem.nominal()
-    heavy = {("driver_form:1", "mass"): 0.030}
+    (driver,) = problem.reduced.model.of_kind(DriverForm)
+    heavy = {(driver.name, "mass"): 0.030}
     result = replace(nominal, values=nominal.values | heavy, std=dict.fromkeys(nominal.values, 0.001))
     (odd,) = departures(problem, result)
     assert (odd.parameter, odd.unit, odd.value) == ("mass", "kg", pytest.approx(0.030))

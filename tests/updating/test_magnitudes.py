@@ -38,7 +38,7 @@ def test_a_hidden_mass_is_found_by_amplitudes_alone(study):
     assert finding.effect.name == "point_mass:arm"
     assert values["mass"].value == pytest.approx(0.25, abs=3 * values["mass"].std)
     assert values["position"].value == pytest.approx(0.3, abs=3 * values["position"].std)
-    assert values["mass"].std < 0.01
+    assert values["mass"].std < 0.015  # the masses of sensors are uncertain, too
     assert found.faults == ()
     outcome = {c.name: c.outcome for c in found.gates.checks}
     assert outcome["phase"] == outcome["sensors and forces"] == "not run"

@@ -9,6 +9,7 @@ state, as probable as that state makes it, and the change is looked for beside e
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -112,11 +113,15 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
     every.sort(key=lambda each: -each[0])
     before = np.cumsum([0.0, *(np.exp(score - done.evidence) for score, _ in every)])
     likely = [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:MOST_CAUSES]
-    bases = []
-    for _, h in likely:
-        full = h if search.is_full(h) else search.full(h.effects, values_of(h.effects), h)
-        bases.append(_with_cause(first, search, full) if h.effects else first)
-    return Baseline(first, tuple(bases), np.array([score for score, _ in likely]), d)
+    bases, scores = [], []
+    for score, h in likely:
+        with suppress(np.linalg.LinAlgError):  # on the basis with its forces there is no structure
+            full = h if search.is_full(h) else search.full(h.effects, values_of(h.effects), h)
+            bases.append(_with_cause(first, search, full) if h.effects else first)
+            scores.append(score)
+    if not bases:
+        return Baseline(first, (first,), np.zeros(1), d)
+    return Baseline(first, tuple(bases), np.array(scores), d)
 
 
 def _with_cause(first: Calibrated, search: Search, h: Hypothesis) -> Calibrated:

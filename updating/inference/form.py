@@ -44,7 +44,7 @@ def with_form(model: Model, model_error: float, measurement: Measurement | None 
 def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[str, float]]]:
     """Return what the instruments add, with standard deviations [kg, N/m]."""
     errors, test = measurement.errors, instruments_on(model.mesh, measurement)
-    stated = [s.mass for s in measurement.sensors if s.mass > 0]
+    stated = [s.mass for s in (*measurement.sensors, *measurement.other_sensors) if s.mass > 0]
     usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
     out: list[tuple[Effect, dict[str, float]]] = []
     for sensors in SensorForm.propose_for_test(model, test) if usual > 0 else ():

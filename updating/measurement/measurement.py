@@ -251,6 +251,8 @@ class Measurement:
         Bands that no fit sees, ends included; without any, fits leave every fourth block of lines out [Hz].
     errors : ChannelErrors
         How far sensors and excitations may be from what they are said to be.
+    other_sensors, other_excitations : tuple of Sensor
+        Those of the test that are not in these FRFs.
     """
 
     frf: FRF
@@ -267,6 +269,8 @@ class Measurement:
     viscous: bool = False
     held_out: tuple[tuple[float, float], ...] = ()
     errors: ChannelErrors = USUAL
+    other_sensors: tuple[Sensor, ...] = ()
+    other_excitations: tuple[Sensor, ...] = ()
 
     def __repr__(self) -> str:
         """Return the file, the FRFs and their noise, as far as it is known, on one line."""
@@ -328,6 +332,11 @@ class Measurement:
             frf=frf,
             sensors=tuple(by_out[n] for n in frf.outputs),
             excitations=tuple(by_in[n] for n in frf.inputs),
+            other_sensors=(*self.other_sensors, *(s for n, s in by_out.items() if n not in frf.outputs)),
+            other_excitations=(
+                *self.other_excitations,
+                *(s for n, s in by_in.items() if n not in frf.inputs),
+            ),
             coherence=None if self.coherence is None else at_values_of(self.coherence, self.frf, frf),
             scatter=None if self.scatter is None else at_values_of(self.scatter, self.frf, frf),
             compared=None if self.compared is None else at_values_of(self.compared, self.frf, frf),
@@ -503,14 +512,18 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
 
 
 def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
-    """Return where a measurement's sensors of motion and its excitations are, as points of a mesh."""
+    """Return where a test's sensors of motion and its excitations are, as points of a mesh.
+
+    Those whose FRFs are held out are on the structure, too.
+    """
 
     def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
-    forces = tuple(e for e in measurement.excitations if not isinstance(e, BaseMotion))
-    return Instruments(*places(directed_of(measurement.sensors)), *places(forces))
+    sensors = directed_of((*measurement.sensors, *measurement.other_sensors))
+    forces = directed_of((*measurement.excitations, *measurement.other_excitations))
+    return Instruments(*places(sensors), *places(tuple(e for e in forces if not isinstance(e, BaseMotion))))
 
 
 def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
