@@ -21,7 +21,7 @@ def read_plane(top: Table, notes: list[str]) -> Plane | None:
     if plane is None:
         return None
     found = Plane(name=PLANE, plane=plane)
-    notes.append(f"all points move in the plane {plane} alone: {', '.join(found.within)}")
+    notes.append(f"all points move in the plane {plane} alone: {', '.join(found.inside)}")
     return found
 
 
@@ -67,4 +67,4 @@ def refuse_loads(top: Table, plane: Plane | None) -> None:
 
 
 def _out_of(plane: Plane) -> str:
-    return f"out of the model's plane {plane.plane}; allowed are {', '.join(plane.within)}"
+    return f"out of the model's plane {plane.plane}; allowed are {', '.join(plane.inside)}"

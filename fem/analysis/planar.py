@@ -39,7 +39,7 @@ def refuse_out_of_plane(model: Model, cases: Sequence[LoadCase], forces: NDArray
             if abs(acting[point]) > (_ROUNDING * size if column < 3 else 0.0):
                 msg = (
                     f"load case '{case.name}' acts on point {point} in {d}, out of the model's plane "
-                    f"{plane.plane}; allowed are {', '.join(plane.within)}"
+                    f"{plane.plane}; allowed are {', '.join(plane.inside)}"
                 )
                 raise ModelError(msg)
 
@@ -50,6 +50,6 @@ def refuse_motion(model: Model, direction: str) -> None:
     if plane is not None and direction in plane.out:
         msg = (
             f"the base moves in {direction}, out of the model's plane {plane.plane}; allowed are "
-            f"{', '.join(plane.within)}"
+            f"{', '.join(plane.inside)}"
         )
         raise ModelError(msg)

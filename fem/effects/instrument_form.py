@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
+from fem.effects.added_mass import AddedMass
 from fem.effects.instruments import place_name
 from fem.effects.places import typical_mass, typical_stiffness
 from fem.elements.frame import Frame
@@ -16,8 +17,6 @@ LIGHT = 0.5
 """Largest mass of an instrument, in parts of a typical member's [-]."""
 SOFT = 10.0
 """Largest stiffness of a stinger across, in parts of a typical member's bending stiffness [-]."""
-LACKING = -0.02
-"""Least mass or stiffness, in the same parts: the stated one may be too large [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -31,7 +30,9 @@ class SensorForm(Effect):
     mass : float
         At each [kg].
     reference : float
-        Typical mass of a member, which sets the bounds [kg].
+        Typical mass of a member, which sets the upper bound [kg].
+    stated : float
+        Least mass that the model has at these points: half of it may be missing [kg].
     """
 
     kind: ClassVar[str] = "sensor_form"
@@ -45,6 +46,7 @@ class SensorForm(Effect):
     points: tuple[int, ...]
     mass: Any
     reference: float
+    stated: float = 0.0
 
     @property
     def where(self) -> str:
@@ -53,7 +55,7 @@ class SensorForm(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""
-        low, high = LACKING * self.reference, LIGHT * self.reference
+        low, high = -0.5 * self.stated, LIGHT * self.reference
         return (Parameter("mass", "kg", self.mass, 0.0, low, high, linear=True),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -71,7 +73,14 @@ class SensorForm(Effect):
         points = tuple(int(p) for p in np.unique(test.sensors))
         if not points or not model.of_kind(Frame):
             return ()
-        return (cls(name="sensor_form", points=points, mass=0.0, reference=typical_mass(model)),)
+        there = dict.fromkeys(points, 0.0)
+        for e in model.of_kind(AddedMass):
+            if e.point in there:
+                there[e.point] += float(np.real(e.mass))
+        least = min(there.values())
+        return (
+            cls(name="sensor_form", points=points, mass=0.0, reference=typical_mass(model), stated=least),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -93,7 +102,7 @@ class DriverForm(Effect):
     across : float
         Stiffness k in K = k (I - d dᵀ), of the force's direction d [N/m].
     references : (float, float)
-        Mass and bending stiffness of a typical member, which set the bounds [kg, N/m].
+        Mass and bending stiffness of a typical member, which set the upper bounds [kg, N/m].
     """
 
     kind: ClassVar[str] = "driver_form"
@@ -120,8 +129,8 @@ class DriverForm(Effect):
         """Return mass and stiffness."""
         m, k = self.references
         return (
-            Parameter("mass", "kg", self.mass, 0.0, LACKING * m, LIGHT * m, linear=True),
-            Parameter("across", "N/m", self.across, 0.0, LACKING * k, SOFT * k, linear=True),
+            Parameter("mass", "kg", self.mass, 0.0, 0.0, LIGHT * m, linear=True),
+            Parameter("across", "N/m", self.across, 0.0, 0.0, SOFT * k, linear=True),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:

@@ -58,7 +58,7 @@ class Plane(Effect):
         return np.eye(3)[PLANES[self.plane]]
 
     @property
-    def within(self) -> tuple[str, ...]:
+    def inside(self) -> tuple[str, ...]:
         """Directions of motion in the plane, such as x, z and ry."""
         n = PLANES[self.plane]
         return (*(d for k, d in enumerate(DIRECTIONS[:3]) if k != n), DIRECTIONS[3 + n])
@@ -66,7 +66,7 @@ class Plane(Effect):
     @property
     def out(self) -> tuple[str, ...]:
         """The other directions."""
-        return tuple(d for d in DIRECTIONS if d not in self.within)
+        return tuple(d for d in DIRECTIONS if d not in self.inside)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None."""
@@ -163,7 +163,7 @@ def in_plane(model: Model, effects: Iterable[Effect]) -> tuple[Effect, ...]:
     plane = plane_of(model)
     if plane is None:
         return tuple(effects)
-    keep = np.array([d in plane.within for d in DIRECTIONS])
+    keep = np.array([d in plane.inside for d in DIRECTIONS])
     inner = np.zeros(model.n_dof, dtype=bool)
     inner[: 6 * model.mesh.n_points] = np.tile(keep, model.mesh.n_points)
     inner[6 * model.mesh.n_points :] = True

@@ -17,6 +17,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fitting import FULL_LINES
 from updating.inference.scatter import form_scatter
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
 Floats = NDArray[np.float64]
@@ -58,12 +59,13 @@ def bagged(problem: FitProblem, hypotheses: Sequence[Hypothesis]) -> Floats:
 def _by_block(problem: FitProblem, h: Hypothesis) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Return losses and sizes of blocks (n_groups, n_blocks), and n, c and σ² of each group's level."""
     lines = problem.lines_up_to(np.inf, FULL_LINES)
-    own = replace(problem, scatter=form_scatter(problem, h.fitted, h.fitted.size))
-    function = own.function(h.effects, values_of(h.effects), lines)
+    varied = replace(problem, scatter=form_scatter(problem, h.fitted, h.fitted.size))
+    function = varied.function(h.effects, values_of(h.effects), lines)
     r, _ = function(function.moved_to(h.fitted), False)
     line = np.nonzero(function.keep)[0]
     member = np.unique(function.groups, return_inverse=True)[1]
     levels = function.levels(counted_as=FULL_LINES)
+    assert isinstance(levels, Levels)
     count = np.maximum(np.rint(levels.n).astype(int), 1)
     block = np.zeros(len(member), dtype=np.int64)
     for g, n in enumerate(count):
@@ -72,15 +74,9 @@ def _by_block(problem: FitProblem, h: Hypothesis) -> tuple[Floats, Floats, Float
         block[own] = rank * min(n, rank.max() + 1) // (rank.max() + 1)
     shape = (len(count), int(block.max()) + 1)
     at = np.ravel_multi_index((member, block), shape)
-    n_all = int(np.prod(shape))
-    losses = np.bincount(at, pseudo_huber(r, ROBUST), n_all).reshape(shape)
-    return (
-        losses,
-        np.bincount(at, minlength=n_all).reshape(shape).astype(float),
-        levels.n,
-        levels.least,
-        levels.noise,
-    )
+    losses = np.bincount(at, pseudo_huber(r, ROBUST), shape[0] * shape[1]).reshape(shape)
+    sizes = np.bincount(at, minlength=shape[0] * shape[1]).reshape(shape).astype(float)
+    return losses, sizes, levels.n, levels.least, levels.noise
 
 
 def _log_likelihood(

@@ -366,9 +366,10 @@ class Search:
         quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
         proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
-        # Fits that begin where uncertain parameters explain the data implausibly stay there.
-        bent = isinstance(free, FitProblem) and self.fits.is_bent(base)
-        near = straight(free, base.fitted) if bent else None
+        # Fits that begin where uncertain parameters stand for what is missing stay there.
+        near = None
+        if isinstance(free, FitProblem) and self.fits.is_far(base):
+            near = straight(free, base.fitted)
         wanted = [
             ((*base.effects, *p.effects), [Start((*kept, *s.values), near or s.near) for s in p.starts])
             for p in proposals
