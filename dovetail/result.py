@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from importlib import metadata
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -308,10 +307,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
-        "posterior": [
-            {"effects": names, "probability": p, "resampled": again}
-            for (names, p), again in zip_longest(d.posterior, d.resampled)
-        ],
+        "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
         "places": [{"place": name, "misfit_left": left} for name, left in d.places],
         "form": [_departure(f) for f in d.departures],
         "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],

@@ -185,7 +185,7 @@ def sized(of, target, low=1e-4, high=10.0):
     for _ in range(40):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if of(middle) < target else (low, middle)
-    return middle
+    return float(np.sqrt(low * high))
 
 
 def draw(name, seed, what):

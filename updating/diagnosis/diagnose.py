@@ -29,7 +29,6 @@ from updating.diagnosis.diagnosis import (
     UNEXPLAINED,
     Diagnosis,
 )
-from updating.diagnosis.evidence.bagged import bagged
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
@@ -207,25 +206,15 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         (done.names(h), done.probability(h)) for h in sorted(done.hypotheses, key=lambda h: -h.score)
     ]
     posterior.append(((UNKNOWN,), done.unknown_probability))
-    resampled = _resampled(done)
     basis_db = basis_error(problem, current, N_CHECKED)
     return Diagnosis(
         verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db,
         done.mesh_db, basis_db, max(model_error, floor), floor, problem,
         fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
         with_last_faults(gates, done.proposed_faults, faults), search.candidates,
-        searched=done, posterior=tuple(posterior), resampled=resampled,
-        places=tuple((s.name, s.left) for s in search.scanned),
+        searched=done, posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
         departures=departed(done, problem, current),
     )  # fmt: skip
-
-
-def _resampled(done: Searched) -> tuple[float, ...]:
-    """Return the probabilities of the posterior over resampled data; none where data are read in two ways."""
-    if done.n_levels > 1 or done.otherwise:
-        return ()
-    ranked, unknown = sorted(done.hypotheses, key=lambda h: -h.score), done.unknown_probability
-    return (*(float(p) for p in (1 - unknown) * bagged(done.problem, ranked)), unknown)
 
 
 def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:

@@ -69,9 +69,6 @@ class Diagnosis:
         The search that led to it.
     baseline : CalibratedFrfs or None
         The fit to an earlier state, where the change since then was searched for.
-    resampled : tuple of float
-        Probabilities of the hypotheses of ``posterior`` over resampled data
-        (:mod:`updating.diagnosis.evidence.bagged`); empty where they are not known.
     departures : tuple of Departure
         Sections and connections whose form is outside its usual range.
     """
@@ -97,7 +94,6 @@ class Diagnosis:
     places: tuple[tuple[str, float], ...] = ()
     searched: Searched | None = None
     baseline: CalibratedFrfs | None = None
-    resampled: tuple[float, ...] = ()
     departures: tuple[Departure, ...] = ()
 
     def __repr__(self) -> str:
