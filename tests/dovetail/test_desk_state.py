@@ -229,7 +229,8 @@ def test_the_loop_by_hand(desk):
         desk.undo()
     assert (desk.shown.result.fit_db, desk.history.undoes) == (nominal, "")
     desk.redo()
-    assert desk.shown.result.fit_db == pytest.approx(fitted, rel=1e-4)  # the basis has learnt
+    # The basis has learnt the joint: it changes what was there by less than a thousandth of a decibel.
+    assert desk.shown.result.fit_db == pytest.approx(fitted, abs=1e-3)
 
 
 def test_sensors_and_hypotheses_are_states_too(desk):
