@@ -68,6 +68,8 @@ def test_tolerances_follow_the_test(drawn):
     masses = {("sensor_form", "mass"): 1e-6, ("driver_form", "mass"): 2e-6}
     assert stds(tiny) == masses | {("driver_form", "across"): 0.5}
     assert stds(ChannelErrors(sensor_mass=0, driver_mass=0, stinger=0)) == {}
+    without_stinger = ChannelErrors(sensor_mass=0, driver_mass=1e-6, stinger=0)
+    assert stds(without_stinger) == {("driver_form", "mass"): 1e-6}
     stated = stds(tiny, [1e-4, 3e-4])
     assert stated["sensor_form", "mass"] == pytest.approx(STATED_MASS * 2e-4)
     reference = SensorForm.propose_for_test(model, instruments_on(model.mesh, measurement))[0].reference

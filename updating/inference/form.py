@@ -32,7 +32,12 @@ def form_of(
     if measurement is not None:
         each += _of_test(model, measurement)
     own = [(known.get(_place(e), e), std) for e, std in each]
-    varied = [Nuisance(e.name, p.name, std[p.name], 0.0) for e, std in own for p in e.parameters()]
+    varied = [
+        Nuisance(e.name, p.name, std[p.name], 0.0)
+        for e, std in own
+        for p in e.parameters()
+        if std[p.name] > 0  # 0 stands for an exact description
+    ]
     return tuple(e for e, _ in own if e not in known.values()), tuple(varied)
 
 
@@ -50,7 +55,7 @@ def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[
     for sensors in SensorForm.propose_for_test(model, test) if usual > 0 else ():
         assert isinstance(sensors, SensorForm)
         out.append((sensors, {"mass": min(usual, LIGHT * sensors.reference)}))
-    for driver in DriverForm.propose_for_test(model, test) if errors.driver_mass * errors.stinger > 0 else ():
+    for driver in DriverForm.propose_for_test(model, test) if errors.driver_mass + errors.stinger > 0 else ():
         assert isinstance(driver, DriverForm)
         m, k = driver.references
         out.append(
