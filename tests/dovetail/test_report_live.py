@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+import time
 import zlib
 from base64 import b64decode
 from contextlib import contextmanager
@@ -252,6 +253,14 @@ def legend_below_the_bar(page, name):
     return legend["height"] > 0 and legend["top"] >= bar["bottom"]
 
 
+def wait_until(page, condition, timeout=120.0):
+    """Wait until a JavaScript expression is true. `wait_for_function` would evaluate it inside the page, whose policy forbids that."""
+    end = time.monotonic() + timeout
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, f"not true after {timeout:g} s: {condition}"
+        page.wait_for_timeout(50)
+
+
 EYE = "document.querySelector('figure[data-figure=model] .plot')._fullLayout.scene.camera.eye"
 SHOWN = """() => Array.from(document.querySelector('figure[data-figure=frf] .plot').data
   .find((t) => t.meta && t.meta.series === 'measured' && t.meta.quantity === 'magnitude').y)"""
@@ -268,12 +277,12 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         page.mouse.down()
         page.mouse.move(x + 120, y, steps=4)
         page.mouse.up()
-        page.wait_for_function(f"Math.abs({EYE}.x - {before['x']}) > 0.1")
+        wait_until(page, f"Math.abs({EYE}.x - {before['x']}) > 0.1")
         turned = page.evaluate(EYE)
         assert legend_below_the_bar(page, "model")
         plot.focus()
         page.keyboard.press("ArrowLeft")
-        page.wait_for_function(f"Math.abs({EYE}.x - {turned['x']}) > 0.01")
+        wait_until(page, f"Math.abs({EYE}.x - {turned['x']}) > 0.01")
 
         assert page.get_by_role("button", name="Share chart").count() == 0  # it would send the data away
         figure = drawn(page, "frf")
@@ -287,7 +296,7 @@ def test_the_structure_turns_and_frfs_are_picked(folder, found, chromium):
         assert figure.locator("output").inner_text().startswith("error: nominal ")
         figure.locator('button[data-step="1"]').click()
         pair = "document.querySelector('figure[data-figure=frf]').dataset.pair"
-        page.wait_for_function(f"!{pair}.startsWith({json.dumps(measured.outputs[1] + '/')})")
+        wait_until(page, f"!{pair}.startsWith({json.dumps(measured.outputs[1] + '/')})")
 
 
 def test_a_click_in_the_structure_names_the_frf_that_it_shows(folder, found, chromium):
@@ -302,7 +311,7 @@ def test_a_click_in_the_structure_names_the_frf_that_it_shows(folder, found, chr
         page.wait_for_selector(f'figure[data-figure="frf"][data-pair="{shown.replace(" / ", "/")}"]')
         figure.get_by_role("link", name=f"FRF {shown}").click()
         top = "document.querySelector('figure[data-figure=frf]').getBoundingClientRect().top"
-        page.wait_for_function(f"() => Math.abs({top}) < innerHeight / 2", timeout=20_000)
+        wait_until(page, f"Math.abs({top}) < innerHeight / 2", timeout=20)
 
 
 def test_frequencies_of_frfs_can_be_logarithmic(folder, found, chromium):
@@ -370,9 +379,9 @@ def test_any_mode_moves(folder, live, chromium):
             figure.locator("select").select_option(index=k)
             page.wait_for_selector(f'figure[data-figure="modes"][data-mode="{k}"]')
             moved = rest + told[k]["step"] * np.asarray(told[k]["surface"]).reshape(-1, 3)[:, 2]
-            page.wait_for_function(f"Math.abs({top} - {moved.max()}) < 1e-6")
+            wait_until(page, f"Math.abs({top} - {moved.max()}) < 1e-6")
         figure.locator(".tools button").click()
-        page.wait_for_function(f"Math.abs({top} - {moved.max()}) > 1e-5", polling=200)
+        wait_until(page, f"Math.abs({top} - {moved.max()}) > 1e-5")
         assert figure.locator(".tools button").get_attribute("aria-pressed") == "true"
 
 
@@ -420,7 +429,7 @@ def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
     with opened(chromium, file) as page:
         every = "Array.from(document.querySelectorAll('svg text')).map((t) => t.textContent)"
         for wanted in (NASTY, f"with {NASTY}", f"{NASTY} / f"):
-            page.wait_for_function(f"{every}.includes({json.dumps(wanted)})")
+            wait_until(page, f"{every}.includes({json.dumps(wanted)})")
 
 
 # ------------------------------------------------------------------------------------------ Word, PowerPoint
