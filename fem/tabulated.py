@@ -87,18 +87,18 @@ class Table:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tabulated:
-    """K = A(u) + B(u + plane) and M = mass · M₁ of an effect with the parameter u and perhaps the others."""
+    """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with the parameters u, perhaps plane, and some masses p."""
 
     dofs: NDArray[np.int64]
     along: Table
     plane: Table | None
-    M: Floats | None
+    M: Mapping[str, Floats]
 
     @classmethod
     def of(
         cls,
         stiffness: Callable[[float, float], Contribution],
-        mass: Contribution | None,
+        masses: Mapping[str, Contribution],
         low: float,
         high: float,
         *,
@@ -108,7 +108,7 @@ class Tabulated:
         first = stiffness(0.0, 0.0)
         if first.D is not None:
             return None
-        dofs = np.unique(np.concatenate([c.dofs.ravel() for c in (first, mass) if c is not None]))
+        dofs = np.unique(np.concatenate([c.dofs.ravel() for c in (first, *masses.values())]))
 
         def whole(c: Contribution, X: Any) -> Floats:
             out, at = np.zeros((len(dofs), len(dofs))), np.searchsorted(dofs, c.dofs)
@@ -119,14 +119,14 @@ class Tabulated:
             c = stiffness(u, v)
             return whole(c, c.K)
 
-        M, none = None if mass is None else whole(mass, mass.M), K(0.0, 0.0)
+        M, none = {name: whole(c, c.M) for name, c in masses.items()}, K(0.0, 0.0)
         if not planar:
             return cls(dofs, Table.of(low, high, lambda s: K(s, 0.0)), None, M)
         plane = Table.of(low, high, lambda s: K(0.0, s) - none)
         out = cls(dofs, Table.of(low, high, lambda s: K(s, 0.0) - plane.at(s)), plane, M)
         u, v = 0.35 * high, -0.25 * high
         exact = K(u, v)
-        found, _ = out.matrices({"u": u, "plane": v, "mass": 0.0})
+        found, _ = out.matrices({"u": u, "plane": v} | dict.fromkeys(masses, 0.0))
         right = np.abs(found - exact).max() <= SEPARABLE * np.abs(exact).max()
         return out if right else None
 
@@ -135,12 +135,12 @@ class Tabulated:
         K = self.along.at(values["u"])
         if self.plane is not None:
             K = K + self.plane.at(values["u"] + values["plane"])
-        return K, None if self.M is None else values["mass"] * self.M
+        return K, sum(values[name] * M for name, M in self.M.items()) if self.M else None
 
     def slopes(self, values: Mapping[str, float], parameter: str) -> tuple[Floats | None, Floats | None]:
         """Return the derivatives of K and M by a parameter."""
-        if parameter == "mass":
-            return None, self.M
+        if parameter in self.M:
+            return None, self.M[parameter]
         plane = None if self.plane is None else self.plane.slope(values["u"] + values["plane"])
         if parameter == "plane":
             return plane, None

@@ -60,7 +60,7 @@ class ClampForm(OnStretches):
         """Return tables of the stiffness that the stretches gain."""
 
         def made() -> Tabulated | None:
-            return Tabulated.of(lambda u, _: self._stiff(model, u), None, LEAST_U, MOST_U, planar=False)
+            return Tabulated.of(lambda u, _: self._stiff(model, u), {}, LEAST_U, MOST_U, planar=False)
 
         out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
         return out

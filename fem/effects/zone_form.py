@@ -52,48 +52,52 @@ class ZoneForm(OnStretches):
     u, plane : float
     mass : float
         Share of the stretches' mass that they have more [-].
+    inertia : float
+        Rotary inertia that they have more, since what connects members lies beside their centre lines: a share
+        of ∫ m s² ds along each stretch, s from the place of the connection [-].
     heavy : Recent
-        Their mass by frame and mesh; effects with other values share it.
+        Their mass and rotary inertia by frame and mesh; effects with other values share them.
     """
 
     kind: ClassVar[str] = "zone_form"
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`u` [-], `mass` [-], `plane` [-]",
-        meaning="stiffness e^u, in the members' plane e^(u + plane), and mass of the inside of a connection",
+        quantities="`u` [-], `mass` [-], `inertia` [-], `plane` [-]",
+        meaning="stiffness e^u, in the members' plane e^(u + plane), mass and rotary inertia of the inside of a connection",
         places="each corner and each joint of members",
     )
     inside: tuple[tuple[int, int], ...] = ()
     u: Any = 0.0
     mass: Any = 0.0
     plane: Any = 0.0
+    inertia: Any = 0.0
     heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     def odd_beyond(self, parameter: str) -> float:
         """Return the logarithm of a factor of stiffness that is unusual around a joint."""
-        return TWICE if parameter != "mass" and self.place.startswith(AT_JOINT) else np.inf
+        return TWICE if parameter in ("u", "plane") and self.place.startswith(AT_JOINT) else np.inf
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the logarithm of the stiffness, the mass and, in a plane, that of bending in it."""
         out = (
             Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
             Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
+            Parameter("inertia", "-", self.inertia, 0.0, -1.0, 3.0, linear=True),
         )
         return (*out, Parameter("plane", "-", self.plane, 0.0, -IN_PLANE, IN_PLANE)) if self.inside else out
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
-        heavy = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
-        return self._stiff(model, self.u, self.plane), replace(heavy, M=self.mass * heavy.M)
+        return self._stiff(model, self.u, self.plane), self._more(model)
 
     def tabulated(self, model: Model) -> Tabulated | None:
         """Return tables of the stiffness and mass that the stretches gain."""
 
         def made() -> Tabulated | None:
-            stiff, (*_, heavy) = partial(self._stiff, model), self.with_values(mass=1.0).contribute(model)
+            heavy = dict(zip(("mass", "inertia"), self._heavy(model), strict=True))
             low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
-            return Tabulated.of(stiff, heavy, low, high, planar=bool(self.inside))
+            return Tabulated.of(partial(self._stiff, model), heavy, low, high, planar=bool(self.inside))
 
         out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
         return out
@@ -102,9 +106,7 @@ class ZoneForm(OnStretches):
         """Return the changes of one element, by the stretches that are on it."""
         some, dofs = self._zones_on(model, member, line), dofs_of(model.mesh.lines[line]).ravel()
         stiff = self._stiff(model, self.u, self.plane, some)
-        heavy = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
-        masses = (replace(c, M=self.mass * c.M) for c in heavy.elements_at(dofs))
-        return (*stiff.elements_at(dofs), *masses)
+        return (*stiff.elements_at(dofs), *self._more(model).elements_at(dofs))
 
     def _stiff(self, model: Model, along: Any, plane: Any, some: Sequence[int] | None = None) -> Contribution:
         """Return the stiffness that the stretches gain, or some of them."""
@@ -114,14 +116,22 @@ class ZoneForm(OnStretches):
             u[k, bending] += plane
         return stiffening(self.frame, model, [self.zones[k] for k in some], np.exp(-u[list(some)]))
 
-    def _heavy(self, model: Model) -> Contribution:
-        """Return the mass of the stretches."""
-        frame = self.frame
-        ends = [
-            (m, min(s, s + towards * length), max(s, s + towards * length), frame.mass_per_length(m))
-            for m, s, length, towards in self.zones
-        ]
-        return mass_of_stretches(frame, model, ends, (1, 1, 1, 0, 0, 0))
+    def _more(self, model: Model) -> Contribution:
+        """Return the mass and rotary inertia that the stretches gain."""
+        m, J = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
+        return replace(m, M=self.mass * m.M + self.inertia * J.M)
+
+    def _heavy(self, model: Model) -> tuple[Contribution, Contribution]:
+        """Return the mass of the stretches, and ∫ m s² ds as rotary inertia spread evenly over each."""
+        mass, inertia = [], []
+        for m, s, length, towards in self.zones:
+            ends = m, min(s, s + towards * length), max(s, s + towards * length)
+            mass.append((*ends, self.frame.mass_per_length(m)))
+            inertia.append((*ends, self.frame.mass_per_length(m) * length**2 / 3))
+        return (
+            mass_of_stretches(self.frame, model, mass, (1, 1, 1, 0, 0, 0)),
+            mass_of_stretches(self.frame, model, inertia, (0, 0, 0, 1, 1, 1)),
+        )
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

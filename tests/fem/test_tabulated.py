@@ -27,6 +27,7 @@ def test_tables_give_values_and_slopes_of_the_effect(model, kind):
     rng = np.random.default_rng(0)
     for effect in effects:
         ends = {"u": (SOFTEST, STIFFEST), "plane": (-IN_PLANE, IN_PLANE), "mass": (-1.0, 1.0)}
+        ends["inertia"] = ends["mass"]
         values = {p.name: float(rng.uniform(*ends[p.name])) for p in effect.parameters()}
         there = effect.with_values(**values)
         assert reduced._table_of(there) is not None

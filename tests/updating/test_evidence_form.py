@@ -97,6 +97,20 @@ def test_a_stiffer_stretch_gives_way_less_by_its_share_of_the_flexibility():
     assert change == pytest.approx(lost, rel=2e-3)
 
 
+def test_a_connection_that_turns_carries_the_inertia_of_its_stretches():
+    """Where the mesh turns about a point as a rigid body, θᵀ M θ grows by a share of ∫ m s² ds."""
+    model = portal()
+    corner = next(e for e in form_of(model)[0] if isinstance(e, ZoneForm))
+    turned = np.zeros((len(model.mesh.points), 6))
+    turned[:, 3] = 1.0
+    turned[:, :3] = np.cross([1.0, 0.0, 0.0], model.mesh.points)
+    *_, gained = corner.with_values(inertia=0.3).contribute(model)
+    energy = sum(q @ M @ q for M, q in zip(gained.M, turned.ravel()[gained.dofs], strict=True))
+    frame = model.effect("frame")
+    integral = sum(frame.mass_per_length(m) * z**3 / 3 for m, _, z, _ in corner.zones)
+    assert energy == pytest.approx(0.3 * integral, rel=1e-9)
+
+
 def test_a_clamp_may_give_way_as_on_an_elastic_half_space():
     """A rigid square of side b rocks on a half-space with K = 3.6 G (b/2)³ / (1 - ν) (Dobry and Gazetas)."""
     b, L, nu = 0.02, 1.0, 0.3
