@@ -87,7 +87,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tabulated:
-    """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with the parameters u, perhaps plane, and some masses p."""
+    """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with u, perhaps plane, and masses p."""
 
     dofs: NDArray[np.int64]
     along: Table

@@ -53,8 +53,8 @@ class ZoneForm(OnStretches):
     mass : float
         Share of the stretches' mass that they have more [-].
     inertia : float
-        Rotary inertia that they have more, since what connects members lies beside their centre lines: a share
-        of ∫ m s² ds along each stretch, s from the place of the connection [-].
+        Rotary inertia that they have more, since what connects members lies beside their centre lines: a
+        share of ∫ m s² ds along each stretch, s from the place of the connection [-].
     heavy : Recent
         Their mass and rotary inertia by frame and mesh; effects with other values share them.
     """
@@ -64,7 +64,10 @@ class ZoneForm(OnStretches):
     role: ClassVar[Role] = Role.GEOMETRY
     entry: ClassVar[Entry | None] = Entry(
         quantities="`u` [-], `mass` [-], `inertia` [-], `plane` [-]",
-        meaning="stiffness e^u, in the members' plane e^(u + plane), mass and rotary inertia of the inside of a connection",
+        meaning=(
+            "stiffness e^u, in the members' plane e^(u + plane), mass and rotary inertia of the inside of a "
+            "connection"
+        ),
         places="each corner and each joint of members",
     )
     inside: tuple[tuple[int, int], ...] = ()
