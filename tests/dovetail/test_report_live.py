@@ -254,7 +254,7 @@ def legend_below_the_bar(page, name):
 
 
 def wait_until(page, condition, timeout=120.0):
-    """Wait until an expression is true. `wait_for_function` evaluates it in the page, whose policy forbids that."""
+    """Wait until an expression is true; `wait_for_function` evaluates in the page, which forbids that."""
     end = time.monotonic() + timeout
     while not page.evaluate(condition):
         assert time.monotonic() < end, f"not true after {timeout:g} s: {condition}"
