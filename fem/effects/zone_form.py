@@ -86,7 +86,7 @@ class ZoneForm(OnStretches):
         out = (
             Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
             Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
-            Parameter("inertia", "-", self.inertia, 0.0, -1.0, 3.0, linear=True),
+            Parameter("inertia", "-", self.inertia, 0.0, 0.0, 3.0, linear=True),
         )
         return (*out, Parameter("plane", "-", self.plane, 0.0, -IN_PLANE, IN_PLANE)) if self.inside else out
 

@@ -140,6 +140,11 @@ class ReducedModel:
 
     __repr__ = fields_summary
 
+    @cached_property
+    def nominal(self) -> dict[ParameterRef, float]:
+        """Values of all parameters of the model."""
+        return self.model.values()
+
     def projected(
         self, key: Hashable, make: Callable[[], NDArray[np.float64]]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -69,7 +69,7 @@ def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) ->
     p = effect.parameters()[0]
     if not v.log:
         return v.to_x(p.absent) - x
-    nominal = function.problem.reduced.model.values()
+    nominal = function.problem.reduced.nominal
     usual = [nominal[ref] for ref in effect.replaces() if ref in nominal]
     if not usual and np.isfinite(p.absent) and p.absent > 0:
         usual = [p.absent]

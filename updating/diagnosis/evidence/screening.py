@@ -238,7 +238,7 @@ def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
     nominal 1 % would be left, which is much of a short element's.
     """
     reduced, effect = problem.reduced, grid.effect
-    nominal = reduced.model.values()
+    nominal = reduced.nominal
     points = [effect.with_values(**p) for p in grid.points]
     if (series := terms_in_series(reduced, points, base.effects, base.values)) is not None:
         moduli = [r for r in effect.refers_to(reduced.model) if r[1].startswith("E:") and r in base.values]
@@ -342,8 +342,9 @@ class Look:
         n_whole: int,
         n_low: int,
         most: int,
+        besides: float = 0.0,
     ) -> "Look":
-        """Look from where the base is."""
+        """Look from where the base is; data that are still to come will leave ``besides`` [nepers], too."""
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
@@ -357,7 +358,7 @@ class Look:
         share /= np.maximum(share.sum(axis=0), 1.0)
         likelihood = function.levels(counted_as=FULL_LINES)
         assert isinstance(likelihood, Levels)
-        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share)
+        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share + besides**2)
         weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
@@ -427,9 +428,13 @@ class Look:
         absent = next((float(base[ref]) for ref in replaced if ref in base), None)
         points = grid.slight_points(absent)
         little = Grid(grid.effect, tuple(point for point, _ in points))
-        r, possible = self._at(little)
-        change = np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
-        return Little(grid, little.points, absent, change, np.array([factor for _, factor in points]))
+        most = np.array([factor for _, factor in points])
+        return Little(grid, little.points, absent, self.changes(little), most)
+
+    def changes(self, grid: Grid) -> Complexes:
+        """Return what a candidate does to the residuals of the whole band, (n_points, m); 0 if it cannot be."""
+        r, possible = self._at(grid)
+        return np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return the residuals of a candidate at its points, and which of them can be."""

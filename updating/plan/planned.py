@@ -1,0 +1,61 @@
+"""A test that has not been made yet, as data that its model would give."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fem.analysis.frf import FRFKind
+from fem.model import Model
+from updating.inference.belief import FORM_LEAST, FORM_LEFT
+from updating.measurement.channel_errors import USUAL, ChannelErrors
+from updating.measurement.computed import computed_frf
+from updating.measurement.measurement import Measurement, Sensor
+
+USUAL_NOISE = 0.01
+"""Noise of a planned test, in parts of each FRF's root mean square [-]."""
+
+
+def planned_measurement(
+    model: Model,
+    sensors: Sequence[Sensor],
+    excitations: Sequence[Sensor],
+    frequency: ArrayLike,
+    noise: float = USUAL_NOISE,
+    kind: FRFKind | str = FRFKind.ACCELERANCE,
+    errors: ChannelErrors = USUAL,
+) -> Measurement:
+    """Return the FRFs of a model as a measurement whose noise is known and was not drawn.
+
+    Parameters
+    ----------
+    model : Model
+    sensors, excitations : sequence of Sensor
+    frequency : array_like (n_freq,)
+        [Hz].
+    noise : float
+        Root mean square of the complex noise of each FRF, in parts of the FRF's own [-].
+    kind : FRFKind or str
+    errors : ChannelErrors
+
+    Raises
+    ------
+    MeasurementError
+        As :func:`updating.measurement.computed.computed_frf`.
+    """
+    frf = computed_frf(model, sensors, excitations, frequency, kind)
+    size = np.abs(frf.H)
+    rms = np.sqrt((size**2).mean(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scatter = np.where(size > 0, noise / np.sqrt(2) * rms / size, 0.0)
+    return Measurement(
+        frf, tuple(sensors), tuple(excitations), name="planned", scatter=scatter, errors=errors
+    )
+
+
+def usual_discrepancy(model_error: float) -> float:
+    """Return the level that a right model of beams usually leaves beside noise [nepers].
+
+    The geometric mean of the least and the most that fits allow (:mod:`updating.inference.belief`).
+    """
+    return float(np.sqrt(FORM_LEAST * FORM_LEFT) * model_error)

@@ -1,0 +1,449 @@
+"""Which missing effects a test could see, and which it could name: a map before any diagnosis.
+
+A missing effect changes what is measured. What uncertain parameters, the form and errors of channels can do
+of that is taken away, with their priors. The rest makes the effect likelier than nothing, and than any other
+effect at its best. The map shows the least sizes at which either is enough.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from fem.model import Effect
+from updating.diagnosis.evidence.hypothesis import Odds, near_to
+from updating.diagnosis.evidence.screening import MOST_VALUES, N_WHOLE, Complexes, Grid, Little, Look
+from updating.inference.effect_priors import prior_of
+from updating.inference.fit import FitProblem
+from updating.inference.fit_function import ROBUST
+from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import beat
+from updating.inference.unknowns import effect_unknowns
+from updating.least_squares.loss import pseudo_huber
+
+POWER = 0.9
+"""Probability with which an effect of a stated size is seen, or named [-]."""
+SURE = 0.9
+"""Posterior probability from which on it is [-]."""
+KNOWN = 4.0
+"""A size that is barely seen is about so many of its standard deviations."""
+N_STEPS = 6
+"""Evaluations by which a size is found where changes are not in proportion to it."""
+WITHIN = 0.03
+"""Relative accuracy of sizes at which that ends [-]."""
+SHORT = 0.1
+"""Share of a gain that may be missing then [-]."""
+FARTHEST = 25.0
+"""One step changes a size by this factor at most [-]."""
+N_RIVALS = 12
+"""So many closest rivals are compared with an effect at all sizes."""
+N_AT_ONCE = 500
+"""So many effects are compared with all others at a time."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Say = Callable[[str, float], None]
+
+
+def needed(odds: Floats) -> Floats:
+    """Return the gains in log likelihood that effects must be expected to have over rivals [nats].
+
+    Of an expected gain g the gain in data is normal about it with variance 2g. It exceeds b, the log odds of
+    prior probability against the effect and those of ``SURE``, with the probability ``POWER`` if
+    √(2g) = z + √(z² + 2b).
+
+    Parameters
+    ----------
+    odds : ndarray
+        Logarithms of the rivals' prior probabilities over the effects'.
+    """
+    b, z = odds + np.log(SURE / (1 - SURE)), float(norm.ppf(POWER))
+    return 0.5 * (z + np.sqrt(z**2 + 2 * np.maximum(b, 0.0))) ** 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visible:
+    """The least sizes at which an effect at a position is seen and named; None where no plausible one is.
+
+    Attributes
+    ----------
+    effect : Effect
+        As it is not, at the position.
+    seen : Effect or None
+        Something must be missing.
+    located : Effect or None
+        It must be at the places of this effect.
+    named : Effect or None
+        It must be this effect.
+    strongest : Effect
+        The largest plausible size.
+    rival : Effect or None
+        What it is told from last, as it imitates the effect best.
+    alike : float
+        Cosine of the angle between what both do [-].
+    """
+
+    effect: Effect
+    seen: Effect | None
+    located: Effect | None
+    named: Effect | None
+    strongest: Effect
+    rival: Effect | None
+    alike: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visibility:
+    """What a test could see and name.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    effects : tuple of Visible
+        Each candidate at each of its positions.
+    left : float
+        Level that a right model leaves, besides noise [nepers].
+    """
+
+    problem: FitProblem
+    effects: tuple[Visible, ...]
+    left: float
+
+
+def visibility(
+    problem: FitProblem,
+    base: FitResult,
+    candidates: Sequence[Effect],
+    odds: Odds,
+    left: float,
+    say: Say = lambda text, done: None,
+) -> Visibility:
+    """Return what a test could see and name.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        With small deviations among its unknowns.
+    base : FitResult
+        The model without the effects.
+    candidates : sequence of Effect
+    odds : Odds
+        What is believed of them beforehand.
+    left : float
+        Level that a right model leaves, besides the base's residuals [nepers].
+    say : callable
+        Is told what is being done and how far it is.
+    """
+    sight = Sight(problem, base, left)
+    small = Sizes.small(sight, candidates, say)
+    n_positions = np.bincount(small.owner, minlength=len(candidates))
+    against = [odds.against((), (e,)) + _dilution(problem, e) for e in candidates]
+    against = (np.array(against) + np.log(np.maximum(n_positions, 1)))[small.owner]
+    enough = needed(against)
+    seen, is_seen = small.grown(
+        lambda now: now.gain / enough[now.rows], lambda part: say("what is seen", 0.3 + 0.3 * part)
+    )
+    say("what is alike", 0.6)
+    rivals = _Rivals.of(seen, candidates, against)
+
+    def told(close: Ints, now: Sizes) -> Floats:
+        least = rivals.needed(now, close[now.rows]).max(axis=1)
+        return now.gain / np.maximum(least, enough[now.rows])
+
+    everywhere, elsewhere = rivals.closest(seen)
+    located, is_located = seen.grown(
+        partial(told, elsewhere), lambda part: say("what is located", 0.7 + 0.15 * part)
+    )
+    named, is_named = located.grown(
+        partial(told, everywhere), lambda part: say("what is named", 0.85 + 0.15 * part)
+    )
+    least = rivals.needed(named, everywhere)
+    last = np.argmax(least, axis=1)
+    alike = rivals.alike(named, everywhere)
+    sooner = is_named & (named.factor < located.factor)
+    located, is_located = located.with_(np.flatnonzero(sooner), named.some(sooner)), is_located | is_named
+    found = []
+    for i, effect in enumerate(candidates[o] for o in seen.owner):
+        j = int(everywhere[i, last[i]])
+        at = [
+            effect.with_values(**each.values(i, each.factor[i])) if good[i] and is_seen[i] else None
+            for each, good in ((seen, is_seen), (located, is_located), (named, is_named))
+        ]
+        rival = candidates[seen.owner[j]].with_values(**seen.values(j, seen.factor[j]))
+        absent, strongest = (effect.with_values(**seen.values(i, f)) for f in (0.0, seen.most[i]))
+        found.append(
+            Visible(
+                absent, *at, strongest, rival if least[i, last[i]] > 0 else None, float(alike[i, last[i]])
+            )
+        )
+    return Visibility(problem, tuple(found), left)
+
+
+def _dilution(problem: FitProblem, effect: Effect) -> float:
+    """Return how much less probable an effect is since its size might have been any of many [nats].
+
+    As if it were known to a ``KNOWN``th of itself.
+    """
+    values = {p.name: p.value for p in effect.parameters()}
+    first = effect.name, effect.parameters()[0].name
+    variables = effect_unknowns((effect,), (values,))
+    wide = next((prior_of(problem, effect, v).range for v in variables if v.ref == first), 0.0)
+    return float(np.log(max(wide, 1.0) * KNOWN / np.sqrt(2 * np.pi)))
+
+
+@dataclass(eq=False)
+class Sight:
+    """What a test would show of effects beside all that is uncertain, and what that is worth.
+
+    Attributes
+    ----------
+    problem, base, left
+        As of :func:`visibility`.
+    """
+
+    problem: FitProblem
+    base: FitResult
+    left: float
+    look: Look = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.look = Look.of(self.problem, self.base, N_WHOLE, 0, MOST_VALUES, self.left)
+
+    @property
+    def _n(self) -> int:
+        return len(self.look.share)
+
+    @cached_property
+    def _level(self) -> Floats:
+        """Mean squares of the residuals of each group that a right model leaves."""
+        level: Floats = pseudo_huber(self.look.now, ROBUST) @ self.look.share + self.left**2
+        return level
+
+    @cached_property
+    def _root(self) -> Floats:
+        """Square roots of what each part of a change is worth, real and imaginary ones side by side."""
+        data, known = self.look.weights[: self._n], self.look.weights[self._n :]
+        return np.sqrt(np.concatenate([data, data, known]))
+
+    def changes(self, effect: Effect, points: Sequence[dict[str, float]]) -> Complexes:
+        """Return what nothing uncertain can do of an effect at some values, (n, m + n_all)."""
+        beat()
+        return self.adapted(self.look.changes(Grid(effect, tuple(points))), effect)
+
+    def adapted(self, change: Complexes, effect: Effect) -> Complexes:
+        """Return what nothing uncertain can do of changes (n, m), (n, m + n_all)."""
+        return self.look.adapted(change, effect.replaces())
+
+    def gains(self, change: Complexes) -> Floats:
+        """Return how much likelier a model with such changes (n, m + n_all) is where they are true [nats]."""
+        v = pseudo_huber(change[:, : self._n], ROBUST) @ self.look.share
+        cost = self.look.likelihood.cost
+        known = 0.5 * (change[:, self._n :].real ** 2).sum(axis=1)
+        return np.array([cost(self._level + each) for each in v]) - cost(self._level) + known
+
+    def flat(self, change: Complexes) -> Floats:
+        """Return changes as vectors (n, r), whose squares are twice their gains where these are small."""
+        data, known = change[:, : self._n], change[:, self._n :].real
+        out: Floats = np.hstack([data.real, data.imag, known]) * self._root
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Effects at positions and sizes, these as multiples of small ones.
+
+    Attributes
+    ----------
+    sight : Sight
+    littles : list of Little
+        Of each candidate.
+    rows : ndarray of int (n,)
+        Numbers of the effects at their positions.
+    owner, k : ndarray of int (n,)
+        Candidate of each, and which of its positions.
+    factor, gain : ndarray (n,)
+        Size, and what it gains [nats].
+    vector : ndarray (n, r)
+        What it does.
+    """
+
+    sight: Sight
+    littles: list[Little]
+    rows: Ints
+    owner: Ints
+    k: Ints
+    factor: Floats
+    gain: Floats
+    vector: Floats
+
+    @classmethod
+    def small(cls, sight: Sight, effects: Sequence[Effect], say: Say) -> "Sizes":
+        """Return small sizes of all effects at all positions of their grids."""
+        littles, gains, vectors = [], [], []
+        for i, effect in enumerate(effects):
+            beat()
+            say("what a little of each effect does", 0.3 * i / len(effects))
+            littles.append(sight.look.little(Grid.of(sight.problem, effect)))
+            change = sight.adapted(littles[-1].change, effect)
+            gains.append(sight.gains(change))
+            vectors.append(sight.flat(change))
+        n = [len(g) for g in gains]
+        owner = np.repeat(np.arange(len(n)), n)
+        k = np.concatenate([np.arange(each) for each in n])
+        rows = np.arange(len(k))
+        return cls(
+            sight, littles, rows, owner, k, np.ones(len(k)), np.concatenate(gains), np.vstack(vectors)
+        )  # fmt: skip
+
+    @cached_property
+    def most(self) -> Floats:
+        """Largest sizes that are plausible."""
+        return np.array([self.littles[o].most[k] for o, k in zip(self.owner, self.k, strict=True)])
+
+    def values(self, i: int, factor: float) -> dict[str, float]:
+        """Return the parameter values of an effect at a size."""
+        return self.littles[self.owner[i]].values(int(self.k[i]), factor)
+
+    def some(self, which: NDArray[np.bool_] | Ints) -> "Sizes":
+        """Return some of these."""
+        own = {
+            name: getattr(self, name)[which] for name in ("rows", "owner", "k", "factor", "gain", "vector")
+        }
+        return replace(self, **own)
+
+    def at(self, factor: Floats) -> "Sizes":
+        """Return the same effects at other sizes."""
+        gain, vector = np.empty(len(factor)), np.empty_like(self.vector)
+        for o in np.unique(self.owner):
+            own = np.flatnonzero(self.owner == o)
+            points = [self.values(i, factor[i]) for i in own]
+            change = self.sight.changes(self.littles[o].grid.effect, points)
+            gain[own], vector[own] = self.sight.gains(change), self.sight.flat(change)
+        return replace(self, factor=factor, gain=gain, vector=vector)
+
+    def grown(
+        self, ratio: Callable[["Sizes"], Floats], say: Callable[[float], None]
+    ) -> "tuple[Sizes, NDArray[np.bool_]]":
+        """Return the least sizes that gain enough, or the largest ones, and which gain enough.
+
+        Small gains grow with the square of a size, others by the power that the last two sizes had.
+
+        Parameters
+        ----------
+        ratio : callable
+            Returns what sizes gain over what is enough, (n,) [-].
+        say : callable
+            Is told the part done.
+        """
+        most, power = self.most, np.full(len(self.rows), 2.0)
+        now, reached = self, np.maximum(ratio(self), 1e-300)
+        for step in range(N_STEPS):
+            say(step / N_STEPS)
+            by = np.exp(np.clip(-np.log(reached) / power, -np.log(FARTHEST), np.log(FARTHEST)))
+            factor = np.minimum(now.factor * by, most)
+            open_ = np.flatnonzero(np.abs(np.log(factor / now.factor)) > WITHIN)
+            if not open_.size:
+                break
+            then = now.some(open_).at(factor[open_])
+            found = np.maximum(ratio(then), 1e-300)
+            grown = np.log(then.factor / now.factor[open_])
+            power[open_] = np.clip(np.log(found / reached[open_]) / grown, 0.5, 4.0)
+            reached[open_] = found
+            now = now.with_(open_, then)
+        return now, reached >= 1 - SHORT
+
+    def with_(self, which: Ints, then: "Sizes") -> "Sizes":
+        """Return these with some at other sizes."""
+        own = {name: getattr(self, name).copy() for name in ("factor", "gain", "vector")}
+        for name, values in own.items():
+            values[which] = getattr(then, name)
+        return replace(self, **own)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rivals:
+    """All effects at the sizes at which they are seen, as what might stand for others.
+
+    Attributes
+    ----------
+    units : ndarray (n, r)
+        What each does, of length 1.
+    shortest, longest : ndarray (n,)
+        Multiples of that which are plausible.
+    against : ndarray (n,)
+        Log odds against each beforehand.
+    owner : ndarray of int (n,)
+        Candidate of each.
+    unlike, apart : ndarray of bool (n_candidates, n_candidates)
+        Which are no rivals, since the second is the first or contains it, and which act at other places.
+    """
+
+    units: Floats
+    shortest: Floats
+    longest: Floats
+    against: Floats
+    owner: Ints
+    unlike: NDArray[np.bool_]
+    apart: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, sizes: Sizes, candidates: Sequence[Effect], against: Floats) -> "_Rivals":
+        n = len(candidates)
+        unlike, apart = np.eye(n, dtype=bool), np.ones((n, n), dtype=bool)
+        for j, e in enumerate(candidates):
+            for i, other in enumerate(candidates) if e.contains else ():
+                unlike[i, j] |= other.kind in e.contains and e.covers(other)
+        members: dict[str, list[int]] = {}
+        for i, e in enumerate(candidates):
+            for name in near_to(e):
+                members.setdefault(name, []).append(i)
+        for some in members.values():
+            apart[np.ix_(some, some)] = False
+        length = np.linalg.norm(sizes.vector, axis=1)
+        units = sizes.vector / np.where(length > 0, length, 1.0)[:, None]
+        longest = length * sizes.most / sizes.factor
+        both = np.array([not little.grid.one_sided() for little in sizes.littles])[sizes.owner]
+        return cls(units, np.where(both, -longest, 0.0), longest, against, sizes.owner, unlike, apart)
+
+    def closest(self, these: Sizes) -> tuple[Ints, Ints]:
+        """Return the rivals (n, k) that are told from effects last, anywhere and at other places."""
+        many = min(N_RIVALS, len(self.owner))
+        out = np.empty((2, len(these.rows), many), dtype=np.int64)
+        every = np.arange(len(self.owner))
+        for first in range(0, len(these.rows), N_AT_ONCE):
+            beat()
+            rows = np.arange(first, min(first + N_AT_ONCE, len(these.rows)))
+            some = these.some(rows)
+            least = self._needed(some, some.vector @ self.units.T, every[None])
+            apart = self.apart[self.owner[some.rows]][:, self.owner]
+            for k, each in enumerate((least, np.where(apart, least, 0.0))):
+                out[k, rows] = np.argpartition(-each, many - 1, axis=1)[:, :many]
+        return out[0], out[1]
+
+    def needed(self, these: Sizes, close: Ints) -> Floats:
+        """Return the gains over nothing at which effects are told from some rivals each, (n, k) [nats]."""
+        return self._needed(these, self._along(these, close), close)
+
+    def alike(self, these: Sizes, close: Ints) -> Floats:
+        """Return the cosine of the angle between what effects and some rivals each do, (n, k)."""
+        length = np.linalg.norm(these.vector, axis=1)
+        return np.abs(self._along(these, close)) / np.where(length > 0, length, 1.0)[:, None]
+
+    def _along(self, these: Sizes, close: Ints) -> Floats:
+        return np.stack([(these.vector * self.units[j]).sum(axis=1) for j in close.T], axis=1)
+
+    def _needed(self, these: Sizes, along: Floats, close: Ints) -> Floats:
+        """Return the same by what effects do along what rivals do.
+
+        Those have the best multiple of that which is plausible.
+        """
+        best = np.clip(along, self.shortest[close], self.longest[close])
+        square = (these.vector**2).sum(axis=1)[:, None]
+        left = np.clip(1 - (2 * along - best) * best / np.where(square > 0, square, 1.0), 1e-12, 1.0)
+        least = needed(self.against[these.rows][:, None] - self.against[close]) / left
+        own = self.owner[these.rows][:, None]
+        out: Floats = np.where(self.unlike[own, self.owner[close]], 0.0, least)
+        return out
