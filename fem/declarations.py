@@ -109,6 +109,33 @@ class StaticState:
     reactions: Mapping[tuple[str, str], float]
 
 
+@dataclass(frozen=True, slots=True)
+class Relevant:
+    """What a user calls a relevant size of an effect, by what it changes.
+
+    Attributes
+    ----------
+    connections : float
+        Share of its stiffness that a connection lacks; of a rigid one the flexibility that it has, as a share
+        of all there with its surroundings' [-].
+    members : float
+        Share of a member's stiffness, mass per length or depth; of a tension that of the buckling load [-].
+    cracks : float
+        Depth of a crack, in parts of the section's [-].
+    masses : float
+        Of an added mass, in parts of the structure's [-].
+    """
+
+    connections: float = 0.3
+    members: float = 0.1
+    cracks: float = 0.25
+    masses: float = 0.02
+
+    def softness(self, surroundings: float) -> float:
+        """Return the stiffness of a connection that is rigid in the model, by that of its surroundings."""
+        return surroundings * (1 - self.connections) / self.connections
+
+
 class Yardstick(Protocol):
     """Sizes of a structure by which an effect judges whether its values are plausible."""
 

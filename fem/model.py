@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import ArmForce, Entry, Environment, Marker, Role, StaticState, Yardstick
+from fem.declarations import ArmForce, Entry, Environment, Marker, Relevant, Role, StaticState, Yardstick
 from fem.ground import MovingGround
 from fem.mesh import Location, Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
@@ -342,6 +342,21 @@ class Effect(ABC):
             by its key [N/m, N·m/rad].
         """
         return (parameter_values(self),)
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return the value of the first parameter that a user calls relevant; None where nobody has said so.
+
+        Parameters
+        ----------
+        sizes : Relevant
+        mass : float
+            Of the whole structure [kg].
+        scale : callable
+            As of :meth:`starts`.
+        """
+        return None
 
     def covers(self, other: "Effect") -> bool:
         """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import ArmForce, Entry, Marker, Role, StaticState, Yardstick
+from fem.declarations import ArmForce, Entry, Marker, Relevant, Role, StaticState, Yardstick
 from fem.elements.frame import Frame
 from fem.mesh import Location
 from fem.model import (
@@ -202,6 +202,12 @@ class PointMass(Effect):
             for x in places
             for f in (0.005, 0.02, 0.06, 0.2)
         )
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return a relevant mass."""
+        return sizes.masses * mass
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, typical_length, typical_mass
 from fem.model import Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix, refuse_negative
@@ -66,6 +66,12 @@ class JointMass(_JointBody):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 0.1 to 30 % of a member's mass."""
         return tuple({"mass": f * self.reference} for f in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return a relevant mass."""
+        return sizes.masses * mass
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -113,6 +113,16 @@ class JointStiffness(Effect):
             return tuple({"stiffness": float(f * self.assumed)} for f in np.geomspace(1e-3, 1e2, 26))
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return the stiffness of a joint that lacks a relevant share of it."""
+        return (
+            (1 - sizes.connections) * self.assumed
+            if np.isfinite(self.assumed)
+            else sizes.softness(float(np.median([scale(key) for key in self.released()])))
+        )
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.places import is_sprung, stiffness_of_sprung
 from fem.elements.frame import Frame, changes_between, member_contribution, nominal
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
@@ -51,6 +51,12 @@ class _MemberChange(Effect):
         """From half less to twice as much."""
         down, up = (-0.5, -0.25, -0.1, -0.03, -0.01), (0.01, 0.03, 0.1, 0.25, 0.6, 1.0)
         return tuple({"change": c} for c in (*down, *up))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return a relevant decrease."""
+        return -sizes.members
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

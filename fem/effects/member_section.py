@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
 from fem.elements.frame import Frame, changes_between, member_contribution
 from fem.elements.lines import SectionChange
@@ -104,6 +104,12 @@ class MemberSection(OnMember):
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """From 30 % thinner to 40 % thicker."""
         return tuple({"change": c} for c in (-0.3, -0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1, 0.4))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return a relevant decrease."""
+        return -sizes.members
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

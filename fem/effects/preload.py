@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -75,6 +75,12 @@ class Preload(Effect):
         down = (-0.9, -0.3, -0.1, -0.03, -0.01, -0.003)
         up = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
         return tuple({"tension": f * self.buckling} for f in (*down, *up))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return a relevant share of the load under which the member buckles, as tension."""
+        return sizes.members * self.buckling
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.places import elements_of, is_sprung, sheared_frame
 from fem.elements.stretches import loss_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -97,6 +97,12 @@ class StiffnessLoss(Effect):
             for x in np.linspace(0.06, 0.94, 10)
             for f in (0.03, 0.1, 0.3, 0.6, 0.9)
         )
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return the loss of stiffness at a crack of a relevant depth."""
+        return 1 - (1 - sizes.cracks) ** 3
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.joint import joint_unit
 from fem.effects.places import OnSupports
 from fem.effects.support import Support
@@ -60,6 +60,12 @@ class SupportFlexibility(OnSupports):
         """Six decades around the stiffness of the structure at the supports."""
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return the stiffness that leaves a relevant share of the flexibility to the supports."""
+        return sizes.softness(float(np.median([scale(key) for key in self.released()])))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

@@ -167,6 +167,13 @@ class FitFunction:
         J *= per
         return r, self.problem.data.seen(J)
 
+    def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
+        (own, damping, scatter), (hats, offset) = self._parts, self._damping
+        at = np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter])
+        H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
+        return H
+
     @property
     def _scatter_std(self) -> NDArray[np.float64]:
         return np.zeros(0) if self.scatter is None else self.scatter.std

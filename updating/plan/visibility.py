@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from fem.model import Effect
+from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import MOST_VALUES, N_WHOLE, Complexes, Grid, Little, Look
 from updating.inference.effect_priors import prior_of
@@ -40,6 +40,12 @@ FARTHEST = 25.0
 """One step changes a size by this factor at most [-]."""
 N_RIVALS = 12
 """So many closest rivals are compared with an effect at all sizes."""
+BENT = (-4.0, -2.0, 2.0, 4.0)
+"""Prior standard deviations by which uncertain parameters bend further than small changes of them say."""
+WIDE = 0.3
+"""Those with a larger standard deviation do [-]."""
+LARGER = 3.0
+"""Rivals are compared as large as they are seen, and so many times as large [-]."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -81,9 +87,12 @@ class Visible:
     strongest : Effect
         The largest plausible size.
     rival : Effect or None
-        What it is told from last, as it imitates the effect best.
+        What it is told from last, as it imitates the effect best: another effect, or a part of the form that
+        is far from its drawing. None where anything that is seen is named.
     alike : float
         Cosine of the angle between what both do [-].
+    nats : (float, float)
+        Expected gains in log likelihood where it is seen over nothing, and where it is named over that rival.
     """
 
     effect: Effect
@@ -93,6 +102,7 @@ class Visible:
     strongest: Effect
     rival: Effect | None
     alike: float
+    nats: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,42 +153,47 @@ def visibility(
     against = [odds.against((), (e,)) + _dilution(problem, e) for e in candidates]
     against = (np.array(against) + np.log(np.maximum(n_positions, 1)))[small.owner]
     enough = needed(against)
+    bent = _Rivals.bent(sight, against)
+    every = np.tile(np.arange(len(bent.units)), (len(enough), 1))
+
+    def told(rivals: _Rivals, close: Ints, now: Sizes) -> Floats:
+        least = rivals.needed(now, close[now.rows]).max(axis=1, initial=0.0)
+        return now.gain / np.maximum(least, enough[now.rows])
+
     seen, is_seen = small.grown(
-        lambda now: now.gain / enough[now.rows], lambda part: say("what is seen", 0.3 + 0.3 * part)
+        partial(told, bent, every), lambda part: say("what is seen", 0.3 + 0.3 * part)
     )
     say("what is alike", 0.6)
-    rivals = _Rivals.of(seen, candidates, against)
-
-    def told(close: Ints, now: Sizes) -> Floats:
-        least = rivals.needed(now, close[now.rows]).max(axis=1)
-        return now.gain / np.maximum(least, enough[now.rows])
+    larger = seen.at(np.minimum(LARGER * seen.factor, seen.most))
+    rivals = bent.and_effects((seen, larger), candidates)
 
     everywhere, elsewhere = rivals.closest(seen)
     located, is_located = seen.grown(
-        partial(told, elsewhere), lambda part: say("what is located", 0.7 + 0.15 * part)
+        partial(told, rivals, elsewhere), lambda part: say("what is located", 0.7 + 0.15 * part)
     )
     named, is_named = located.grown(
-        partial(told, everywhere), lambda part: say("what is named", 0.85 + 0.15 * part)
+        partial(told, rivals, everywhere), lambda part: say("what is named", 0.85 + 0.15 * part)
     )
-    least = rivals.needed(named, everywhere)
-    last = np.argmax(least, axis=1)
-    alike = rivals.alike(named, everywhere)
-    sooner = is_named & (named.factor < located.factor)
-    located, is_located = located.with_(np.flatnonzero(sooner), named.some(sooner)), is_located | is_named
+    # what is named is located, and what is located is seen
+    located, is_located = located.or_sooner(is_located, named, is_named)
+    seen, is_seen = seen.or_sooner(is_seen, located, is_located)
+    least, alike = rivals.needed(named, everywhere), rivals.alike(named, everywhere)
     found = []
-    for i, effect in enumerate(candidates[o] for o in seen.owner):
-        j = int(everywhere[i, last[i]])
+    for i in range(len(enough)):
         at = [
-            effect.with_values(**each.values(i, each.factor[i])) if good[i] and is_seen[i] else None
+            each.effect(i, each.factor[i]) if good[i] else None
             for each, good in ((seen, is_seen), (located, is_located), (named, is_named))
         ]
-        rival = candidates[seen.owner[j]].with_values(**seen.values(j, seen.factor[j]))
-        absent, strongest = (effect.with_values(**seen.values(i, f)) for f in (0.0, seen.most[i]))
+        last = int(np.argmax(least[i]))
+        j, nats, rival = int(everywhere[i, last]), float(enough[i]), None
+        if least[i, last] > nats:
+            rival, nats = rivals.effects[j], float(needed(against[i] - rivals.odds[j]))
         found.append(
             Visible(
-                absent, *at, strongest, rival if least[i, last[i]] > 0 else None, float(alike[i, last[i]])
+                seen.effect(i, 0.0), *at, seen.effect(i, seen.most[i]), rival, float(alike[i, last]),
+                (float(enough[i]), nats),
             )
-        )
+        )  # fmt: skip
     return Visibility(problem, tuple(found), left)
 
 
@@ -192,6 +207,11 @@ def _dilution(problem: FitProblem, effect: Effect) -> float:
     variables = effect_unknowns((effect,), (values,))
     wide = next((prior_of(problem, effect, v).range for v in variables if v.ref == first), 0.0)
     return float(np.log(max(wide, 1.0) * KNOWN / np.sqrt(2 * np.pi)))
+
+
+def _in_proportion(model: Model, ref: ParameterRef) -> bool:
+    """Whether a parameter of a model changes its matrices in proportion."""
+    return any(p.linear and not p.log for p in model.effect(ref[0]).parameters() if p.name == ref[1])
 
 
 @dataclass(eq=False)
@@ -243,6 +263,36 @@ class Sight:
         cost = self.look.likelihood.cost
         known = 0.5 * (change[:, self._n :].real ** 2).sum(axis=1)
         return np.array([cost(self._level + each) for each in v]) - cost(self._level) + known
+
+    def bent(self) -> tuple[list[Effect], Floats, Floats]:
+        """Return uncertain parameters far from where they are: effects, what they do (n, r), and how far (n,).
+
+        Far in prior standard deviations. Of those that change the model otherwise than in proportion:
+        flexibilities whose logarithms vary.
+        """
+        problem, base = self.problem, self.base
+        function = problem.function(
+            base.effects, [parameter_values(e) for e in base.effects], self.look.lines
+        )
+        x, prior, limits = function.moved_to(base), function.prior(), function.limits()
+        effects, H, far = [], [], []
+        for k, v in enumerate(function.variables):
+            if not np.isfinite(prior.std[k]) or prior.std[k] * (1.0 if v.log else v.scale) < WIDE:
+                continue
+            if all(_in_proportion(problem.reduced.model, ref) for ref in v.refs):
+                continue
+            for z in BENT:
+                moved = x.copy()
+                moved[k] = np.clip(prior.mean[k] + z * prior.std[k], *limits[k])
+                if moved[k] != x[k]:
+                    own = zip(v.refs, v.moved(moved[k]), strict=True)
+                    (name, parameter), value = next(own)
+                    effects.append(problem.reduced.model.effect(name).with_values(**{parameter: value}))
+                    H.append(function.receptance(moved))
+                    far.append(abs(moved[k] - prior.mean[k]) / prior.std[k])
+        if not H:
+            return [], np.zeros((0, len(self._root))), np.zeros(0)
+        return effects, self.flat(self.look.adapted(self.look.change_to(H))), np.array(far)
 
     def flat(self, change: Complexes) -> Floats:
         """Return changes as vectors (n, r), whose squares are twice their gains where these are small."""
@@ -307,6 +357,10 @@ class Sizes:
         """Return the parameter values of an effect at a size."""
         return self.littles[self.owner[i]].values(int(self.k[i]), factor)
 
+    def effect(self, i: int, factor: float) -> Effect:
+        """Return an effect at a size."""
+        return self.littles[self.owner[i]].grid.effect.with_values(**self.values(i, factor))
+
     def some(self, which: NDArray[np.bool_] | Ints) -> "Sizes":
         """Return some of these."""
         own = {
@@ -338,22 +392,39 @@ class Sizes:
         say : callable
             Is told the part done.
         """
-        most, power = self.most, np.full(len(self.rows), 2.0)
-        now, reached = self, np.maximum(ratio(self), 1e-300)
+        most, power = np.log(self.most), np.full(len(self.rows), 2.0)
+        reached = np.log(np.maximum(ratio(self), 1e-300))
+        now, size = self, np.log(self.factor)
+        low, high = np.full(len(size), -np.inf), np.full(len(size), np.inf)
+        enough = self
         for step in range(N_STEPS):
             say(step / N_STEPS)
-            by = np.exp(np.clip(-np.log(reached) / power, -np.log(FARTHEST), np.log(FARTHEST)))
-            factor = np.minimum(now.factor * by, most)
-            open_ = np.flatnonzero(np.abs(np.log(factor / now.factor)) > WITHIN)
+            is_enough = reached >= np.log(1 - SHORT)
+            high = np.where(is_enough, np.minimum(high, size), high)
+            low = np.where(is_enough, low, np.maximum(low, size))
+            after = np.clip(size - np.clip(reached / power, -np.log(FARTHEST), np.log(FARTHEST)), None, most)
+            # between what is enough and what is not
+            beyond = (after <= low) | (after >= high)
+            after = np.where(beyond & np.isfinite(low + high), (low + high) / 2, after)
+            open_ = np.flatnonzero((np.abs(after - size) > WITHIN) & ~(np.abs(reached) < SHORT))
             if not open_.size:
                 break
-            then = now.some(open_).at(factor[open_])
-            found = np.maximum(ratio(then), 1e-300)
-            grown = np.log(then.factor / now.factor[open_])
-            power[open_] = np.clip(np.log(found / reached[open_]) / grown, 0.5, 4.0)
-            reached[open_] = found
+            then = now.some(open_).at(np.exp(after[open_]))
+            found = np.log(np.maximum(ratio(then), 1e-300))
+            power[open_] = np.clip((found - reached[open_]) / (after - size)[open_], 0.5, 4.0)
+            reached[open_], size[open_] = found, after[open_]
             now = now.with_(open_, then)
-        return now, reached >= 1 - SHORT
+            better = open_[(found >= np.log(1 - SHORT)) & (after[open_] < high[open_])]
+            enough = enough.with_(better, now.some(better))
+        is_enough = np.isfinite(np.where(reached >= np.log(1 - SHORT), size, high))
+        return enough.with_(np.flatnonzero(~is_enough), now.some(~is_enough)), is_enough
+
+    def or_sooner(
+        self, good: NDArray[np.bool_], other: "Sizes", other_good: NDArray[np.bool_]
+    ) -> "tuple[Sizes, NDArray[np.bool_]]":
+        """Return the smaller ones of these and other sizes that are enough, and which are."""
+        sooner = np.flatnonzero(other_good & (~good | (other.factor < self.factor)))
+        return self.with_(sooner, other.some(sooner)), good | other_good
 
     def with_(self, which: Ints, then: "Sizes") -> "Sizes":
         """Return these with some at other sizes."""
@@ -365,34 +436,51 @@ class Sizes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rivals:
-    """All effects at the sizes at which they are seen, as what might stand for others.
+    """What might stand for effects: uncertain parameters far off, and all effects where they are seen.
 
     Attributes
     ----------
+    effects : tuple of Effect
     units : ndarray (n, r)
         What each does, of length 1.
     shortest, longest : ndarray (n,)
         Multiples of that which are plausible.
-    against : ndarray (n,)
+    odds : ndarray (n,)
         Log odds against each beforehand.
+    against : ndarray (n_effects,)
+        Those against the effects that are told from them.
     owner : ndarray of int (n,)
-        Candidate of each.
+        Candidate of each, -1 for none.
     unlike, apart : ndarray of bool (n_candidates, n_candidates)
         Which are no rivals, since the second is the first or contains it, and which act at other places.
     """
 
+    effects: tuple[Effect, ...]
     units: Floats
     shortest: Floats
     longest: Floats
+    odds: Floats
     against: Floats
     owner: Ints
     unlike: NDArray[np.bool_]
     apart: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, sizes: Sizes, candidates: Sequence[Effect], against: Floats) -> "_Rivals":
+    def bent(cls, sight: Sight, against: Floats) -> "_Rivals":
+        """Return what uncertain parameters can do far from where they are, which is nothing missing."""
+        effects, vectors, far = sight.bent()
+        length = np.hypot(np.linalg.norm(vectors, axis=1), far)
+        units, none = vectors / length[:, None], np.zeros((0, 0), dtype=bool)
+        owner = np.full(len(far), -1)
+        zero = np.zeros(len(far))
+        return cls(tuple(effects), units, zero, length, zero, against, owner, none, none)
+
+    def and_effects(self, sizes: Sequence[Sizes], candidates: Sequence[Effect]) -> "_Rivals":
+        """Return these with effects at some sizes."""
         n = len(candidates)
-        unlike, apart = np.eye(n, dtype=bool), np.ones((n, n), dtype=bool)
+        # the last row and column stand for what is no effect
+        unlike, apart = np.eye(n + 1, dtype=bool), np.ones((n + 1, n + 1), dtype=bool)
+        unlike[n, n] = False
         for j, e in enumerate(candidates):
             for i, other in enumerate(candidates) if e.contains else ():
                 unlike[i, j] |= other.kind in e.contains and e.covers(other)
@@ -402,11 +490,21 @@ class _Rivals:
                 members.setdefault(name, []).append(i)
         for some in members.values():
             apart[np.ix_(some, some)] = False
-        length = np.linalg.norm(sizes.vector, axis=1)
-        units = sizes.vector / np.where(length > 0, length, 1.0)[:, None]
-        longest = length * sizes.most / sizes.factor
-        both = np.array([not little.grid.one_sided() for little in sizes.littles])[sizes.owner]
-        return cls(units, np.where(both, -longest, 0.0), longest, against, sizes.owner, unlike, apart)
+        out = replace(self, unlike=unlike, apart=apart)
+        for each in sizes:
+            length = np.linalg.norm(each.vector, axis=1)
+            longest = length * each.most / each.factor
+            both = np.array([not little.grid.one_sided() for little in each.littles])[each.owner]
+            out = replace(
+                out,
+                effects=(*out.effects, *(each.effect(i, each.factor[i]) for i in range(len(longest)))),
+                units=np.vstack([out.units, each.vector / np.where(length > 0, length, 1.0)[:, None]]),
+                shortest=np.concatenate([out.shortest, np.where(both, -longest, 0.0)]),
+                longest=np.concatenate([out.longest, longest]),
+                odds=np.concatenate([out.odds, self.against]),
+                owner=np.concatenate([out.owner, each.owner]),
+            )
+        return out
 
     def closest(self, these: Sizes) -> tuple[Ints, Ints]:
         """Return the rivals (n, k) that are told from effects last, anywhere and at other places."""
@@ -418,7 +516,7 @@ class _Rivals:
             rows = np.arange(first, min(first + N_AT_ONCE, len(these.rows)))
             some = these.some(rows)
             least = self._needed(some, some.vector @ self.units.T, every[None])
-            apart = self.apart[self.owner[some.rows]][:, self.owner]
+            apart = self.apart[some.owner][:, self.owner]
             for k, each in enumerate((least, np.where(apart, least, 0.0))):
                 out[k, rows] = np.argpartition(-each, many - 1, axis=1)[:, :many]
         return out[0], out[1]
@@ -443,7 +541,7 @@ class _Rivals:
         best = np.clip(along, self.shortest[close], self.longest[close])
         square = (these.vector**2).sum(axis=1)[:, None]
         left = np.clip(1 - (2 * along - best) * best / np.where(square > 0, square, 1.0), 1e-12, 1.0)
-        least = needed(self.against[these.rows][:, None] - self.against[close]) / left
-        own = self.owner[these.rows][:, None]
-        out: Floats = np.where(self.unlike[own, self.owner[close]], 0.0, least)
-        return out
+        least: Floats = needed(self.against[these.rows][:, None] - self.odds[close]) / left
+        if not len(self.unlike):
+            return least
+        return np.where(self.unlike[these.owner[:, None], self.owner[close]], 0.0, least)

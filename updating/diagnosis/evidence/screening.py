@@ -90,7 +90,7 @@ class Grid:
         slight = []
         for points in alike.values():
             p = self._first(points[0], absent)
-            strength = np.abs([_distance(p, point[first]) for point in points])
+            strength = np.abs([distance(p, point[first]) for point in points])
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
             slight.append((_scaled(p, points[weakest], WEAKER), most / strength[weakest] / WEAKER))
@@ -134,7 +134,7 @@ def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, f
     return {**point, p.name: float(min(max(value, p.lower), p.upper))}
 
 
-def _distance(p: Parameter, value: float) -> float:
+def distance(p: Parameter, value: float) -> float:
     """Return how far a value of a parameter is from where the effect is absent, with its sign."""
     if np.isinf(p.absent):
         return 1 / value
@@ -432,9 +432,13 @@ class Look:
         return Little(grid, little.points, absent, self.changes(little), most)
 
     def changes(self, grid: Grid) -> Complexes:
-        """Return what a candidate does to the residuals of the whole band, (n_points, m); 0 if it cannot be."""
+        """Return what a candidate does to the whole band's residuals, (n_points, m); 0 if it cannot be."""
         r, possible = self._at(grid)
         return np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
+
+    def change_to(self, H: Sequence[Complexes]) -> Complexes:
+        """Return what other receptances (n_lines, n_out, n_in) change of the whole band's residuals, (n, m)."""
+        return (self._residuals(H) - self._now)[:, self.whole]
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return the residuals of a candidate at its points, and which of them can be."""

@@ -1,0 +1,182 @@
+"""What a test could see and name of the effects that matter to its user."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fem.declarations import Relevant
+from fem.effects.places import member_mass
+from fem.model import Effect, Model
+from updating.diagnosis.candidates import situated
+from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
+from updating.diagnosis.evidence.hypothesis import Odds, near_to
+from updating.diagnosis.evidence.screening import distance
+from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.formed import formed_problem
+from updating.inference.heartbeat import Progress
+from updating.inference.parameters import Nuisance
+from updating.inference.scatter import form_scatter
+from updating.measurement.measurement import Measurement
+from updating.plan.planned import usual_discrepancy
+from updating.plan.visibility import Visibility, Visible, visibility
+
+USUAL = Relevant()
+"""Sizes that are relevant unless it is said otherwise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """An effect at a position, and whether the test sees and names a relevant size of it.
+
+    Attributes
+    ----------
+    visible : Visible
+    relevant : Effect
+        Of the size that its user calls relevant.
+    seen, located, named : bool
+    """
+
+    visible: Visible
+    relevant: Effect
+    seen: bool
+    located: bool
+    named: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """What a test could see and name.
+
+    Attributes
+    ----------
+    visibility : Visibility
+    model : Model
+    measurement : Measurement
+        The test: measured, or as its model would give it.
+    sizes : Relevant
+    relevant : tuple of Outlook
+        Effects at one place, of kinds for which a relevant size is stated.
+    is_measured : bool
+        Whether the data are measured ones.
+    """
+
+    visibility: Visibility
+    model: Model
+    measurement: Measurement
+    sizes: Relevant
+    relevant: tuple[Outlook, ...]
+    is_measured: bool
+
+    def coverage(self, what: str = "named", kind: str | None = None) -> float:
+        """Return the share of relevant effects that are ``seen``, ``located`` or ``named``, of a kind or all."""
+        some = [getattr(o, what) for o in self.relevant if kind in (None, o.relevant.kind)]
+        return float(np.mean(some)) if some else np.nan
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds with relevant sizes, in the order of the candidates."""
+        return tuple(dict.fromkeys(o.relevant.kind for o in self.relevant))
+
+    @property
+    def twins(self) -> tuple[tuple[Outlook, Effect], ...]:
+        """Relevant effects that are seen but not named, each with its rival; pairs once, the closest first."""
+        found: dict[frozenset[str], tuple[Outlook, Effect]] = {}
+        some = [o for o in self.relevant if o.seen and not o.named and o.visible.rival is not None]
+        for o in sorted(some, key=lambda o: -o.visible.alike):
+            rival = o.visible.rival
+            assert rival is not None
+            found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
+        return tuple(found.values())
+
+
+def plan_test(
+    model: Model,
+    measurement: Measurement,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    sizes: Relevant = USUAL,
+    model_error: float = EXPLAINED_LEVEL,
+    left: float | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Plan:
+    """Return what a test that is planned could see and name.
+
+    Parameters
+    ----------
+    model : Model
+    measurement : Measurement
+        The test as its model would give it (:func:`updating.plan.planned.planned_measurement`).
+    nuisances, kinds, exclude, model_error
+        As of :func:`updating.diagnosis.diagnose.diagnose`.
+    sizes : Relevant
+    left : float, optional
+        Level that a right model leaves beside noise; what beams usually leave unless given [nepers].
+    progress : callable, optional
+        Called with a text and the fraction done.
+    **settings
+        Damping, band and lines, as of :func:`updating.diagnosis.diagnose.diagnose`.
+    """
+    say = progress or (lambda text, done: None)
+    say("reducing the model", 0.0)
+    whole, formed = formed_problem(
+        situated(model, kinds), measurement, nuisances, model_error=model_error, **settings
+    )
+    candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
+    base = whole.nominal()
+    problem = replace(whole, scatter=form_scatter(whole, base))
+    odds = Odds.of(candidates, problem.reduced.model)
+    left = usual_discrepancy(model_error) if left is None else left
+    seen = visibility(problem, base, candidates, odds, left, _from(say, 0.1))
+    return _plan(seen, formed.model, measurement, sizes, is_measured=False)
+
+
+def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
+    """Return what measured data could still have shown beside what a diagnosis has found.
+
+    Parameters
+    ----------
+    searched : Searched
+    sizes : Relevant
+    progress : callable, optional
+        Called with a text and the fraction done.
+    """
+    search, best = searched.search, searched.best
+    problem = search.fits.free(best)
+    assert isinstance(problem, FitProblem)
+    candidates = [c for c in search.fit_beside(best.effects) if not c.amplitude_dependent]
+    say = progress or (lambda text, done: None)
+    seen = visibility(problem, best.fitted, candidates, search.fits.odds, 0.0, say)
+    return _plan(seen, problem.reduced.model, problem.data.measurement, sizes, is_measured=True)
+
+
+def _plan(
+    seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant, *, is_measured: bool
+) -> Plan:
+    mass = sum(member_mass(model, m) for m in model.mesh.members)
+    found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]
+    return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None), is_measured)
+
+
+def _outlook(
+    x: Visible, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+) -> Outlook | None:
+    value = x.effect.relevant(sizes, mass, scale)
+    if value is None or len(near_to(x.effect)) > 1:
+        return None
+    p = x.effect.parameters()[0]
+    relevant = x.effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
+    size = abs(distance(p, relevant.parameters()[0].value))
+    seen, located, named = (
+        e is not None and abs(distance(p, e.parameters()[0].value)) <= size
+        for e in (x.seen, x.located, x.named)
+    )
+    return Outlook(x, relevant, seen, located, named)
+
+
+def _from(say: Progress, begun: float) -> Progress:
+    return lambda text, done: say(text, begun + (1 - begun) * done)
