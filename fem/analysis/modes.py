@@ -463,6 +463,11 @@ def n_negative(A: Any, factor: Factor) -> int:
         return factorise(A, backend="multifrontal").count_negative()
 
 
+def n_unstable(system: System) -> int:
+    """Return how many motions have a negative stiffness, by the signs of pivots, but for rounding."""
+    return _shifted(system)[3]
+
+
 def rigid_body_motions(system: System) -> NDArray[np.float64]:
     """Return an M-orthonormal basis of the structure's rigid-body motions.
 

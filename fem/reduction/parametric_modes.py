@@ -214,17 +214,13 @@ class ModesAt:
         """Return all undamped modes, with what depends on frequency at that of the mode asked for."""
         key = i if self._total["laws"] else 0
         if key not in self._known:
-            self._known[key] = self._solved(key, 0.0)
+            self._known[key] = self._solved(key)
         return self._known[key]
 
-    def _solved(self, i: int, share: float) -> Pairs:
-        """Solve the eigenproblem; ``share`` of the local damping counts as stiffness."""
+    def _solved(self, i: int) -> Pairs:
         K = self._total["K"]
         for factor, X in self._total["laws"]:
             K = K + float(factor[i].real) * X
-        if share:
-            S = self._resisting(i)
-            K = K + share * (S + S.T) / 2
         lam, V = sla.eigh(K, self._total["M"], check_finite=False)
         n_rigid = self.reduced.basis.n_rigid  # fewer where something holds the structure
         n_rigid = int((np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])).sum())
@@ -245,30 +241,74 @@ class ModesAt:
             A = A + float(factor[i].real) * X
         return A
 
-    def damped(self, i: int, k: int) -> DampedMode:
-        """Return mode k of :meth:`pairs` with its damping, at frequency i."""
-        pairs = self.pairs(i)
-        x = pairs.vectors[:, k]
-        lam = float(pairs.eigenvalues[k])
-        if not self._local:
-            own = x @ self._total["connections"] @ x if len(self._zeta) > 1 else 0.0
-            bare = self._members[i] * lam + (self._connections[i] - self._members[i]) * own
-            return DampedMode(complex(bare + self._mass[i]), x)
-        A, M = self._whole(i), self._total["M"]
-        first = complex(x @ A @ x) + self._mass[i]
-        if abs(x @ self._resisting(i) @ x) <= FIRST_ORDER * max(lam, 1e-300):
-            return DampedMode(first, x)
-        stiff = self._solved(i, 1.0)
-        like = np.abs(stiff.vectors.T @ (M @ x)) - np.abs(np.log(np.maximum(stiff.eigenvalues, 1e-9) / lam))
-        y: NDArray[Any] = stiff.vectors[:, int(np.argmax(like))].astype(complex)
+    def damped(self, partner: NDArray[np.int64]) -> list[DampedMode | None]:
+        """Return modes of :meth:`pairs` with their damping, one at each frequency.
+
+        Parameters
+        ----------
+        partner : ndarray of int (n,)
+            Their numbers, -1 for none.
+        """
+        out: list[DampedMode | None] = [None] * len(partner)
+        there = np.flatnonzero(partner >= 0)
+        if not there.size:
+            return out
+        each = [(self.pairs(i), k) for i, k in zip(there.tolist(), partner[there].tolist(), strict=True)]
+        x = np.stack([pairs.vectors[:, k] for pairs, k in each], axis=1)
+        lam = np.array([pairs.eigenvalues[k] for pairs, k in each])
+        total, omega, members = self._total, self.omega[there], self._members[there]
+
+        def of(X: Floats) -> Floats:
+            return np.einsum("rk,rk->k", x, X @ x)
+
+        first = members * lam + self._mass[there]
+        if len(self._zeta) > 1:
+            first = first + (self._connections[there] - members) * of(total["connections"])
+        strong = np.zeros(len(there), dtype=bool)
+        if self._local:
+            laws = [(factor[there], of(X)) for factor, X in total["laws"]]
+            resisting = omega * of(total["C"]) + of(total["D"]) + sum(np.imag(f) * s for f, s in laws)
+            # Laws have losses of their own: what they store is not damped as members are.
+            first = first + 1j * resisting + (1 - members) * sum(np.real(f) * s for f, s in laws)
+            strong = np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)
+        for c, i in enumerate(there.tolist()):
+            out[i] = DampedMode(complex(first[c]), x[:, c])
+        if strong.any():
+            for i, mode in zip(there[strong].tolist(), self._followed(there[strong], partner), strict=True):
+                out[i] = mode
+        return out
+
+    def _followed(self, some: NDArray[np.int64], partner: NDArray[np.int64]) -> list[DampedMode]:
+        """Return modes with strong local damping at some frequencies, from where they have none.
+
+        All at once, in the coordinates of the undamped modes.
+        """
+        pairs = [self.pairs(i) for i in some.tolist()]
+        lam = np.stack([p.eigenvalues for p in pairs])
+        modal = {id(p): self.on(p.vectors) for p in pairs}
+        A = np.stack([modal[id(p)]._whole(i) for i, p in zip(some.tolist(), pairs, strict=True)])
+        S = np.stack([modal[id(p)]._resisting(i) for i, p in zip(some.tolist(), pairs, strict=True)])
+        n = np.arange(lam.shape[1])
+        stiff = (S + S.transpose(0, 2, 1)) / 2
+        stiff[:, n, n] += lam
+        moved, W = np.linalg.eigh(stiff)
+        each, k = np.arange(len(some)), partner[some]
+        like = np.abs(W[each, k]) - np.abs(np.log(np.maximum(moved, 1e-9) / lam[each, k][:, None]))
+        y: NDArray[Any] = W[each, :, np.argmax(like, axis=1)].astype(complex)
+
+        def quotient(y: NDArray[Any]) -> NDArray[Any]:
+            return np.einsum("cr,crs,cs->c", y, A, y) / (y**2).sum(axis=1)
+
         for _ in range(REFINEMENTS):
-            at = (y @ A @ y) / (y @ M @ y)
+            shifted = A.copy()
+            shifted[:, n, n] -= quotient(y)[:, None]
             try:
-                y = np.linalg.solve(A - at * M, M @ y)
-            except np.linalg.LinAlgError:
+                y = np.linalg.solve(shifted, y[:, :, None])[:, :, 0]
+            except np.linalg.LinAlgError:  # an eigenvalue to the last digit
                 break
-            y = y / np.sqrt(y @ M @ y)
-        return DampedMode(complex(y @ A @ y) + self._mass[i], y)
+            y = y / np.sqrt((y**2).sum(axis=1, keepdims=True))
+        values = quotient(y) + self._mass[some]
+        return [DampedMode(complex(v), p.vectors @ z) for v, p, z in zip(values, pairs, y, strict=True)]
 
     def slopes(
         self, modes: Sequence[tuple[int, int, DampedMode]], terms: Sequence[tuple[int, Term]], n: int

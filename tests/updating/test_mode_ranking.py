@@ -25,7 +25,7 @@ MODULUS = "frame", "E:steel"
 
 def look_at(model, data, noise=1e-4) -> Any:
     problem = build_mode_problem(model, measured(data, noise=noise), (E,), model_error=0.0)
-    return ModeLook(problem, problem.nominal())
+    return ModeLook.of(problem, problem.nominal())
 
 
 def every(model, kind) -> Any:
@@ -36,12 +36,12 @@ def test_the_slopes_of_a_connection_are_those_of_differences():
     model = cantilever()
     look = look_at(model, model)
     for effect in every(model, "support_flexibility"):
-        (point, _), *_ = Grid.of(look.problem, effect).slight_points()
+        (point, _), *_ = Grid.of(look.changes.problem, effect).slight_points()
         effect = effect.with_values(**point)
-        at = look._function.modes_at(look.current_x, effect.released())
-        weak = at.with_term(look.problem.reduced.value_of(effect))
-        r, _ = look._function.residuals(weak)
-        changed = look.adapted((r - look._found[0])[None])[0]
+        at = look.changes.function.modes_at(look.changes.x, effect.released())
+        weak = at.with_term(look.changes.problem.reduced.value_of(effect))
+        r, _ = look.changes.function.residuals(weak)
+        changed = look.adapted((r - look.changes.found[0])[None])[0]
         slope = look.slopes([effect])[0]
         seen = np.linalg.norm(changed) > 1e-6  # torsion, which no sensor has, is not
         assert np.linalg.norm(slope - changed) < (1e-2 * np.linalg.norm(changed) if seen else 1e-6)
@@ -70,27 +70,31 @@ def test_a_hinge_turns_what_has_mass_beside_any_modulus(softer):
     model = angle()
     targets = ModeTargets.of(first_modes(assemble(model), 6).frequency[:6], 1e-3)
     problem = build_mode_problem(model, targets, (E,), model_error=0.0)
-    look = ModeLook(problem, replace(problem.nominal(), values={MODULUS: softer * model.values()[MODULUS]}))
-    there = model.with_values(look.current.values)
+    look = ModeLook.of(
+        problem, replace(problem.nominal(), values={MODULUS: softer * model.values()[MODULUS]})
+    )
+    there = model.with_values(look.changes.current.values)
     moved = 0
     for hinge in every(model, "end_release"):
         grid = Grid.of(problem, hinge)
         grid = replace(grid, points=grid.points[-3:])
-        for point, term in zip(grid.points, terms_beside(problem, look.current, grid), strict=True):
-            at, term = look._with_lacking(look.around((), term), term)
+        for point, term in zip(grid.points, terms_beside(problem, look.changes.current, grid), strict=True):
+            at, term = look.changes._with_lacking(look.changes.around((), term), term)
             found = at.with_term(term).pairs(0).frequency[:6]
             true = solve_modes(assemble(there.with_effect(hinge.with_values(**point))), 6).frequency
             np.testing.assert_allclose(found, true, rtol=0.02)
-            moved += bool(true[0] < 0.9 * look._base.pairs(0).frequency[0])
+            moved += bool(true[0] < 0.9 * look.changes.base.pairs(0).frequency[0])
     assert moved > 3
 
 
 def test_a_change_weaker_than_any_grid_is_ranked_first():
     model = cantilever()
     effect = next(e for e in every(model, "support_flexibility") if e.direction == "ry")
-    stiffest = max(p["stiffness"] for p in Grid.of(look_at(model, model).problem, effect).points)
+    stiffest = max(p["stiffness"] for p in Grid.of(look_at(model, model).changes.problem, effect).points)
     true = effect.with_values(stiffness=10 * stiffest)
     look = look_at(model, model.with_effect(true), noise=1e-6)
-    ranked = ModeRanking().screened(look.problem, look.current, every(model, "support_flexibility"), bool)
+    ranked = ModeRanking().screened(
+        look.changes.problem, look.changes.current, every(model, "support_flexibility"), bool
+    )
     assert ranked[0].effect.name == effect.name
     assert ranked[0].starts[0].values[0]["stiffness"] == pytest.approx(10 * stiffest, rel=0.05)

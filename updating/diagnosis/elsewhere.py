@@ -65,7 +65,7 @@ def _other_positions(search: Search, h: Hypothesis, effect: Effect) -> list[dict
     if position is None or not isinstance(problem, ModeProblem):
         return []
     grid = Grid.of(problem, effect)  # type: ignore[arg-type]
-    left = ModeLook(problem, h.fitted.without(effect.name), all_belong=True).left_by(grid)
+    left = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).left_by(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)
     best = [min(np.flatnonzero(at == place), key=lambda k: left[k]) for place in places]

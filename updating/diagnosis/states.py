@@ -197,7 +197,10 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     n = len(function.variables)
     if not n:
         return None
-    _, J = function(function.moved_to(first.fitted), True)
+    # The two states may have different frequencies, at which the damping curve has its knots.
+    others = first.fitted.zeta[len(first.problem.damping.knots) :]
+    there = replace(first.fitted, zeta=np.append(problem.damping.nominal, others))
+    _, J = function(function.moved_to(there), True)
     assert J is not None
     # Units of x may differ between the two problems: the covariance is that of values.
     size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])

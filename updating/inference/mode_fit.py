@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef, parameter_values
-from fem.reduction.parametric_modes import DampedMode, ModesAt, Pairs, ParametricModes
+from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
 from updating.inference.belief import FORM_LEFT
@@ -225,7 +225,7 @@ class ModeProblem:
         matched, everything = (matched_modes(self, at, modes) for modes in (fitted, every))
         partner, mac = everything.partner.copy(), everything.mac.copy()
         partner[fitted], mac[fitted] = matched.partner, matched.mac
-        modes = [at.damped(i, int(k)) if k >= 0 else None for i, k in enumerate(partner)]
+        modes = at.damped(partner)
         f = np.array([np.nan if m is None else m.frequency for m in modes])
         return ComputedModes(f, np.array([np.nan if m is None else m.zeta for m in modes]), mac, partner)
 
@@ -247,6 +247,11 @@ class ModeProblem:
         fitted = propagated(function, x, function.units, result.covariance)[: t.n] * weight / weight.min()
         left = levels.discrepancy_left(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
         return np.where(predicted, np.sqrt(fitted**2 + left + self.mesh_level**2), np.nan)
+
+    @cached_property
+    def squares_left(self) -> Floats:
+        """Mean squares that a right model may leave beyond noise, of each group of residuals, (n_groups,)."""
+        return self.function((), (), self.targets.fitted).left()
 
     def readings(self) -> tuple[Reading, ...]:
         """Return the readings that fits see, in the order of the groups of residuals."""
@@ -307,6 +312,82 @@ def n_below(problem: ModeProblem) -> int:
     return int((problem.seen(at) & (at.pairs(0).frequency <= problem.targets.frequency[-1])).sum())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MetModes:
+    """Computed modes that are the partners of n measured ones.
+
+    Attributes
+    ----------
+    found : list
+    phi, B : ndarray (n, n_out), (n, n_out, k)
+        Their shapes and those of other modes that they mix with, as of :class:`ShapeResiduals`.
+    """
+
+    found: Partners
+    phi: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0)))
+    B: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeResiduals:
+    """Residuals of shapes, s (1 - P) W ψ with P the projection on W φ.
+
+    W = (1 + B Bᵀ)^-½ with the columns m_k φ_k of B over other modes k: the model's error of stiffness mixes
+    neighbours, the more the nearer they are, m_k ~ ε / 2|ln f ratio|. With BᵀB = V diag(x) Vᵀ and F = B V
+    it is 1 - F diag(1 / (√(1 + x) (1 + √(1 + x)))) Fᵀ. At outputs without a measured value all is 0.
+
+    Attributes
+    ----------
+    a, b : ndarray (n, n_out)
+        W φ and W ψ.
+    F, less : ndarray (n, n_out, k), (n, k)
+        F, and the factors of its directions.
+    scale : ndarray (n,)
+        s.
+    residuals : ndarray (n, n_out)
+    """
+
+    a: NDArray[Any]
+    b: NDArray[Any]
+    F: Floats
+    less: Floats
+    scale: Floats
+    residuals: NDArray[Any]
+
+    @classmethod
+    def of(cls, phi: NDArray[Any], psi: NDArray[Any], B: Floats, scale: Floats) -> ShapeResiduals:
+        """Return the residuals of measured shapes psi beside computed ones phi, (n, n_out)."""
+        x, V = np.linalg.eigh(B.transpose(0, 2, 1) @ B)
+        root = np.sqrt(1 + np.maximum(x, 0.0))
+        bare = cls(phi, psi, B @ V, 1 / (root * (1 + root)), scale, psi)
+        a, b = bare._mixed(np.stack([phi, psi], axis=1)).transpose(1, 0, 2)
+        e = b - a * (_dot(a, b) / _dot(a, a))[:, None]
+        return replace(bare, a=a, b=b, residuals=e * scale[:, None])
+
+    def _mixed(self, d: NDArray[Any]) -> NDArray[Any]:
+        """Return W d for d (n, ..., n_out)."""
+        return d - ((d @ self.F) * self.less[:, None]) @ self.F.transpose(0, 2, 1)
+
+    def slopes(self, moved: Complexes) -> NDArray[Any]:
+        """Return what changes (n, n_changes, n_out) of φ do to the residuals.
+
+        Golub and Pereyra, *SIAM J. Numer. Anal.* 10, 1973, (4.12).
+        """
+        a, b, d = self.a, self.b, self._mixed(moved)
+        d = d if np.iscomplexobj(b) else np.real(d)
+        size = _dot(a, a)[:, None, None]
+        c = (_dot(a, b)[:, None] / size[:, 0])[:, None]
+        e, a = (b - a * c[:, 0])[:, None], a[:, None]
+        first = c * (d - a * ((d * a.conj()).sum(axis=2, keepdims=True) / size))
+        second = a * ((d.conj() * e).sum(axis=2, keepdims=True) / size)
+        return -(first + second) * self.scale[:, None, None]
+
+
+def _dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Return aᴴ b of each row."""
+    return (a.conj() * b).sum(axis=-1)
+
+
 @dataclass(eq=False)
 class ModeFunction(FitFunction):
     """Residuals of measured modes as a function of all that varies; ``lines`` are the modes.
@@ -335,8 +416,11 @@ class ModeFunction(FitFunction):
         """Standard deviations of frequencies, damping ratios and shapes, of the modes that have them."""
         t, modes = self._data, self.lines
         frequency = np.hypot(t.frequency_std[modes], self._modes_problem.mesh_level)
-        damped = modes[np.isfinite(t.zeta[modes])]
-        return [frequency, t.zeta_std[damped], t.shape_std[modes] if t.has_shapes else np.zeros(0)]
+        return [
+            frequency,
+            t.zeta_std[modes[self._damped]],
+            t.shape_std[modes] if t.has_shapes else np.zeros(0),
+        ]
 
     @cached_property
     def _known(self) -> NDArray[np.bool_]:
@@ -455,71 +539,91 @@ class ModeFunction(FitFunction):
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
         """Return the weighted residuals (m,) of computed modes, and which of them are the partners."""
-        t, modes = self._data, self.lines
-        matched = matched_modes(self._modes_problem, at, modes)
-        found = [(i, int(k), at.damped(i, int(k))) if k >= 0 else None for i, k in enumerate(matched.partner)]
-        f_std, zeta_std, _ = self._deviation
-        off = [
-            FAR if m is None else np.log(m[2].frequency / t.frequency[modes[i]]) for i, m in enumerate(found)
+        met = self.met(at)
+        return self.residuals_of([met])[0], met.found
+
+    def met(self, at: ModesAt) -> MetModes:
+        """Return the computed modes that are the partners of the measured ones."""
+        partner = matched_modes(self._modes_problem, at, self.lines).partner
+        found: Partners = [
+            None if m is None else (i, int(partner[i]), m) for i, m in enumerate(at.damped(partner))
         ]
-        parts: list[Any] = [np.array(off) * (f_std.min() / f_std)]
-        damped = [i for i, mode in enumerate(modes) if np.isfinite(t.zeta[mode])]
-        if damped:
-            off = []
-            for i in damped:
-                m = found[i]
-                off.append(FAR if m is None else np.log(max(m[2].zeta, 1e-9) / t.zeta[modes[i]]))
-            parts.append(np.array(off) * (zeta_std.min() / zeta_std))
-        for i in range(len(modes)) if t.has_shapes else ():
-            parts.append(self._of_shape(i, found[i], at)[0])
-        return self._independent(np.concatenate(parts).astype(complex)), found
+        return MetModes(found, *self._shapes(found, at)) if self._data.has_shapes else MetModes(found)
+
+    def residuals_of(self, several: Sequence[MetModes]) -> Complexes:
+        """Return the weighted residuals of each of several sets of partners, (n, m)."""
+        t, modes = self._data, self.lines
+        f_std, zeta_std, _ = self._deviation
+        off, off_zeta = np.full((2, len(several), len(modes)), FAR)
+        for row, met in enumerate(several):
+            for i, _, m in filter(None, met.found):
+                off[row, i] = np.log(m.frequency / t.frequency[modes[i]])
+                off_zeta[row, i] = np.log(max(m.zeta, 1e-9)) - np.log(t.zeta[modes[i]])
+        parts: list[NDArray[Any]] = [
+            off * (f_std.min() / f_std),
+            off_zeta[:, self._damped] * (zeta_std.min(initial=np.inf) / zeta_std),
+        ]
+        if t.has_shapes:
+            e = self._shape_residuals(several).residuals.reshape(len(several), *self._known.shape)
+            parts.append(e[:, self._known])
+        return self._independent(np.concatenate(parts, axis=1).astype(complex))
 
     def _independent(self, r: Complexes) -> Complexes:
         """Return residuals, or changes of them, (..., m), without the errors that they have in common."""
         common = self._modes_problem.common
         return r if common is None else common.removed(r)
 
-    def _of_shape(
-        self, i: int, mode: tuple[int, int, DampedMode] | None, at: ModesAt
-    ) -> tuple[NDArray[Any], tuple[Floats, NDArray[Any], NDArray[Any]] | None]:
-        """Return the residual of a shape, and what its derivatives need: W, W φ and W ψ.
+    @cached_property
+    def _damped(self) -> NDArray[np.int64]:
+        """Modes whose damping was measured, by their place among the lines."""
+        return np.flatnonzero(np.isfinite(self._data.zeta[self.lines]))
 
-        W = (1 + Σ m_k² φ_k φ_kᵀ)^-½ over other modes k: the model's error of stiffness mixes neighbours, the
-        more the nearer they are, m_k ~ ε / 2|ln f ratio|.
-        """
-        t, known = self._data, self._known[i]
-        std = self._deviation[SHAPE]
-        scale = np.sqrt(known.sum()) * std.min() / std[i]
-        psi = t.shapes[known, self.lines[i]]
-        if mode is None:
-            return np.full(known.sum(), np.sqrt(1 - LEAST_MAC) / np.sqrt(known.sum())) * scale, None
-        pairs = at.pairs(i)
-        phi = (at.outputs.T @ mode[2].vector)[known]
-        if not np.iscomplexobj(psi) and np.iscomplexobj(phi):
-            phi = np.real(phi * np.exp(-0.5j * np.angle((phi**2).sum())))
-        W = self._mixing(pairs, mode[1], known, phi, std[i])
-        a, b = W @ phi, W @ psi
-        e = b - a * ((a.conj() @ b) / (a.conj() @ a))
-        return e * scale, (W, a, b)
+    @cached_property
+    def _measured(self) -> NDArray[Any]:
+        """Measured shapes (n, n_out), 0 where they are not known."""
+        return np.where(self._known, self._data.shapes[:, self.lines].T, 0.0)
 
-    def _mixing(
-        self, pairs: Pairs, k: int, known: NDArray[np.bool_], phi: NDArray[Any], std: float
-    ) -> Floats:
+    def _shapes(self, found: Partners, at: ModesAt) -> tuple[NDArray[Any], Floats]:
+        """Return φ (n, n_out) and B (n, n_out, k) of :class:`ShapeResiduals`; those without partner are 0."""
+        known, std, n = self._known, self._deviation[SHAPE], len(self.lines)
+        some = [m for m in found if m is not None]
+        if not some:
+            return np.zeros(known.shape), np.zeros((*known.shape, 0))
+        i, k = np.array([m[:2] for m in some]).T
+        phi = np.stack([m.vector for _, _, m in some]) @ at.outputs
+        if np.iscomplexobj(phi) and not np.iscomplexobj(self._data.shapes):
+            phi = np.real(phi * np.exp(-0.5j * np.angle((phi**2).sum(axis=1, keepdims=True))))
+        phi = np.where(known[i], phi, 0.0)
+        each = [at.pairs(int(c)) for c in i]
+        lam = np.stack([pairs.eigenvalues for pairs in each])
         share = self._modes_problem.model_error / EXPLAINED_LEVEL
-        error = float(np.hypot(MIXED * share, LEAST_MIXED))
-        lam = pairs.eigenvalues
-        with np.errstate(divide="ignore"):
-            m = np.minimum(error * abs(lam[k]) / np.abs(lam - lam[k]), 1.0)
-        m[k] = 0.0
-        m[: pairs.n_rigid] = 0.0
-        some = np.flatnonzero(m > 0.1 * std)
-        if not some.size:
-            return np.eye(len(phi))
-        size = float(np.sqrt((np.abs(phi) ** 2).sum()))
+        rows = np.arange(len(some))
+        least = float(np.hypot(MIXED * share, LEAST_MIXED)) * np.abs(lam[rows, k])[:, None]
+        m = least / np.maximum(np.abs(lam - lam[rows, k][:, None]), least)
+        m[rows, k] = 0.0
+        m[:, : each[0].n_rigid] = 0.0
+        m[m <= 0.1 * std[i][:, None]] = 0.0
+        near = np.argsort(-m, axis=1)[:, : int((m > 0).sum(axis=1).max())]
         # A component of ψ, of length 1, has the deviation std/√n; the mixed shapes are as large as φ.
-        B = pairs.shapes[np.ix_(known, some)] * (m[some] / (size * std / np.sqrt(known.sum())))
-        U, s, _ = np.linalg.svd(B, full_matrices=False)
-        return np.eye(len(U)) + (U * (1 / np.sqrt(1 + s**2) - 1)) @ U.T
+        size = np.linalg.norm(phi, axis=1) * (std / np.sqrt(known.sum(axis=1)))[i]
+        m = np.take_along_axis(m, near, axis=1) / size[:, None]
+        B = np.stack([pairs.shapes[:, own] for pairs, own in zip(each, near, strict=True)])
+        out = np.zeros((n, known.shape[1]), dtype=phi.dtype), np.zeros((n, *B.shape[1:]))
+        out[0][i], out[1][i] = phi, np.where(known[i][:, :, None], B * m[:, None], 0.0)
+        return out
+
+    def _shape_residuals(self, several: Sequence[MetModes]) -> ShapeResiduals:
+        """Return the residuals of the shapes of several sets of partners, one after the other."""
+        std, n_known = self._deviation[SHAPE], self._known.sum(axis=1)
+        most = max(met.B.shape[2] for met in several)
+        B = np.concatenate([np.pad(m.B, ((0, 0), (0, 0), (0, most - m.B.shape[2]))) for m in several])
+        lost = np.array([m is None for met in several for m in met.found])
+        psi = np.tile(self._measured, (len(several), 1))
+        phi = np.where(lost[:, None], psi, np.concatenate([met.phi for met in several]))
+        scale = np.tile(np.sqrt(n_known) * std.min() / std, len(several))
+        out = ShapeResiduals.of(phi, psi, B, scale)
+        away = np.sqrt(1 - LEAST_MAC) * np.tile(std.min() / std, len(several))
+        return replace(out, residuals=np.where(lost[:, None], away[:, None], out.residuals))
 
     def slopes(
         self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int,
@@ -534,13 +638,16 @@ class ModeFunction(FitFunction):
         if not pairs or not n:
             return J
         by, shapes = at.slopes(pairs, terms, n)
-        ends = np.cumsum([0, *self._known.sum(axis=1)]) + self._sizes[0] + self._sizes[1]
         for c, mode in enumerate(pairs):
             self._of_eigenvalue(J, mode, by[:, c])
-            if self._data.has_shapes:
-                i = mode[0]
-                moved = shapes[c] if more is None else shapes[c] + more(mode[2])
-                J[:, ends[i] : ends[i + 1]] = self._of_moved_shape(at, mode, moved)
+        if self._data.has_shapes:
+            moved = np.zeros((len(self.lines), n, self._known.shape[1]), dtype=complex)
+            for (i, _, mode), own in zip(pairs, shapes, strict=True):
+                moved[i] = own if more is None else own + more(mode)
+            shaped = self._shape_residuals([MetModes(found, *self._shapes(found, at))])
+            by_shape = shaped.slopes(np.where(self._known[:, None], moved, 0.0))
+            by_shape[[i for i, m in enumerate(found) if m is None]] = 0.0
+            J[:, sum(self._sizes[:SHAPE]) :] = by_shape.transpose(1, 0, 2)[:, self._known]
         return self._independent(J)
 
     def _of_eigenvalue(self, J: Complexes, mode: tuple[int, int, DampedMode], d: Complexes) -> None:
@@ -548,29 +655,10 @@ class ModeFunction(FitFunction):
         i, lam = mode[0], mode[2].eigenvalue
         f_std, zeta_std, _ = self._deviation
         J[:, i] = d.real / (2 * lam.real) * (f_std.min() / f_std[i])
-        damped = np.flatnonzero(np.isfinite(self._data.zeta[self.lines]))
-        if i in damped and lam.imag > 0:
-            k = int(np.searchsorted(damped, i))
+        if i in self._damped and lam.imag > 0:
+            k = int(np.searchsorted(self._damped, i))
             weight = zeta_std.min() / zeta_std[k]
             J[:, self._sizes[0] + k] = (d.imag / lam.imag - d.real / lam.real) * weight
-
-    def _of_moved_shape(
-        self, at: ModesAt, mode: tuple[int, int, DampedMode], moved: Complexes
-    ) -> NDArray[Any]:
-        """Return what changes (n, n_out) of a shape do to its residual (Golub and Pereyra, 1973, (4.12))."""
-        i = mode[0]
-        parts, known = self._of_shape(i, mode, at)[1], self._known[i]
-        assert parts is not None
-        W, a, b = parts
-        d: NDArray[Any] = moved[:, known] @ W.T
-        d = d if np.iscomplexobj(b) else np.real(d)
-        size = a.conj() @ a
-        c = (a.conj() @ b) / size
-        e = b - a * c
-        first = c * (d - np.outer((d @ a.conj()) / size, a))
-        second = np.outer((d.conj() @ e) / size, a)
-        std = self._deviation[SHAPE]
-        return -(first + second) * np.sqrt(known.sum()) * std.min() / std[i]
 
     def _by_damping(self, at: ModesAt, found: Partners, zeta: Floats, hats: Floats) -> Complexes:
         """Return the derivatives of the residuals by the logarithms of the damping curve's unknowns."""
@@ -599,8 +687,9 @@ class ModeFunction(FitFunction):
     @property
     def mode_of(self) -> NDArray[np.int64]:
         """Which of the measured modes each residual belongs to, (m,)."""
-        damped = self.lines[np.isfinite(self._data.zeta[self.lines])]
-        return np.concatenate([self.lines, damped, np.repeat(self.lines, self._known.sum(axis=1))])
+        return np.concatenate(
+            [self.lines, self.lines[self._damped], np.repeat(self.lines, self._known.sum(axis=1))]
+        )
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values with standard deviations; the level is that of frequencies [-]."""

@@ -245,20 +245,16 @@ def _in_order(
         odds = np.log(alien * s / ALIEN_WIDTH)
         cost = -np.logaddexp(-cost, odds - 0.5 * (off / ALIEN_WIDTH) ** 2)
         left_out = -odds[:, 0] + 0.5 * (FAR / ALIEN_WIDTH) ** 2
-    best = np.full((n + 1, m + 1), np.inf)
+    passed = UNSEEN_NATS * np.arange(m + 1)
     step = np.zeros((n + 1, m + 1), dtype=np.int64)
-    best[0] = UNSEEN_NATS * np.arange(m + 1)
-    for i in range(1, n + 1):
-        best[i, 0] = best[i - 1, 0] + left_out[i - 1]
-        for j in range(1, m + 1):
-            ways = (
-                best[i - 1, j - 1] + cost[i - 1, j - 1],
-                best[i, j - 1] + UNSEEN_NATS,
-                best[i - 1, j] + left_out[i - 1],
-            )
-            step[i, j] = int(np.argmin(ways))
-            best[i, j] = ways[step[i, j]]
-    out, i, j = np.full(n, -1), n, int(np.argmin(best[n]))
+    best = passed
+    for i in range(n):
+        pair, alone = np.append(np.inf, best[:-1] + cost[i]), best + left_out[i]
+        ending = np.minimum(pair, alone) - passed
+        least = np.minimum.accumulate(ending)
+        step[i + 1] = np.where(least < ending, PASSED_OVER, np.where(pair <= alone, PAIRED, LEFT_OUT))
+        best = least + passed
+    out, i, j = np.full(n, -1), n, int(np.argmin(best))
     while i > 0 and j > 0:
         way = step[i, j]
         if way == PAIRED:

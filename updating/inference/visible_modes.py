@@ -1,7 +1,6 @@
 """Which computed modes a test could have measured, by its plane and the directions of sensors and forces."""
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,17 +47,16 @@ def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: 
     V = at.columns[: reduced.basis.T.shape[1]] @ pairs.vectors
     motion = [_motion(reduced, axes) for axes in (targets.plane, "xyz")] if targets.plane else []
     channels = [np.sqrt(mass) * _rows(reduced, part) @ V for part in judged]
-    alike = _alike(lam, np.flatnonzero(out))
+    alone, alike = _alike(lam, np.flatnonzero(out))
     # Most modes are alone: of these all at once.
-    alone = np.array([some[0] for some in alike if len(some) == 1], dtype=np.int64)
     if motion:
         v = V[:, alone]
-        within, every = (np.einsum("rk,rs,sk->k", v, G, v, optimize=True) for G in motion)
+        within, every = (np.einsum("rk,rk->k", v, G @ v) for G in motion)
         out[alone] &= (within >= IN_PLANE * every) & ~(every <= LEAST_MOTION**2 / mass)
     if channels:
         strength = np.prod([np.linalg.norm(rows[:, alone], axis=0) for rows in channels], axis=0)
         out[alone] &= strength >= LEAST_MOTION ** len(channels)
-    for some in (some for some in alike if len(some) > 1):
+    for some in alike:
         v = V[:, some]
         n = len(some)
         if motion:
@@ -90,8 +88,8 @@ def _judged(part: Sequence[Sensor], mass: float) -> bool:
 
 def _rows(reduced: ReducedModel, part: tuple[Sensor, ...]) -> Floats:
     """Return the motions of some channels by the basis's columns, (n, r)."""
-    own = reduced.projected(part, partial(sensor_vectors, reduced.model, part))[1].T
-    return own / np.array([[abs(s.gain)] for s in part])
+    gains = [abs(s.gain) for s in part]
+    return reduced.projected(("seen", part), lambda: sensor_vectors(reduced.model, part) / gains)[1].T
 
 
 def _motion(reduced: ReducedModel, axes: str) -> Floats:
@@ -105,10 +103,12 @@ def _motion(reduced: ReducedModel, axes: str) -> Floats:
     return reduced.projected(("motion", axes), part)[1]
 
 
-def _alike(lam: Floats, some: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Return the modes in groups of one frequency."""
-    apart = np.diff(lam[some]) > SAME * lam[some[1:]]
-    return np.split(some, np.flatnonzero(apart) + 1) if some.size else []
+def _alike(lam: Floats, some: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+    """Return the modes that are alone at their frequency, and the others in groups of one frequency."""
+    first = np.flatnonzero(np.append(True, np.diff(lam[some]) > SAME * lam[some[1:]])[: len(some)])
+    size = np.diff(np.append(first, len(some)))
+    groups = zip(first[size > 1], size[size > 1], strict=True)
+    return some[first[size == 1]], [some[k : k + n] for k, n in groups]
 
 
 def _in_plane(within: Floats, every: Floats, least: float) -> int:

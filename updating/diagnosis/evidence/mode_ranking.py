@@ -5,9 +5,10 @@ own: all from the modal basis, so that a candidate costs the same on any mesh.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, groupby
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from updating.diagnosis.evidence.screening import Grid, Screened, terms_beside
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import DOUBT, ModeFunction, ModeProblem, Partners
+from updating.inference.mode_fit import DOUBT, MetModes, ModeFunction, ModeProblem, Partners
 from updating.inference.scatter import Scatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
@@ -47,6 +48,167 @@ Key = tuple[tuple[str, str], ...]
 
 
 @dataclass(eq=False)
+class ModeChanges:
+    """The modes of a fitted model, and what effects do to their residuals, however these are weighted.
+
+    Attributes
+    ----------
+    problem : ModeProblem
+    current : FitResult
+    """
+
+    problem: ModeProblem
+    current: FitResult
+
+    @cached_property
+    def function(self) -> ModeFunction:
+        """The residuals as a function of what varies in the fit."""
+        values = [parameter_values(e) for e in self.current.effects]
+        return self.problem.function(self.current.effects, values, self.problem.targets.fitted)
+
+    @cached_property
+    def x(self) -> Floats:
+        """Unknowns of the fit; those that it has not, as an effect took their place, are nominal."""
+        return self.function.moved_to(self.current)
+
+    @cached_property
+    def base(self) -> ModesAt:
+        """The modes of the fit."""
+        return self.function.modes_at(self.x)
+
+    @cached_property
+    def found(self) -> tuple[NDArray[np.complex128], Partners]:
+        """Residuals of the fit, and its partners of the measured modes."""
+        return self.function.residuals(self.base)
+
+    def slopes(self, effects: Sequence[Effect]) -> NDArray[np.complex128]:
+        """Return what effects do to the residuals to the first order, (n, m).
+
+        What they have is taken for a small change.
+        """
+        out = np.zeros((len(effects), len(self.found[0])), dtype=complex)
+        base, partners = self.base, self.found[1]
+        free = [n for n, e in enumerate(effects) if not e.released()]
+        terms = [self._restricted(self.problem.reduced.value_of(effects[n])) for n in free]
+        out[free] = self.function.slopes(base, partners, list(enumerate(terms)), len(free))
+        held = [n for n, e in enumerate(effects) if e.released()]
+        each = [self._opened(effects[n]) for n in held]
+        out[held] = self.function.slopes(
+            base, partners, [(k, o.term) for k, o in enumerate(each)], len(held),
+            lambda mode: np.stack([o.moved(mode) for o in each]),
+        )  # fmt: skip
+        return out
+
+    def at_points(self, grid: Grid, more: Sequence[dict[str, float]] = ()) -> NDArray[np.complex128]:
+        """Return by how much the residuals change at each point of a grid and at some more, (n, m).
+
+        NaN where there is no structure.
+        """
+        terms = terms_beside(self.problem, self.current, grid)
+        if more:
+            terms += terms_beside(self.problem, self.current, Grid(grid.effect, tuple(more)))
+        released, around, met = grid.effect.released(), dict[Any, ModesAt](), dict[int, MetModes]()
+        for n, term in enumerate(terms):
+            if term.place not in around:
+                around[term.place] = self.around(released, term)
+            larger, term = self._with_lacking(around[term.place], term)
+            with suppress(np.linalg.LinAlgError, ValueError):  # no structure
+                met[n] = self.function.met(larger.with_term(term))
+        out = np.full((len(terms), len(self.found[0])), np.nan, dtype=complex)
+        if met:
+            out[list(met)] = self.function.residuals_of(list(met.values())) - self.found[0]
+        return out
+
+    def _restricted(self, term: Term) -> Term:
+        P = self.base.columns
+        if term.L is not None:
+            return replace(term, L=term.L @ P)
+        each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
+        return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
+
+    def _opened(self, effect: Effect) -> "Opened":
+        """Return what a connection does that gives way a little."""
+        basis, reduced = self.problem.reduced.basis, self.problem.reduced
+        columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
+        term = reduced.value_of(effect)
+        stiff: Any = term.dense("K")
+        for factor, X in term.laws:
+            stiff = stiff + abs(complex(np.median(factor(self.base.omega)))) * term.spread(X)
+        k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
+        forces = [(self.base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
+        compliance: Any = np.linalg.pinv(k)
+        return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
+
+    def around(self, released: Key, term: Term) -> ModesAt:
+        """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
+
+        Those of a connection that becomes soft are no sum of the modes of a stiff one.
+        """
+        at, V = self._lower(tuple(released))
+        if released or (forces := self._forces(term)) is None:
+            return at.on(V)
+        own, lam = self.base.pairs(0).vectors, self.base.pairs(0).eigenvalues
+        high = lam > (2 * np.pi * self._top) ** 2
+        still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
+        return at.on(np.hstack([V, _independent_columns(still)]))
+
+    def _with_lacking(self, at: ModesAt, term: Term) -> tuple[ModesAt, Term]:
+        """Return modes and a term on a basis that has the responses to the term's forces as well.
+
+        What a hinge lets turn has mass: with the flexibility alone it would turn too late.
+        """
+        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
+            return at, term
+        lacking = self.problem.reduced.lacking(term.dofs, motions_of([term.K])[0])
+        if lacking is None:
+            return at, term
+        return (
+            at.with_lacking(lacking, term.stiffer, self._heavier),
+            replace(term, L=np.hstack([term.L, lacking.motion])),
+        )
+
+    @cached_property
+    def _heavier(self) -> float:
+        """The ratio of the mass to the nominal one."""
+        P = self.base.columns
+        nominal = np.einsum("ik,ij,jk->", P, self.problem.reduced.base_sum["M"], P, optimize=True)
+        return float(np.trace(self.base.mass) / nominal)
+
+    @cached_property
+    def _top(self) -> float:
+        return HIGHEST * float(self.problem.targets.frequency[-1])
+
+    def _lower(self, released: Key) -> tuple[ModesAt, Floats]:
+        """Return the model without some constraints, its lower modes with them and what opens each."""
+        if released not in self._spaces:
+            at, pairs = self.base, self.base.pairs(0)
+            V = pairs.vectors[:, pairs.frequency <= self._top]
+            if released:
+                at = self.function.modes_at(self.x, released)
+                own = at.columns.T @ (self.base.columns @ V)
+                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
+                V = np.hstack([own, np.eye(len(own))[:, more]])
+            self._spaces[released] = at, V
+        return self._spaces[released]
+
+    def _forces(self, term: Term) -> Floats | None:
+        """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
+        if term.L is None:
+            return None
+        parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
+        U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
+        return (term.L @ self.base.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
+
+    @cached_property
+    def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
+        return {}
+
+    def _column(self, key: tuple[str, str]) -> int:
+        basis = self.problem.reduced.basis
+        return basis.n_main + basis.keys.index(key)
+
+
+@dataclass(eq=False)
 class ModeLook:
     """The misfit of a fitted model's modes, ready for changes.
 
@@ -55,28 +217,22 @@ class ModeLook:
 
     Attributes
     ----------
-    problem : ModeProblem
-    current : FitResult
+    changes : ModeChanges
     all_belong : bool
         Whether changes are to explain readings that seem bad as well: those may be what is missing.
     """
 
-    problem: ModeProblem
-    current: FitResult
+    changes: ModeChanges
     all_belong: bool = False
 
-    @cached_property
+    @classmethod
+    def of(cls, problem: ModeProblem, current: FitResult, *, all_belong: bool = False) -> "ModeLook":
+        """Return a look at a fit."""
+        return cls(ModeChanges(problem, current), all_belong)
+
+    @property
     def _function(self) -> ModeFunction:
-        values = [parameter_values(e) for e in self.current.effects]
-        return self.problem.function(self.current.effects, values, self.problem.targets.fitted)
-
-    @cached_property
-    def _base(self) -> ModesAt:
-        return self._function.modes_at(self.current_x)
-
-    @cached_property
-    def _found(self) -> tuple[NDArray[np.complex128], Partners]:
-        return self._function.residuals(self._base)
+        return self.changes.function
 
     @cached_property
     def _scale(self) -> Floats:
@@ -86,7 +242,7 @@ class ModeLook:
 
     @cached_property
     def _squares(self) -> Floats:
-        return self._function.mean_by_group(np.abs(self._found[0]) ** 2)
+        return self._function.mean_by_group(np.abs(self.changes.found[0]) ** 2)
 
     @cached_property
     def _worth(self) -> Floats:
@@ -103,13 +259,15 @@ class ModeLook:
     def _adapting(self) -> tuple[Floats, Floats, Floats]:
         """Orthonormal directions of what varies, the misfit without them, and what varies, row by row."""
         function = self._function
-        x, prior = self.current_x, function.prior()
+        x, prior = self.changes.x, function.prior()
         _, J = function(x, True)
         assert J is not None
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
         rows = np.hstack([self._plain(J), np.diag(known)])
         Q, _ = np.linalg.qr(rows.T)
-        y = np.concatenate([self._plain(self._found[0][None])[0], known * (x - np.nan_to_num(prior.mean))])
+        y = np.concatenate(
+            [self._plain(self.changes.found[0][None])[0], known * (x - np.nan_to_num(prior.mean))]
+        )
         return Q, y - Q @ (Q.T @ y), rows
 
     def evidence(self, slopes: Floats, factor: Floats) -> tuple[Floats, Floats]:
@@ -147,13 +305,8 @@ class ModeLook:
     def adapted(self, changes: NDArray[np.complex128]) -> Floats:
         """Return changes (n, m) of the residuals without what adapts to them."""
         Q = self._adapting[0]
-        flat = np.hstack([self._plain(changes), np.zeros((len(changes), len(self.current_x)))])
+        flat = np.hstack([self._plain(changes), np.zeros((len(changes), len(self.changes.x)))])
         return flat - (flat @ Q) @ Q.T
-
-    @property
-    def current_x(self) -> Floats:
-        """Unknowns of the fit; those that it has not, as an effect took their place, are nominal."""
-        return self._function.moved_to(self.current)
 
     @property
     def misfit(self) -> Floats:
@@ -161,134 +314,23 @@ class ModeLook:
         return self._adapting[1]
 
     def slopes(self, effects: Sequence[Effect]) -> Floats:
-        """Return what effects do to the first order, (n, m): what they have is taken for a small change."""
-        terms: list[tuple[int, Term]] = []
-        out = np.zeros((len(effects), len(self.misfit)))
-        free = [n for n, e in enumerate(effects) if not e.released()]
-        for place, n in enumerate(free):
-            term = self._restricted(self.problem.reduced.value_of(effects[n]))
-            terms.append((place, term))
-        base, partners = self._base, self._found[1]
-        if free:
-            out[free] = self.adapted(self._function.slopes(base, partners, terms, len(free)))
-        held = [n for n, e in enumerate(effects) if e.released()]
-        if held:
-            each = [self._opened(effects[n]) for n in held]
-            own = self._function.slopes(
-                base, partners, [(k, o.term) for k, o in enumerate(each)], len(held),
-                lambda mode: np.stack([o.moved(mode) for o in each]),
-            )  # fmt: skip
-            out[held] = self.adapted(own)
-        return out
-
-    def _restricted(self, term: Term) -> Term:
-        P = self._base.columns
-        if term.L is not None:
-            return replace(term, L=term.L @ P)
-        each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
-        return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
-
-    def _opened(self, effect: Effect) -> "Opened":
-        """Return what a connection does that gives way a little."""
-        basis, reduced = self.problem.reduced.basis, self.problem.reduced
-        columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
-        term = reduced.value_of(effect)
-        stiff: Any = term.dense("K")
-        for factor, X in term.laws:
-            stiff = stiff + abs(complex(np.median(factor(self._base.omega)))) * term.spread(X)
-        k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
-        forces = [(self._base.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
-        compliance: Any = np.linalg.pinv(k)
-        return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
-
-    def around(self, released: Key, term: Term) -> ModesAt:
-        """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
-
-        Those of a connection that becomes soft are no sum of the modes of a stiff one.
-        """
-        at, V = self._lower(tuple(released))
-        if released or (forces := self._forces(term)) is None:
-            return at.on(V)
-        own, lam = self._base.pairs(0).vectors, self._base.pairs(0).eigenvalues
-        high = lam > (2 * np.pi * self._top) ** 2
-        still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
-        return at.on(np.hstack([V, _independent_columns(still)]))
-
-    def _with_lacking(self, at: ModesAt, term: Term) -> tuple[ModesAt, Term]:
-        """Return modes and a term on a basis that has the responses to the term's forces as well.
-
-        What a hinge lets turn has mass: with the flexibility alone it would turn too late.
-        """
-        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
-            return at, term
-        lacking = self.problem.reduced.lacking(term.dofs, motions_of([term.K])[0])
-        if lacking is None:
-            return at, term
-        return (
-            at.with_lacking(lacking, term.stiffer, self._heavier),
-            replace(term, L=np.hstack([term.L, lacking.motion])),
-        )
-
-    @cached_property
-    def _heavier(self) -> float:
-        """The ratio of the mass to the nominal one."""
-        P = self._base.columns
-        nominal = np.einsum("ik,ij,jk->", P, self.problem.reduced.base_sum["M"], P, optimize=True)
-        return float(np.trace(self._base.mass) / nominal)
-
-    @cached_property
-    def _top(self) -> float:
-        return HIGHEST * float(self.problem.targets.frequency[-1])
-
-    def _lower(self, released: Key) -> tuple[ModesAt, Floats]:
-        """Return the model without some constraints, its lower modes with them and what opens each."""
-        if released not in self._spaces:
-            at, pairs = self._base, self._base.pairs(0)
-            V = pairs.vectors[:, pairs.frequency <= self._top]
-            if released:
-                at = self._function.modes_at(self.current_x, released)
-                own = at.columns.T @ (self._base.columns @ V)
-                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
-                V = np.hstack([own, np.eye(len(own))[:, more]])
-            self._spaces[released] = at, V
-        return self._spaces[released]
-
-    def _forces(self, term: Term) -> Floats | None:
-        """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
-        if term.L is None:
-            return None
-        parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
-        U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
-        return (term.L @ self._base.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
-
-    @cached_property
-    def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
-        return {}
-
-    def _column(self, key: tuple[str, str]) -> int:
-        basis = self.problem.reduced.basis
-        return basis.n_main + basis.keys.index(key)
+        """Return what effects do to the misfit to the first order, (n, m)."""
+        return self.adapted(self.changes.slopes(effects))
 
     def left_by(self, grid: Grid) -> Floats:
-        """Return the squares of the misfit that are left at each point of a grid, in deviations².
+        """Return what :meth:`left` does at each point of a grid."""
+        return self.left(self.changes.at_points(grid))
 
-        Infinite where there is no structure, and everywhere if the data do not see the candidate.
+    def left(self, changes: NDArray[np.complex128]) -> Floats:
+        """Return the squares of the misfit that changes (n, m) of the residuals leave, in deviations², (n,).
+
+        Infinite where there is no structure, and everywhere if the data see none of them.
         """
-        released = grid.effect.released()
-        out, most = np.full(len(grid.points), np.inf), 0.0
-        at, last = None, None
-        for n, term in enumerate(terms_beside(self.problem, self.current, grid)):
-            if at is None or term.place != last:
-                at, last = self.around(released, term), term.place
-            larger, term = self._with_lacking(at, term)
-            try:
-                r, _ = self._function.residuals(larger.with_term(term))
-            except (np.linalg.LinAlgError, ValueError):
-                continue  # no structure
-            change = self.adapted((r - self._found[0])[None])[0]
-            out[n] = float(((self.misfit + change) ** 2).sum())
-            most = max(most, float(np.linalg.norm(change)))
-        return out if most >= VISIBLE else np.full_like(out, np.inf)
+        there = np.isfinite(changes).all(axis=1)
+        change, out = self.adapted(changes[there]), np.full(len(changes), np.inf)
+        if np.linalg.norm(change, axis=1).max(initial=0.0) >= VISIBLE:
+            out[there] = ((self.misfit + change) ** 2).sum(axis=1)
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -358,7 +400,7 @@ class ModeRanking:
 
         Those are left out that gain less evidence than the prior asks for one more effect.
         """
-        look = ModeLook(problem, current, all_belong=True)
+        look = ModeLook.of(problem, current, all_belong=True)
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
         effects = [(n, e) for n, e in effects if not e.amplitude_dependent]
         slopes = look.slopes([e for _, e in effects])
@@ -406,24 +448,29 @@ class ModeRanking:
         most: int,
     ) -> tuple[Screened, ...]:
         grids = _grids(problem, effects)
-        looks = [look for base in _bases(problem, current) for look in _looks(problem, base)]
-        each = [_tried(look, grids, listed, most) for look in looks]
-        best = np.array([[t.gain for t in tried] for tried in each]).reshape(len(each), len(grids))
-        rank = np.argsort(np.argsort(-best, axis=1, kind="stable"), axis=1).min(axis=0)
-        gain = best.max(axis=0, initial=-np.inf)
+        bases = [ModeChanges(problem, base) for base in _bases(problem, current)]
+        looks = [each for base in bases for each in _by_slopes(base, grids)]
+        chosen = [np.argsort([x.left for x in little], kind="stable")[:most] for _, little in looks]
+        gains = np.full((len(looks), len(grids)), -np.inf)
+        starts: list[list[Start]] = [[] for _ in grids]
+        for i, grid in enumerate(grids):
+            wanted = [k for k in range(len(looks)) if i in chosen[k] or listed(grid.effect)]
+            each = _tried([(looks[k][0], looks[k][1][i].values) for k in wanted], grid)
+            for k, (gain, start) in zip(wanted, each, strict=True):
+                gains[k, i] = gain
+                starts[i] += start
+        rank = np.argsort(np.argsort(-gains, axis=1, kind="stable"), axis=1).min(axis=0)
+        gain = gains.max(axis=0, initial=-np.inf)
         # Less than the prior asks for one more effect cannot make a hypothesis the more probable one.
         there = [int(i) for i in np.lexsort((-gain, rank)) if gain[i] > EFFECT_ODDS]
-        return tuple(
-            Screened(grids[i].effect, tuple(s for tried in each for s in tried[i].starts), float(gain[i]))
-            for i in there
-        )
+        return tuple(Screened(grids[i].effect, tuple(starts[i]), float(gain[i])) for i in there)
 
     def looked(
         self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]
     ) -> list[tuple[Effect, Little]]:
         """Return candidates that the data see, with what they do beside a fit to the first order."""
         grids = _grids(problem, effects)
-        ways = [_by_slopes(look, grids) for look in _looks(problem, current)]
+        ways = [little for _, little in _by_slopes(ModeChanges(problem, current), grids)]
         each = [(g, max(little, key=lambda x: x.evidence)) for g, *little in zip(grids, *ways, strict=True)]
         return [(g.effect.with_values(**x.values), x) for g, x in each if np.isfinite(x.evidence)]
 
@@ -444,15 +491,7 @@ class ModeRanking:
 
     def left(self, problem: ModeProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        return problem.function((), (), problem.targets.fitted).left()
-
-
-@dataclass(frozen=True, slots=True)
-class _Tried:
-    """By how much a candidate raises the log likelihood beside one base, and where it does [nats]."""
-
-    gain: float
-    starts: tuple[Start, ...] = ()
+        return problem.squares_left
 
 
 def _grids(problem: ModeProblem, effects: Sequence[Effect]) -> list[Grid]:
@@ -467,28 +506,24 @@ def _bases(problem: ModeProblem, current: FitResult) -> tuple[FitResult, ...]:
     return (current,) if nominal.values == current.values else (current, nominal)
 
 
-def _looks(problem: ModeProblem, base: FitResult) -> tuple[ModeLook, ...]:
-    """Return a look at a fit, and one that believes every reading where any seems bad."""
-    look = ModeLook(problem, base)
-    return (look, ModeLook(problem, base, all_belong=True)) if look.doubtful else (look,)
-
-
 def _tried(
-    look: ModeLook, grids: Sequence[Grid], listed: Callable[[Effect], bool], most: int
-) -> list[_Tried]:
-    """Return candidates on their grids, of the best by their slopes and those listed."""
-    little = _by_slopes(look, grids)
-    chosen = {int(i) for i in np.argsort([x.left for x in little], kind="stable")[:most]}
-    now, out = float((look.misfit**2).sum()), []
-    for i, (grid, best) in enumerate(zip(grids, little, strict=True)):
-        if i not in chosen and not listed(grid.effect):
-            out.append(_Tried(-np.inf))
-            continue
-        whole = replace(grid, points=(*grid.points, best.values))
-        left = look.left_by(whole)
-        k = int(np.argmin(left))
-        starts = (Start((whole.points[k],), look.current),) if np.isfinite(left[k]) else ()
-        out.append(_Tried((now - float(left[k])) / 2, starts))
+    looks: Sequence[tuple[ModeLook, dict[str, float]]], grid: Grid
+) -> list[tuple[float, tuple[Start, ...]]]:
+    """Return by how much a candidate raises the log likelihood in some looks, and where it does [nats].
+
+    With each look stands one more point. Looks at one fit share what the candidate does to its modes.
+    """
+    grid = Grid(grid.effect, grid.points)  # of its matrices none are kept for later
+    n, out = len(grid.points), []
+    for changes, alike in groupby(looks, key=lambda each: each[0].changes):
+        group = list(alike)
+        done = changes.at_points(grid, [values for _, values in group])
+        for k, (look, values) in enumerate(group):
+            left = look.left(done[[*range(n), n + k]])
+            best = int(np.argmin(left))
+            point = (*grid.points, values)[best]
+            start = (Start((point,), changes.current),) if np.isfinite(left[best]) else ()
+            out.append((float((look.misfit**2).sum() - left[best]) / 2, start))
     return out
 
 
@@ -499,11 +534,26 @@ def _independent_columns(A: Floats) -> Floats:
     return U[:, s > SAME_FORCE * s.max(initial=0.0)]
 
 
-def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> list[Little]:
-    """Return what the best multiples of the candidates' changes do."""
+def _by_slopes(changes: ModeChanges, grids: Sequence[Grid]) -> list[tuple[ModeLook, list[Little]]]:
+    """Return what the best multiples of the candidates' changes do beside a fit.
+
+    In a look at it, and in one that believes every reading where any seems bad.
+    """
     points = [(n, *each) for n, grid in enumerate(grids) for each in grid.slight_points()]
+    slopes = changes.slopes([grids[n].effect.with_values(**p) for n, p, _ in points])
+    look = ModeLook(changes)
+    looks = (look, ModeLook(changes, all_belong=True)) if look.doubtful else (look,)
+    return [(look, _best_multiples(look, grids, points, look.adapted(slopes))) for look in looks]
+
+
+def _best_multiples(
+    look: ModeLook,
+    grids: Sequence[Grid],
+    points: list[tuple[int, dict[str, float], float]],
+    slopes: Floats,
+) -> list[Little]:
+    """Return what the best multiples of slopes do: of points of grids, whose numbers stand before them."""
     owner = np.array([n for n, _, _ in points], dtype=int)
-    slopes = look.slopes([grids[n].effect.with_values(**p) for n, p, _ in points])
     slopes, y = np.nan_to_num(slopes), look.misfit
     size = (slopes**2).sum(axis=1)
     factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
@@ -516,7 +566,7 @@ def _by_slopes(look: ModeLook, grids: Sequence[Grid]) -> list[Little]:
     std, out = 1 / np.maximum(sharp, 1e-12), []
     for n, grid in enumerate(grids):
         own = np.flatnonzero(owner == n)
-        sizes = _Sizes.of(look.problem, grid)
+        sizes = _Sizes.of(look.changes.problem, grid)
         each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in own]
         k = min(own, key=lambda k: left[k])
         evidence = float(np.logaddexp.reduce(each) - np.log(len(own)))
