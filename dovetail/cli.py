@@ -30,6 +30,7 @@ from dovetail.commands import (
     match,
     modes,
     new,
+    plan,
     psd,
     report,
     run,
@@ -46,7 +47,7 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
+    new, check, plan, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
     buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
     history, identify_modes, match, update, identify_joint, fleet, validate,
 )  # fmt: skip

@@ -122,7 +122,7 @@ def update_study(study: Study) -> StudyUpdate:
     StudyError
         If nothing was measured, or nothing is uncertain.
     """
-    plan = study.plan
+    plan = study.update_plan
     if study.modes is None and not (study.measurements or study.amplitudes):
         msg = (
             f"{study.path}: it has {study.lack_of_frfs} and no [modes]; an update needs measured FRFs or "
@@ -203,7 +203,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     tuple of str
         Parts of the update that the text does not hold.
     """
-    added = {e.name for e in study.plan.effects}
+    added = {e.name for e in study.update_plan.effects}
     own = {e.name for e in study.model.effects} | added
     new = [e for e in updated.model.effects if e.name in added or (e.is_form and e.name not in own)]
     values = values_in(study, updated.model)

@@ -358,6 +358,10 @@ class Effect(ABC):
         """
         return None
 
+    def size_in_words(self) -> str:
+        """Return its size as its trade says it, where that is another than the value of its parameter."""
+        return ""
+
     def covers(self, other: "Effect") -> bool:
         """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""
         free = {"name", *parameter_values(self), *parameter_values(other)}

@@ -65,7 +65,7 @@ from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refus
 from dovetail.file.plausible import beside_implausible, implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
-from dovetail.file.settings import read_candidates, read_fit, read_frequency
+from dovetail.file.settings import read_candidates, read_fit, read_frequency, read_relevant
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
 from dovetail.file.uncertain import read_uncertain, shear_std
@@ -79,7 +79,7 @@ from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
-from updating.measurement.channel_errors import ChannelErrors
+from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor, with_moving_base, with_sensor_masses
 from updating.quality.corrections import Fault
 
@@ -115,6 +115,7 @@ TABLES = (
     "measurements",
     "faults",
     "channel_errors",
+    "relevant",
     "modes",
     "baseline",
     "states",
@@ -293,6 +294,7 @@ class _Reader:
     warnings: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     measured_notes: list[str] = field(default_factory=list)
+    channel_errors: ChannelErrors = USUAL
 
     @contextmanager
     def _attempt(self, part: str) -> Iterator[None]:
@@ -398,7 +400,9 @@ class _Reader:
             assumptions=tuple(dict.fromkeys(notes)),
             assumed_spreads=tuple(spreads),
             modes=modes,
-            plan=plan,
+            update_plan=plan,
+            relevant=read_relevant(top),
+            channel_errors=self.channel_errors,
             warnings=tuple(dict.fromkeys([*odd, *self.warnings])),
             implausible=odd,
             left_out=tuple(dict.fromkeys(self.left_out)),
@@ -595,7 +599,7 @@ class _Reader:
         measurements, modes, faults = (), None, ()
         with self._attempt("measurements"):
             faults = read_faults(self.top, [c.sensor for c in sensors], [c.sensor for c in excitations])
-            errors = self._channel_errors(sensors, excitations)
+            errors = self.channel_errors = self._channel_errors(sensors, excitations)
             measurements = tuple(
                 replace(m, errors=errors) for m in match(raw, sensors, excitations, faults, notes)
             )

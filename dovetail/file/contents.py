@@ -16,9 +16,11 @@ from dovetail.file.measured_modes import (
 )
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
+from fem.declarations import Relevant
 from fem.elements.splitting import split
 from fem.model import Model
 from updating.inference.parameters import Nuisance
+from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor
 
 
@@ -83,7 +85,7 @@ class Study:
         Names of effects of the model that have come since the baseline.
     states : tuple of State
         Modes of later states, where their history is asked for.
-    plan : UpdatePlan
+    update_plan : UpdatePlan
         Plan of :command:`dovetail update`.
     warnings : tuple of str
         Probable faults of the study and its files, and parts left unread, in sentences.
@@ -104,6 +106,10 @@ class Study:
         Load cases, combinations and envelopes.
     unbalances : tuple of Unbalance
         Of members that spin.
+    relevant : Relevant
+        Sizes of effects that a planned test is to show.
+    channel_errors : ChannelErrors
+        How well sensors and excitations are described.
     """
 
     name: str
@@ -130,7 +136,7 @@ class Study:
     assumed_spreads: tuple[str, ...] = ()
     held_out_bands: tuple[tuple[float, float], ...] = ()
     modes: MeasuredModes | None = None
-    plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
+    update_plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
@@ -146,6 +152,8 @@ class Study:
     changes: tuple[str, ...] = ()
     states: tuple[State, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
+    relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
+    channel_errors: ChannelErrors = USUAL
 
     @property
     def has_baseline(self) -> bool:

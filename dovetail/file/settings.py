@@ -1,12 +1,12 @@
 """Read the settings of analyses: the tables ``[fit]``, ``[frequency]`` and ``[candidates]``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from dovetail.file.measured import read_band
 from dovetail.file.table import Table, suggest
-from fem.declarations import Environment
+from fem.declarations import Environment, Relevant
 from fem.effects import candidate_kinds
 from updating.inference.fit import EXPLAINED_LEVEL
 
@@ -49,6 +49,17 @@ def _model_error(fit: Table) -> float:
     if stated:
         fit.refuse("form", f"it is false, but model_error is {stated:g}: beams may then err")
     return 0.0
+
+
+def read_relevant(top: Table) -> Relevant:
+    """Read ``[relevant]``: sizes of effects that a planned test is to show."""
+    t, usual = top.table("relevant"), Relevant()
+    shares = {f.name: t.number(f.name, getattr(usual, f.name), above=0.0, unit="-") for f in fields(usual)}
+    for name, share in shares.items():
+        if share >= 1:
+            t.refuse(name, f"{share:g} is not allowed; a share between 0 and 1 is needed")
+    t.finish()
+    return Relevant(**shares)
 
 
 def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple[np.ndarray, float]:

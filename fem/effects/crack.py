@@ -106,6 +106,16 @@ class Crack(GivesWay):
             for f in (0.01, 0.05, 0.2, 1.0)
         )
 
+    def size_in_words(self) -> str:
+        """Return the depth of an open crack of this compliance."""
+        shares = np.linspace(0.0, 0.6, 601)
+        deep = np.interp(float(np.real(self.compliance)), [self.compliance_of(s) for s in shares], shares)
+        return (
+            f"a cut of {100 * deep:.0f} % of the depth"
+            if deep < 0.6
+            else "a cut of more than 60 % of the depth"
+        )
+
     def relevant(
         self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
     ) -> float | None:

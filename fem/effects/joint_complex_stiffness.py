@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.joint_stiffness import JointStiffness
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
@@ -65,6 +65,12 @@ class JointComplexStiffness(JointStiffness):
             for f in (0.01, 0.03, 0.1, 0.3, 0.8, 3.0, 10.0)
             for loss in (0.05, 0.3, 1.0)
         )
+
+    def relevant(
+        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
+    ) -> float | None:
+        """Return None: a loss beside a stiffness has no size that is relevant."""
+        return None
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

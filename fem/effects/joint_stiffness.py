@@ -114,6 +114,10 @@ class JointStiffness(Effect):
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
 
+    def size_in_words(self) -> str:
+        """Return the share of the model's stiffness that is there."""
+        return f"{self.stiffness / self.assumed:.3g} of the model's" if np.isfinite(self.assumed) else ""
+
     def relevant(
         self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
     ) -> float | None:

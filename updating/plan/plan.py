@@ -69,26 +69,32 @@ class Plan:
     relevant: tuple[Outlook, ...]
     is_measured: bool
 
-    def coverage(self, what: str = "named", kind: str | None = None) -> float:
-        """Return the share of relevant effects that are ``seen``, ``located`` or ``named``, of a kind or all."""
-        some = [getattr(o, what) for o in self.relevant if kind in (None, o.relevant.kind)]
-        return float(np.mean(some)) if some else np.nan
+    def coverage(self, what: str = "named") -> float:
+        """Return the share of relevant effects that are ``seen``, ``located`` or ``named``."""
+        return share(self.relevant, what)
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds with relevant sizes, in the order of the candidates."""
-        return tuple(dict.fromkeys(o.relevant.kind for o in self.relevant))
+    def kinds(self) -> dict[tuple[str, str], list[Outlook]]:
+        """Relevant effects by kind and unit, in the order of the candidates."""
+        out: dict[tuple[str, str], list[Outlook]] = {}
+        for o in self.relevant:
+            out.setdefault((o.relevant.kind, o.relevant.parameters()[0].unit), []).append(o)
+        return out
 
     @property
     def twins(self) -> tuple[tuple[Outlook, Effect], ...]:
         """Relevant effects that are seen but not named, each with its rival; pairs once, the closest first."""
         found: dict[frozenset[str], tuple[Outlook, Effect]] = {}
-        some = [o for o in self.relevant if o.seen and not o.named and o.visible.rival is not None]
+        some = [o for o in self.relevant if o.seen and not o.named]
         for o in sorted(some, key=lambda o: -o.visible.alike):
             rival = o.visible.rival
-            assert rival is not None
             found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
         return tuple(found.values())
+
+
+def share(some: Sequence[Outlook], what: str) -> float:
+    """Return the share of effects that are ``seen``, ``located`` or ``named``; NaN without any."""
+    return float(np.mean([getattr(o, what) for o in some])) if some else np.nan
 
 
 def plan_test(

@@ -44,8 +44,9 @@ BENT = (-4.0, -2.0, 2.0, 4.0)
 """Prior standard deviations by which uncertain parameters bend further than small changes of them say."""
 WIDE = 0.3
 """Those with a larger standard deviation do [-]."""
-LARGER = 3.0
-"""Rivals are compared as large as they are seen, and so many times as large [-]."""
+N_CONFIRMED, N_MATCHES, BESIDE = 2, 3, 0.15
+"""So many rivals of those are then followed to the size that is most alike, in so many steps, between sizes that
+are this share smaller and larger."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -86,9 +87,9 @@ class Visible:
         It must be this effect.
     strongest : Effect
         The largest plausible size.
-    rival : Effect or None
+    rival : Effect
         What it is told from last, as it imitates the effect best: another effect, or a part of the form that
-        is far from its drawing. None where anything that is seen is named.
+        is far from its drawing.
     alike : float
         Cosine of the angle between what both do [-].
     nats : (float, float)
@@ -100,7 +101,7 @@ class Visible:
     located: Effect | None
     named: Effect | None
     strongest: Effect
-    rival: Effect | None
+    rival: Effect
     alike: float
     nats: tuple[float, float]
 
@@ -130,6 +131,7 @@ def visibility(
     odds: Odds,
     left: float,
     say: Say = lambda text, done: None,
+    follow: Callable[[Effect], bool] = lambda effect: True,
 ) -> Visibility:
     """Return what a test could see and name.
 
@@ -146,6 +148,9 @@ def visibility(
         Level that a right model leaves, besides the base's residuals [nepers].
     say : callable
         Is told what is being done and how far it is.
+    follow : callable
+        Tells of which candidates the rivals are followed to the sizes that are most alike; of others they are
+        compared as large as they are seen.
     """
     sight = Sight(problem, base, left)
     small = Sizes.small(sight, candidates, say)
@@ -161,37 +166,46 @@ def visibility(
         return now.gain / np.maximum(least, enough[now.rows])
 
     seen, is_seen = small.grown(
-        partial(told, bent, every), lambda part: say("what is seen", 0.3 + 0.3 * part)
+        partial(told, bent, every), lambda part: say("what is seen", 0.3 + 0.2 * part)
     )
-    say("what is alike", 0.6)
-    larger = seen.at(np.minimum(LARGER * seen.factor, seen.most))
-    rivals = bent.and_effects((seen, larger), candidates)
-
+    say("what is alike", 0.5)
+    rivals = bent.and_effects(seen, candidates)
     everywhere, elsewhere = rivals.closest(seen)
+    matched = np.array([follow(e) for e in candidates])[seen.owner]
+    last = everywhere[:, 0].copy(), np.zeros(len(enough))
+
+    def told_exactly(close: Ints, now: Sizes) -> Floats:
+        ratio = told(rivals, close, now)
+        some = np.flatnonzero(matched[now.rows] & (ratio >= 1 - SHORT))
+        if some.size:
+            least, rival, alike = rivals.followed(seen, now.some(some), close[now.rows[some]])
+            last[0][now.rows[some]], last[1][now.rows[some]] = rival, alike
+            ratio[some] = np.minimum(ratio[some], now.gain[some] / np.maximum(least, enough[now.rows[some]]))
+        return ratio
+
     located, is_located = seen.grown(
-        partial(told, rivals, elsewhere), lambda part: say("what is located", 0.7 + 0.15 * part)
+        partial(told_exactly, elsewhere), lambda part: say("what is located", 0.55 + 0.2 * part)
     )
     named, is_named = located.grown(
-        partial(told, rivals, everywhere), lambda part: say("what is named", 0.85 + 0.15 * part)
+        partial(told_exactly, everywhere), lambda part: say("what is named", 0.75 + 0.25 * part)
     )
     # what is named is located, and what is located is seen
     located, is_located = located.or_sooner(is_located, named, is_named)
     seen, is_seen = seen.or_sooner(is_seen, located, is_located)
-    least, alike = rivals.needed(named, everywhere), rivals.alike(named, everywhere)
+    least = rivals.needed(named, everywhere)
+    rival = np.where(matched, last[0], np.take_along_axis(everywhere, least.argmax(axis=1)[:, None], 1)[:, 0])
+    alike = np.where(matched, last[1], rivals.alike(named, rival[:, None])[:, 0])
     found = []
-    for i in range(len(enough)):
+    for i, j in enumerate(rival):
         at = [
             each.effect(i, each.factor[i]) if good[i] else None
             for each, good in ((seen, is_seen), (located, is_located), (named, is_named))
         ]
-        last = int(np.argmax(least[i]))
-        j, nats, rival = int(everywhere[i, last]), float(enough[i]), None
-        if least[i, last] > nats:
-            rival, nats = rivals.effects[j], float(needed(against[i] - rivals.odds[j]))
+        nats = float(enough[i]), float(needed(against[i] - rivals.odds[j]))
         found.append(
             Visible(
-                seen.effect(i, 0.0), *at, seen.effect(i, seen.most[i]), rival, float(alike[i, last]),
-                (float(enough[i]), nats),
+                seen.effect(i, 0.0), *at, seen.effect(i, seen.most[i]), rivals.effects[j], float(alike[i]),
+                nats,
             )
         )  # fmt: skip
     return Visibility(problem, tuple(found), left)
@@ -475,8 +489,8 @@ class _Rivals:
         zero = np.zeros(len(far))
         return cls(tuple(effects), units, zero, length, zero, against, owner, none, none)
 
-    def and_effects(self, sizes: Sequence[Sizes], candidates: Sequence[Effect]) -> "_Rivals":
-        """Return these with effects at some sizes."""
+    def and_effects(self, seen: Sizes, candidates: Sequence[Effect]) -> "_Rivals":
+        """Return these with effects as large as they are seen."""
         n = len(candidates)
         # the last row and column stand for what is no effect
         unlike, apart = np.eye(n + 1, dtype=bool), np.ones((n + 1, n + 1), dtype=bool)
@@ -490,21 +504,21 @@ class _Rivals:
                 members.setdefault(name, []).append(i)
         for some in members.values():
             apart[np.ix_(some, some)] = False
-        out = replace(self, unlike=unlike, apart=apart)
-        for each in sizes:
-            length = np.linalg.norm(each.vector, axis=1)
-            longest = length * each.most / each.factor
-            both = np.array([not little.grid.one_sided() for little in each.littles])[each.owner]
-            out = replace(
-                out,
-                effects=(*out.effects, *(each.effect(i, each.factor[i]) for i in range(len(longest)))),
-                units=np.vstack([out.units, each.vector / np.where(length > 0, length, 1.0)[:, None]]),
-                shortest=np.concatenate([out.shortest, np.where(both, -longest, 0.0)]),
-                longest=np.concatenate([out.longest, longest]),
-                odds=np.concatenate([out.odds, self.against]),
-                owner=np.concatenate([out.owner, each.owner]),
-            )
-        return out
+        length = np.linalg.norm(seen.vector, axis=1)
+        units = seen.vector / np.where(length > 0, length, 1.0)[:, None]
+        longest = length * seen.most / seen.factor
+        both = np.array([not little.grid.one_sided() for little in seen.littles])[seen.owner]
+        return _Rivals(
+            (*self.effects, *(seen.effect(i, seen.factor[i]) for i in range(len(length)))),
+            np.vstack([self.units, units]),
+            np.concatenate([self.shortest, np.where(both, -longest, 0.0)]),
+            np.concatenate([self.longest, longest]),
+            np.concatenate([self.odds, self.against]),
+            self.against,
+            np.concatenate([self.owner, seen.owner]),
+            unlike,
+            apart,
+        )
 
     def closest(self, these: Sizes) -> tuple[Ints, Ints]:
         """Return the rivals (n, k) that are told from effects last, anywhere and at other places."""
@@ -530,13 +544,30 @@ class _Rivals:
         length = np.linalg.norm(these.vector, axis=1)
         return np.abs(self._along(these, close)) / np.where(length > 0, length, 1.0)[:, None]
 
+    def followed(self, seen: Sizes, these: Sizes, close: Ints) -> tuple[Floats, Ints, Floats]:
+        """Return the same of the closest ``N_CONFIRMED`` at their best sizes: the largest, whose, how alike."""
+        order = np.argsort(-self.needed(these, close), axis=1)[:, :N_CONFIRMED]
+        j = np.take_along_axis(close, order, axis=1)
+        left = np.ones(j.shape)
+        n_bent = len(self.units) - len(seen.rows)
+        row, column = np.nonzero(j >= n_bent)
+        if row.size:
+            left[row, column] = _best_match(seen.some(j[row, column] - n_bent), these.some(row))
+        linear = 1 - self.alike(these, j) ** 2
+        left = np.clip(np.minimum(left, np.where(j < n_bent, linear, 1.0)), 1e-12, 1.0)
+        least = needed(self.against[these.rows][:, None] - self.odds[j]) / left
+        least = np.where(self.unlike[these.owner[:, None], self.owner[j]], 0.0, least)
+        k = least.argmax(axis=1)[:, None]
+        each = (np.take_along_axis(a, k, 1)[:, 0] for a in (least, j, np.sqrt(1 - left)))
+        return tuple(each)  # type: ignore[return-value]
+
     def _along(self, these: Sizes, close: Ints) -> Floats:
         return np.stack([(these.vector * self.units[j]).sum(axis=1) for j in close.T], axis=1)
 
     def _needed(self, these: Sizes, along: Floats, close: Ints) -> Floats:
         """Return the same by what effects do along what rivals do.
 
-        Those have the best multiple of that which is plausible.
+        Rivals have the best multiple of that which is plausible.
         """
         best = np.clip(along, self.shortest[close], self.longest[close])
         square = (these.vector**2).sum(axis=1)[:, None]
@@ -545,3 +576,29 @@ class _Rivals:
         if not len(self.unlike):
             return least
         return np.where(self.unlike[these.owner[:, None], self.owner[close]], 0.0, least)
+
+
+def _best_match(rivals: Sizes, these: Sizes) -> Floats:
+    """Return the share of what effects do that rivals leave at their best sizes, (n,).
+
+    A rival is tried where it gains as much, at a size below and one above. Between them what it does is
+    taken to change in proportion; where another size seems better, it is tried there.
+    """
+    size = np.log(rivals.factor) + 0.5 * np.log(these.gain / np.maximum(rivals.gain, 1e-300))
+    most, square = np.log(rivals.most), np.maximum((these.vector**2).sum(axis=1), 1e-300)
+    best = np.ones(len(size))
+    open_ = np.arange(len(size))
+    for _ in range(N_MATCHES):
+        middle = np.minimum(size[open_], most[open_] - BESIDE)
+        some = rivals.some(open_)
+        low, high = (some.at(np.exp(middle + step)).vector for step in (-BESIDE, BESIDE))
+        wanted, span = these.vector[open_] - low, high - low
+        part = (wanted * span).sum(axis=1) / np.maximum((span**2).sum(axis=1), 1e-300)
+        near = np.clip(part, -0.5, 1.5)
+        left = ((wanted - near[:, None] * span) ** 2).sum(axis=1) / square[open_]
+        best[open_] = np.minimum(best[open_], left)
+        size[open_] = middle + np.clip((2 * part - 1) * BESIDE, -1.0, 1.0)
+        open_ = open_[np.abs(part - 0.5) > 1.0]
+        if not open_.size:
+            break
+    return best
