@@ -176,11 +176,8 @@ def _outlook(
         return None
     p = x.effect.parameters()[0]
     relevant = x.effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
-    size = abs(distance(p, relevant.parameters()[0].value))
-    seen, located, named = (
-        e is not None and abs(distance(p, e.parameters()[0].value)) <= size
-        for e in (x.seen, x.located, x.named)
-    )
+    amplitude = x.amplitude(abs(distance(p, relevant.parameters()[0].value)))
+    seen, located, named = (amplitude >= each for each in x.amplitudes)
     return Outlook(x, relevant, seen, located, named)
 
 

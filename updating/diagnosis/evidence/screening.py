@@ -4,7 +4,7 @@ Nothing is refitted here. Each candidate's grid is projected on the reduced basi
 the grid costs what its few DOFs cost.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -343,8 +343,13 @@ class Look:
         n_low: int,
         most: int,
         besides: float = 0.0,
+        stretched: Mapping[ParameterRef, float] | None = None,
     ) -> "Look":
-        """Look from where the base is; data that are still to come will leave ``besides`` [nepers], too."""
+        """Look from where the base is.
+
+        Data that are still to come will leave ``besides`` [nepers], too; some uncertain parameters may be
+        ``stretched``, so many times as wide as their priors.
+        """
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
@@ -361,7 +366,9 @@ class Look:
         worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share + besides**2)
         weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
         prior = function.prior()
-        known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
+        wider = np.ones(len(x))
+        wider[: len(function.variables)] = [(stretched or {}).get(v.ref, 1.0) for v in function.variables]
+        known = np.where(np.isfinite(prior.std), 1 / (wider * prior.std), 0.0)
         off = known * np.where(known > 0, x - prior.mean, 0.0)
         slopes = np.hstack([J.real, J.imag, np.diag(known)])
         trust = np.concatenate([weight, weight, np.ones(len(x))])
