@@ -34,7 +34,7 @@ from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.diagnosis import NOTHING, Diagnosis
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
@@ -45,6 +45,7 @@ from updating.inference.form import with_form
 from updating.inference.formed import formed_problem
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
+from updating.plan.plan import Plan, plan_beside
 from updating.quality.faults import corrected
 
 Progress = Callable[[str, float], None]
@@ -127,6 +128,7 @@ def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> 
         time.perf_counter() - begun,
         folder,
         modes_beside(diagnosis),
+        excluded(study, diagnosis),
     )
 
 
@@ -203,6 +205,21 @@ def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
     before, (model, changes) = without_held_out(study, study.baseline_frfs), first_state(study)
     _, changed, problem = changed_frf_problem(model, before, after, study.nuisances, changes=changes, **more)
     return problem, changed
+
+
+def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Plan | None:
+    """Return what a diagnosis with nothing missing would have seen; None for others, and of two states.
+
+    Parameters
+    ----------
+    study : Study
+    d : Diagnosis
+    progress : callable, optional
+        Called with a text and the fraction done.
+    """
+    if d.verdict != NOTHING or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
+        return None
+    return plan_beside(d.searched, study.relevant, progress)
 
 
 def fit_settings(study: Study) -> dict[str, Any]:

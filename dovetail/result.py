@@ -25,6 +25,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import DampingCurve
 from updating.inference.unknowns import nuisance_unknowns
+from updating.plan.plan import Plan
 from updating.quality.faults import Fault
 
 SCHEMA = "dovetail-result/2"
@@ -131,6 +132,8 @@ class RunResult:
         Where the files are.
     measured_modes : ModesBeside or None
         Measured modes that were fitted beside the FRFs or held out, and those of each step.
+    excluded : Plan or None
+        What data in which nothing is missing would have shown.
     """
 
     study: Study
@@ -145,6 +148,7 @@ class RunResult:
     seconds: float
     folder: Path
     measured_modes: ModesBeside | None = None
+    excluded: Plan | None = None
 
     @property
     def report(self) -> Path:
@@ -314,6 +318,18 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
     }
 
 
+def excluded_dict(plan: Plan | None) -> dict[str, Any]:
+    """Return at which sizes data in which nothing is missing would have shown effects, by kind."""
+    if plan is None:
+        return {}
+    rows = [
+        {key: r[key] for key in ("kind", "unit", "n", "blind")}
+        | {key: None if r[key] is None else r[key].parameters()[0].value for key in ("least", "most")}
+        for r in plan.sizes_of("seen")
+    ]
+    return {"excluded": rows}
+
+
 def _departure(d: Departure) -> dict[str, Any]:
     return {
         "where": d.where,
@@ -338,6 +354,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "finished": result.finished.isoformat(timespec="seconds"),
         "seconds": result.seconds,
         **diagnosis_dict(d),
+        **excluded_dict(result.excluded),
         "held_out_channels": [
             {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
         ],

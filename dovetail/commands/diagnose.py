@@ -10,7 +10,7 @@ from dovetail.commands.common import (
     say,
 )
 from dovetail.commands.diagnosis_words import found_lines, staircase
-from dovetail.commands.tables import cell, width_of
+from dovetail.commands.tables import cell, columns, width_of
 from dovetail.disk.output import Progress, write_json
 
 HELP = "find which effect the model lacks, without a report"
@@ -35,7 +35,7 @@ def run(options: Options, progress: Progress) -> None:
     from dovetail.mode_result import mode_diagnosis_dict
     from dovetail.modes_beside import beside_dict, beside_lines, modes_beside
     from dovetail.modes_pipeline import by_modes, diagnose_study_modes, has_modes_alone, mode_lines
-    from dovetail.report import words
+    from dovetail.report import planning, words
     from updating.correlation import DB_PER_NEPER
     from updating.inference.workers import cores
 
@@ -61,6 +61,7 @@ def run(options: Options, progress: Progress) -> None:
         return
     found = pipeline.diagnose_study(study, progress, options.processes or cores(), options.budget)
     beside = modes_beside(found)
+    beyond = pipeline.excluded(study, found, progress)
     progress.close()
     write_json(
         options.json,
@@ -68,6 +69,7 @@ def run(options: Options, progress: Progress) -> None:
             "study": study.name,
             **result.diagnosis_dict(found),
             **({"measured_modes": beside_dict(beside)} if beside else {}),
+            **result.excluded_dict(beyond),
             "notes": list(found.notes),
             "measured_notes": study.measured_notes,
             "warnings": study.warnings,
@@ -76,6 +78,11 @@ def run(options: Options, progress: Progress) -> None:
     )
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", *staircase(found)]
     lines += ["", *beside_lines(beside)] if beside else []
+    lines += (
+        ["", planning.EXCLUDED, *columns(planning.EXCLUDED_HEAD, planning.excluded_rows(beyond))]
+        if beyond
+        else []
+    )
     for k, ranked in enumerate(found.rounds):
         if not ranked:
             continue

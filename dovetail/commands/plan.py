@@ -25,8 +25,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--left",
         type=positive,
         metavar="DB",
-        help="what a right model will leave of the FRFs beside noise, in dB (default: what the fit leaves of the "
-        "measured FRFs, else as much as beams usually do)",
+        help="what a right model will leave of the FRFs beside noise, in dB (default: what the fit leaves "
+        "of the measured FRFs, else as much as beams usually do)",
     )
     p.add_argument("--picture", type=Path, metavar="FILE", help="draw where effects are named (PNG)")
 

@@ -2,7 +2,7 @@
 
 import math
 
-from dovetail.report import cells, words
+from dovetail.report import cells, planning, words
 from dovetail.report.confidence import best_of
 from dovetail.report.drawn import ranking_caption
 from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
@@ -191,11 +191,22 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     }.get(d.verdict, d.reason)
     return [
         paragraph(text),
+        *_excluded(result),
         paragraph(
             f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
             if looked_at
             else "There were no candidates."
         ),
+    ]
+
+
+def _excluded(result: RunResult) -> list[Markup]:
+    """Return which sizes of effects the data would have shown."""
+    if result.excluded is None:
+        return []
+    return [
+        paragraph(planning.EXCLUDED),
+        table(planning.EXCLUDED_HEAD, planning.excluded_rows(result.excluded)),
     ]
 
 

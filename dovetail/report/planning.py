@@ -8,9 +8,8 @@ import numpy as np
 from dovetail.report import words
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.evidence.screening import distance
 from updating.diagnosis.findings import EffectParameter
-from updating.plan.plan import Outlook, Plan, share
+from updating.plan.plan import Outlook, Plan, share, size_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +26,9 @@ class KindRow:
     seen, located, named : float
         Shares of them of which the test shows a relevant size [-].
     smallest, largest : str
-        Sizes at which the first and the last of them is named; empty where none is.
+        Sizes at which the first and the last of them is named; empty where that is not plausible.
+    blind : int
+        Places at which none of a plausible size is.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class KindRow:
     named: float
     smallest: str
     largest: str
+    blind: int
 
 
 def size_text(effect: Effect) -> str:
@@ -49,27 +51,36 @@ def size_text(effect: Effect) -> str:
     return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
 
 
-def kind_rows(plan: Plan) -> list[KindRow]:
-    """Return a row for each kind of effect with a relevant size."""
+def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
+    """Return a row for each kind of effect with a relevant size, with the sizes that are ``what``."""
     out = []
-    for (kind, unit), some in plan.kinds.items():
-        named = sorted((o.visible.named for o in some if o.visible.named is not None), key=_size)
+    for some, of in zip(plan.kinds.values(), plan.sizes_of(what), strict=True):
+        kind, unit = of["kind"], of["unit"]
         about = ", rotation" if kind.endswith(("stiffness", "flexibility")) and "rad" in unit else ""
+        least, most = ("" if of[key] is None else size_text(of[key]) for key in ("least", "most"))
         out.append(
             KindRow(
-                kind.replace("_", " ") + about, _range(sorted((o.relevant for o in some), key=_size)),
-                len(some), *(share(some, what) for what in ("seen", "located", "named")),
-                size_text(named[0]) if named else "",
-                size_text(named[-1]) if len(named) == len(some) else "",
+                kind.replace("_", " ") + about, _range(sorted((o.relevant for o in some), key=size_of)),
+                len(some), *(share(some, each) for each in ("seen", "located", "named")), least, most,
+                of["blind"],
             )
         )  # fmt: skip
     return out
 
 
-def _size(effect: Effect) -> float:
-    """Return how far an effect is from none, on the scale of its parameter; flexibility for stiffness."""
-    p = effect.parameters()[0]
-    return abs(distance(p, float(p.value)))
+def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
+    """Return for each kind at what size an effect would have been seen: at best, at worst, and where never."""
+    return [
+        (r.kind, r.smallest or "–", r.largest or "–", f"{r.blind} of {r.n}" if r.blind else "nowhere")
+        for r in kind_rows(plan, "seen")
+    ]
+
+
+EXCLUDED = (
+    "Nothing missing means: nothing of at least these sizes, which these data would have shown with 90 %, "
+    "whatever the uncertain parameters and the form are within their tolerances."
+)
+EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "never seen at")
 
 
 def _range(effects: list[Effect]) -> str:

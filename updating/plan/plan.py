@@ -81,6 +81,30 @@ class Plan:
             out.setdefault((o.relevant.kind, o.relevant.parameters()[0].unit), []).append(o)
         return out
 
+    def sizes_of(self, what: str = "named") -> list[dict[str, Any]]:
+        """Return for each kind and unit the least and the largest size that is ``seen``, ``located`` or ``named``.
+
+        Sizes are effects, None where no plausible one is; the largest is None if that is so at ``blind`` of
+        the ``n`` places.
+        """
+        out = []
+        for (kind, unit), some in self.kinds.items():
+            shown = [e for o in some if (e := getattr(o.visible, what)) is not None]
+            shown.sort(key=size_of)
+            blind = len(some) - len(shown)
+            ends = shown[0] if shown else None, shown[-1] if shown and not blind else None
+            out.append(
+                {
+                    "kind": kind,
+                    "unit": unit,
+                    "n": len(some),
+                    "blind": blind,
+                    "least": ends[0],
+                    "most": ends[1],
+                }
+            )
+        return out
+
     @property
     def twins(self) -> tuple[tuple[Outlook, Effect], ...]:
         """Relevant effects that are seen but not named, each with its rival; pairs once, the closest first."""
@@ -90,6 +114,12 @@ class Plan:
             rival = o.visible.rival
             found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
         return tuple(found.values())
+
+
+def size_of(effect: Effect) -> float:
+    """Return how far an effect is from none, on the scale of its first parameter; flexibility for stiffness."""
+    p = effect.parameters()[0]
+    return abs(distance(p, float(p.value)))
 
 
 def share(some: Sequence[Outlook], what: str) -> float:
@@ -176,7 +206,7 @@ def _outlook(
         return None
     p = x.effect.parameters()[0]
     relevant = x.effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
-    amplitude = x.amplitude(abs(distance(p, relevant.parameters()[0].value)))
+    amplitude = x.amplitude(size_of(relevant))
     seen, located, named = (amplitude >= each for each in x.amplitudes)
     return Outlook(x, relevant, seen, located, named)
 

@@ -347,8 +347,8 @@ class Look:
     ) -> "Look":
         """Look from where the base is.
 
-        Data that are still to come will leave ``besides`` [nepers], too; some uncertain parameters may be
-        ``stretched``, so many times as wide as their priors.
+        Data that are still to come will leave ``besides`` [nepers], too, and their uncertain parameters are
+        not at bounds yet; some may be ``stretched``, so many times as wide as their priors.
         """
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
@@ -376,6 +376,7 @@ class Look:
         low_bound, high_bound = function.limits().T
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
+        free |= stretched is not None  # of data still to come nothing says that it is there
         slopes = slopes[free]
         prior_of = tuple(v.ref for v in function.variables)
         refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
@@ -444,7 +445,7 @@ class Look:
         return np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
 
     def change_to(self, H: Sequence[Complexes]) -> Complexes:
-        """Return what other receptances (n_lines, n_out, n_in) change of the whole band's residuals, (n, m)."""
+        """Return what receptances (n_lines, n_out, n_in) change of the whole band's residuals, (n, m)."""
         return (self._residuals(H) - self._now)[:, self.whole]
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
