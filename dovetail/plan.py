@@ -2,11 +2,17 @@
 
 from typing import Any
 
+import numpy as np
+
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.pipeline import Progress, fit_settings, measured, without_held_out
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnose import diagnose
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.diagnosis import begin_search
+from updating.measurement.measurement import Measurement
+from updating.plan.check import Trial, trials
 from updating.plan.plan import Plan, plan_beside, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
 
@@ -55,3 +61,43 @@ def plan_study(
     return plan_test(
         study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=progress, **how
     )
+
+
+def check_plan(
+    study: Study, plan: Plan, n: int, seed: int = 1, progress: Progress | None = None
+) -> tuple[Trial, ...]:
+    """Return diagnoses of data drawn with effects of known sizes, to compare with a map.
+
+    Parameters
+    ----------
+    study : Study
+    plan : Plan
+        Of a planned test.
+    n : int
+        So many sets of data.
+    seed : int
+    progress : callable, optional
+        Called with a text and the fraction done.
+
+    Raises
+    ------
+    StudyError
+        If the map is that of measured data.
+    """
+    if plan.is_measured:
+        msg = f"{study.path}: data can be drawn for a planned test; give its noise (--noise 0.01)"
+        raise StudyError(msg)
+    say, found = progress or (lambda text, done: None), []
+
+    def diagnosed(data: Measurement) -> Diagnosis:
+        say(f"diagnosing {data.name} of {n}", len(found) / n)
+        how = {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
+
+        def part(text: str, done: float) -> None:
+            say(f"{data.name} of {n}: {text}", (len(found) + done) / n)
+
+        return diagnose(study.model, [data], study.nuisances, progress=part, **how)
+
+    for trial in trials(plan, n, np.random.default_rng(seed), diagnosed):
+        found.append(trial)
+    return tuple(found)

@@ -37,8 +37,10 @@ from dovetail.notebook.comparison import Comparison, Misfit
 from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.notebook.html import inner, table
 from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
+from dovetail.notebook.planned import Planned
 from dovetail.notebook.responses import FRF
 from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, formed_problem_and_model, run
+from dovetail.plan import plan_study
 from dovetail.report import words
 from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
@@ -316,6 +318,29 @@ class Study(config.Study):
         if has_modes_alone(self):
             return ModeDiagnosis.of(diagnose_study_modes(self, progress))
         return Diagnosis.of(diagnose_study(self, progress, processes, budget))
+
+    def plan(
+        self, noise: float | None = None, left_db: float | None = None, progress: Progress | None = None
+    ) -> Planned:
+        """Return which missing effects the study's test could see and name, planned or measured.
+
+        Parameters
+        ----------
+        noise : float, optional
+            Noise of a planned test, in parts of each FRF's root mean square; that of the measured FRFs, or
+            0.01, unless given [-].
+        left_db : float, optional
+            What a right model will leave beside noise; what the fit leaves of the measured FRFs, or what
+            beams usually do, unless given [dB].
+        progress : callable, optional
+            Called with a text and the fraction done; an exception from it ends the work.
+
+        Raises
+        ------
+        StudyError
+            If the study has no sensors or no excitations.
+        """
+        return Planned(plan_study(self, noise, left_db, progress))
 
     def candidates(
         self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None

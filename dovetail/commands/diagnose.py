@@ -10,7 +10,7 @@ from dovetail.commands.common import (
     say,
 )
 from dovetail.commands.diagnosis_words import found_lines, staircase
-from dovetail.commands.tables import cell, columns, width_of
+from dovetail.commands.tables import cell, width_of
 from dovetail.disk.output import Progress, write_json
 
 HELP = "find which effect the model lacks, without a report"
@@ -79,7 +79,7 @@ def run(options: Options, progress: Progress) -> None:
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", *staircase(found)]
     lines += ["", *beside_lines(beside)] if beside else []
     lines += (
-        ["", planning.EXCLUDED, *columns(planning.EXCLUDED_HEAD, planning.excluded_rows(beyond))]
+        ["", planning.EXCLUDED, *words.columns(planning.EXCLUDED_HEAD, planning.excluded_rows(beyond))]
         if beyond
         else []
     )

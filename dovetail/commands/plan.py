@@ -3,13 +3,12 @@
 import argparse
 from pathlib import Path
 
-from dovetail.commands.argument_types import positive
+from dovetail.commands.argument_types import count, positive
 from dovetail.commands.common import Options, check_places, loaded, say
 from dovetail.disk.output import Output, Progress, write_json
 
 HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
-MOST_TWINS = 10
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -28,47 +27,44 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="what a right model will leave of the FRFs beside noise, in dB (default: what the fit leaves "
         "of the measured FRFs, else as much as beams usually do)",
     )
+    p.add_argument(
+        "--check",
+        type=count,
+        metavar="N",
+        help="diagnose N sets of data drawn with effects of known sizes, and compare with the map",
+    )
+    p.add_argument("--seed", type=int, default=1, help="of the data of --check (default 1)")
     p.add_argument("--picture", type=Path, metavar="FILE", help="draw where effects are named (PNG)")
 
 
 def run(options: Options, progress: Progress) -> None:
     """Print which relevant effects a test sees and names."""
-    from dovetail.plan import plan_study
-    from dovetail.report import planning
+    from dovetail.plan import check_plan, plan_study
+    from dovetail.report import planning, words
 
     check_places(options, Output("--picture", options.picture))
     study = loaded(options)
     plan = plan_study(study, options.noise, options.left, progress)
+    checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
     if options.picture is not None:
         from viz.plan import render_plan
 
         progress("drawing", 0.99)
         render_plan(plan, options.picture, study.name)
     progress.close()
-    write_json(options.json, {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings})
-    rows = planning.kind_rows(plan)
-    kind, relevant = (max([len(getattr(r, key)) for r in rows] + [8]) for key in ("kind", "relevant"))
-    seen, located, named = (100 * plan.coverage(what) for what in ("seen", "located", "named"))
+    result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
+    write_json(options.json, result | ({"check": planning.check_dicts(checked)} if checked else {}))
     lines = [
         f"{study.name}: {planning.title(plan)}",
-        f"of {len(plan.relevant)} relevant effects {seen:.0f} % are seen, {located:.0f} % located and "
-        f"{named:.0f} % named",
+        planning.headline(plan),
         "",
-        f"{'kind':{kind}}  {'relevant size':{relevant}}     n  seen  place  named  named from",
-        *(
-            f"{r.kind:{kind}}  {r.relevant:{relevant}}  {r.n:4d}  {_percent(r.seen)}  {_percent(r.located)} "
-            f" {_percent(r.named)}  {r.smallest or 'none'}{f' … {r.largest}' if r.largest else ''}"
-            for r in rows
-        ),
+        *words.columns(planning.HEAD, [planning.cells_of(row) for row in planning.kind_rows(plan)]),
     ]
-    if twins := plan.twins:
-        lines += ["", "seen, but not told apart:"]
-        lines += [f"  {planning.twin_text(*pair)}" for pair in twins[:MOST_TWINS]]
-        lines += [f"  and {len(twins) - MOST_TWINS} more pairs (--json has all)"] * (len(twins) > MOST_TWINS)
-    if blind := planning.blind_lines(plan):
-        lines += ["", "not seen in relevant size:", *(f"  {line}" for line in blind)]
+    for title, some in (
+        ("seen, but not told apart:", planning.twin_lines(plan)),
+        ("not seen in relevant size:", planning.blind_lines(plan)),
+    ):
+        lines += ["", title, *(f"  {line}" for line in some)] if some else []
+    if checked:
+        lines += ["", *planning.check_lines(checked)]
     say(options, *lines)
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:3.0f} %"

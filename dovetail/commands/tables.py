@@ -1,6 +1,6 @@
 """Cells and widths of printed tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -19,12 +19,3 @@ def cell(value: float, width: int, digits: int = 2) -> str:
 def band_names(bands: np.ndarray) -> list[str]:
     """Return the frequency bands as headings [Hz]."""
     return [f"{a:.4g}-{b:.4g}" for a, b in pairwise(bands)]
-
-
-def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a table as lines, each column as wide as it needs to be."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    return [
-        "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]

@@ -1,5 +1,6 @@
 """What a test could see and name, in words and numbers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,9 @@ from dovetail.report import words
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
-from updating.plan.plan import Outlook, Plan, share, size_of
+from updating.plan.check import Trial
+from updating.plan.plan import Outlook, Plan, share
+from updating.plan.visibility import size_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +72,16 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
 
 
 def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
-    """Return for each kind at what size an effect would have been seen: at best, at worst, and where never."""
+    """Return for each kind from what size an effect would have been seen, and where it would not."""
     return [
         (r.kind, r.smallest or "–", r.largest or "–", f"{r.blind} of {r.n}" if r.blind else "nowhere")
         for r in kind_rows(plan, "seen")
     ]
 
 
+MOST_TWINS = 10
+"""At most so many pairs that a test does not tell apart are printed."""
+HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
 EXCLUDED = (
     "Nothing missing means: nothing of at least these sizes, which these data would have shown with 90 %, "
     "whatever the uncertain parameters and the form are within their tolerances."
@@ -99,6 +105,29 @@ def title(plan: Plan) -> str:
         else f"noise {data.noise_db:.2g} dB, of a right model {left:.2g} dB more are expected to be left"
     )
     return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {said}"
+
+
+def cells_of(row: KindRow) -> tuple[str, ...]:
+    """Return the cells of a kind under ``HEAD``."""
+    shares = (f"{100 * each:.0f} %" for each in (row.seen, row.located, row.named))
+    to = row.largest or (f"not at {row.blind}" if row.smallest else "")
+    return row.kind, row.relevant, str(row.n), *shares, row.smallest or "none", to
+
+
+def headline(plan: Plan) -> str:
+    """Return the shares of relevant effects that are seen, located and named."""
+    seen, located, named = (100 * plan.coverage(what) for what in ("seen", "located", "named"))
+    return (
+        f"Of {len(plan.relevant)} effects of a relevant size {seen:.0f} % are seen, {located:.0f} % located "
+        f"and {named:.0f} % named."
+    )
+
+
+def twin_lines(plan: Plan) -> list[str]:
+    """Return pairs of which a test sees one, of a relevant size, but does not tell it from the other."""
+    twins = plan.twins
+    more = [f"and {len(twins) - MOST_TWINS} more pairs"] * (len(twins) > MOST_TWINS)
+    return [twin_text(*pair) for pair in twins[:MOST_TWINS]] + more
 
 
 def twin_text(outlook: Outlook, rival: Effect) -> str:
@@ -150,3 +179,45 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
             for x in plan.visibility.effects
         ],
     }  # fmt: skip
+
+
+def check_lines(checked: Sequence[Trial]) -> list[str]:
+    """Return what drawn data showed beside what the map predicts, by multiples of the size that is named."""
+    rows = []
+    for multiple in sorted({t.multiple for t in checked}):
+        some = [t for t in checked if t.multiple == multiple]
+        chances = np.mean([t.chances for t in some], axis=0)
+        counts = (sum(getattr(t, what) for t in some) for what in ("seen", "named"))
+        rows.append(
+            (
+                f"{multiple:g}", str(len(some)),
+                *(
+                    cell
+                    for chance, count in zip(chances, counts, strict=True)
+                    for cell in (f"{100 * chance:.0f} %", _with_interval(count, len(some)))
+                ),
+            )
+        )  # fmt: skip
+    head = ("size / named", "n", "seen: map", "drawn (95 %)", "named: map", "drawn (95 %)")
+    return words.columns(head, rows)
+
+
+def _with_interval(count: int, n: int) -> str:
+    """Return a share with Wilson's interval of 95 % (J. Am. Stat. Assoc. 22, 1927, 209)."""
+    z, p = 1.96, count / n
+    middle, half = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    low, high = (100 * each / (1 + z**2 / n) for each in (middle - half, middle + half))
+    return f"{100 * p:.0f} % ({max(low, 0):.0f}-{min(high, 100):.0f})"
+
+
+def check_dicts(checked: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Return drawn data and their diagnoses for JSON."""
+    return [
+        {
+            "kind": t.effect.kind, "where": t.effect.where,
+            "values": {p.name: float(p.value) for p in t.effect.parameters()}, "size": t.multiple,
+            "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen, "named": t.named,
+            "probability_of_nothing": t.nothing, "probability": t.right, "found": t.best,
+        }
+        for t in checked
+    ]  # fmt: skip

@@ -12,7 +12,6 @@ from fem.model import Effect, Model
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
-from updating.diagnosis.evidence.screening import distance
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress
@@ -20,7 +19,7 @@ from updating.inference.parameters import Nuisance
 from updating.inference.scatter import form_scatter
 from updating.measurement.measurement import Measurement
 from updating.plan.planned import usual_discrepancy
-from updating.plan.visibility import Visibility, Visible, visibility
+from updating.plan.visibility import Visibility, Visible, size_of, visibility
 
 USUAL = Relevant()
 """Sizes that are relevant unless it is said otherwise."""
@@ -82,7 +81,7 @@ class Plan:
         return out
 
     def sizes_of(self, what: str = "named") -> list[dict[str, Any]]:
-        """Return for each kind and unit the least and the largest size that is ``seen``, ``located`` or ``named``.
+        """Return for each kind and unit the least and largest sizes ``seen``, ``located`` or ``named``.
 
         Sizes are effects, None where no plausible one is; the largest is None if that is so at ``blind`` of
         the ``n`` places.
@@ -92,34 +91,19 @@ class Plan:
             shown = [e for o in some if (e := getattr(o.visible, what)) is not None]
             shown.sort(key=size_of)
             blind = len(some) - len(shown)
-            ends = shown[0] if shown else None, shown[-1] if shown and not blind else None
-            out.append(
-                {
-                    "kind": kind,
-                    "unit": unit,
-                    "n": len(some),
-                    "blind": blind,
-                    "least": ends[0],
-                    "most": ends[1],
-                }
-            )
+            ends = {"least": shown[0] if shown else None, "most": shown[-1] if shown and not blind else None}
+            out.append({"kind": kind, "unit": unit, "n": len(some), "blind": blind, **ends})
         return out
 
     @property
     def twins(self) -> tuple[tuple[Outlook, Effect], ...]:
-        """Relevant effects that are seen but not named, each with its rival; pairs once, the closest first."""
+        """Relevant effects that are seen but not named, with their rivals; pairs once, the closest first."""
         found: dict[frozenset[str], tuple[Outlook, Effect]] = {}
         some = [o for o in self.relevant if o.seen and not o.named]
         for o in sorted(some, key=lambda o: -o.visible.alike):
             rival = o.visible.rival
             found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
         return tuple(found.values())
-
-
-def size_of(effect: Effect) -> float:
-    """Return how far an effect is from none, on the scale of its first parameter; flexibility for stiffness."""
-    p = effect.parameters()[0]
-    return abs(distance(p, float(p.value)))
 
 
 def share(some: Sequence[Outlook], what: str) -> float:
@@ -206,8 +190,8 @@ def _outlook(
         return None
     p = x.effect.parameters()[0]
     relevant = x.effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
-    amplitude = x.amplitude(size_of(relevant))
-    seen, located, named = (amplitude >= each for each in x.amplitudes)
+    amplitude = x.amplitude(relevant)
+    seen, located, named = (amplitude >= each for each in x.enough)
     return Outlook(x, relevant, seen, located, named)
 
 

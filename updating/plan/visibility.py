@@ -78,47 +78,92 @@ def needed(odds: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visible:
-    """The least sizes at which an effect at a position is seen and named; None where no plausible one is.
+    """What a test shows of an effect at a position.
 
     Attributes
     ----------
-    effect : Effect
-        As it is not, at the position.
-    seen : Effect or None
-        Something must be missing.
-    located : Effect or None
-        It must be at the places of this effect.
-    named : Effect or None
-        It must be this effect.
-    strongest : Effect
-        The largest plausible size.
+    little : Little
+        Small changes by the effect.
+    position : int
+        Which of its positions.
+    sizes, amplitudes : ndarray (n,)
+        Multiples of the small size up to the largest plausible one, and as how many of the small change they
+        act; both rise.
+    enough : (float, float, float)
+        Least amplitudes at which something must be missing, it must be at the places of this effect, and it
+        must be this effect; whatever is plausible.
+    nats : (float, float)
+        Gains in log likelihood that are expected of the first and the last of these, over nothing and over
+        what the effect is told from last.
     rival : Effect
-        What it is told from last, as it imitates the effect best: another effect, or a part of the form that
-        is far from its drawing.
+        That, of the size at which it is seen: it imitates the effect best.
     alike : float
         Cosine of the angle between what both do [-].
-    nats : float
-        Gain in log likelihood over the rival that is expected of the size that is named, whatever is plausible.
-    amplitudes : (float, float, float)
-        What is seen, located and named as multiples of a little of the effect, whatever is plausible.
-    reach : tuple of ndarray (n,), (n,)
-        Sizes of the effect, as distances of its parameter from none, and what multiples these are.
     """
 
-    effect: Effect
-    seen: Effect | None
-    located: Effect | None
-    named: Effect | None
-    strongest: Effect
+    little: Little
+    position: int
+    sizes: Floats
+    amplitudes: Floats
+    enough: tuple[float, float, float]
+    nats: tuple[float, float]
     rival: Effect
     alike: float
-    nats: float
-    amplitudes: tuple[float, float, float]
-    reach: tuple[Floats, Floats]
 
-    def amplitude(self, size: float) -> float:
-        """Return what multiple of a little of the effect a size is, a distance of its parameter from none."""
-        return float(np.exp(np.interp(np.log(size), *(np.log(each) for each in self.reach))))
+    @property
+    def effect(self) -> Effect:
+        """The effect as it is not, at the position."""
+        return self._of(0.0)
+
+    @property
+    def strongest(self) -> Effect:
+        """The largest plausible size."""
+        return self._of(float(self.sizes[-1]))
+
+    @property
+    def seen(self) -> Effect | None:
+        """The least size at which something must be missing; None where it is not plausible."""
+        return self.at(self.enough[0])
+
+    @property
+    def located(self) -> Effect | None:
+        """The least size at which it must be at the places of this effect."""
+        return self.at(self.enough[1])
+
+    @property
+    def named(self) -> Effect | None:
+        """The least size at which it must be this effect."""
+        return self.at(self.enough[2])
+
+    def at(self, amplitude: float) -> Effect | None:
+        """Return the effect as large as a multiple of its small change; None if that is not plausible."""
+        if not amplitude <= self.amplitudes[-1]:
+            return None
+        x = np.log(max(amplitude, self.amplitudes[0]))
+        return self._of(float(np.exp(np.interp(x, np.log(self.amplitudes), np.log(self.sizes)))))
+
+    def amplitude(self, effect: Effect) -> float:
+        """Return as what multiple of its small change the effect acts at another size."""
+        size = size_of(effect) / size_of(self._of(1.0))
+        x = np.log(np.clip(size, self.sizes[0], self.sizes[-1]))
+        return float(np.exp(np.interp(x, np.log(self.sizes), np.log(self.amplitudes))))
+
+    def chances(self, amplitude: float) -> tuple[float, float]:
+        """Return the probabilities with which an amplitude is seen, and named."""
+        out = []
+        for enough, g in zip((self.enough[0], self.enough[2]), self.nats, strict=True):
+            there, barrier = g * (amplitude / enough) ** 2, g - float(norm.ppf(POWER)) * np.sqrt(2 * g)
+            out.append(float(norm.cdf((there - barrier) / np.sqrt(2 * there))))
+        return out[0], min(out)
+
+    def _of(self, size: float) -> Effect:
+        return self.little.grid.effect.with_values(**self.little.values(self.position, size))
+
+
+def size_of(effect: Effect) -> float:
+    """Return how far an effect is from none by its first parameter; a stiffness counts as flexibility."""
+    p = effect.parameters()[0]
+    return abs(distance(p, float(p.value)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,33 +238,20 @@ def visibility(
         told = rivals.told_apart(located, named)
         located, named = (seen * np.sqrt(np.maximum(n / enough, 1.0)) for n in told[:2])
     *_, rival, alike = told
-    found = []
-    for i, j in enumerate(rival):
-        little, (size, amplitude) = littles[owner[i]], reach[i]
-        effect, point = candidates[owner[i]], int(k[i])
-
-        def at(
-            wanted: float, little: Little = little, size: Floats = size, amplitude: Floats = amplitude,
-            effect: Effect = effect, point: int = point,
-        ) -> Effect | None:  # fmt: skip
-            if not wanted <= amplitude[-1]:
-                return None
-            factor = np.exp(np.interp(np.log(max(wanted, amplitude[0])), np.log(amplitude), np.log(size)))
-            return effect.with_values(**little.values(point, factor))
-
-        absent, strongest = (effect.with_values(**little.values(point, f)) for f in (0.0, size[-1]))
-        p = absent.parameters()[0]
-        unit = abs(distance(p, effect.with_values(**little.values(point, 1.0)).parameters()[0].value))
-        amplitudes = seen[i], located[i], named[i]
-        found.append(
-            Visible(
-                absent, *map(at, amplitudes), strongest,
-                candidates[owner[j]].with_values(**littles[owner[j]].values(int(k[j]), max(seen[j], 1.0))),
-                float(alike[i]), float(max(needed(against[i] - against[j]), 0.0)), amplitudes,
-                (size * unit, amplitude),
-            )
-        )  # fmt: skip
-    return Visibility(problem, tuple(found), left)
+    small = zip((littles[o] for o in owner), k.tolist(), *zip(*reach, strict=True), strict=True)
+    own = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
+    first = [
+        littles[o].grid.effect.with_values(**littles[o].values(j, min(max(a, 1.0), littles[o].most[j])))
+        for o, j, a in zip(owner, k, seen, strict=True)
+    ]
+    return Visibility(
+        problem,
+        tuple(
+            Visible(*each, (seen[i], located[i], named[i]), (enough[i], own[i]), first[rival[i]], alike[i])
+            for i, each in enumerate(small)
+        ),
+        left,
+    )
 
 
 def _dilution(problem: FitProblem, effect: Effect) -> float:
@@ -270,8 +302,8 @@ class Sight:
     def _stretched(self) -> dict[ParameterRef, float]:
         """Return how much farther uncertain parameters reach than small changes of them say, by parameter.
 
-        Of those that change the model otherwise than in proportion: flexibilities whose logarithms vary within
-        bounds.
+        Of those that change the model otherwise than in proportion: flexibilities whose logarithms vary
+        within bounds.
         """
         problem, base = self.broad.problem, self.base
         starts = [parameter_values(e) for e in base.effects]
@@ -289,8 +321,8 @@ class Sight:
                 H.append(function.receptance(moved))
             change = self.broad.change_to(H)
             little = max(change[:2], key=lambda c: float(np.linalg.norm(c)))
-            far = np.abs((change[2:] @ little.conj()).real).max() / max(np.linalg.norm(little) ** 2, 1e-300)
-            out[v.ref] = float(far * LITTLE / FAR)
+            along = np.abs((change[2:] @ little.conj()).real).max()
+            out[v.ref] = float(along / max(np.linalg.norm(little) ** 2, 1e-300) * LITTLE / FAR)
         return out
 
     @property
@@ -306,8 +338,8 @@ class Sight:
     def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes (n, m).
 
-        Mean squares of each group of residuals and, behind these, what is known beforehand, (n, n_groups + 1);
-        and vectors (n, r), whose squares are worth twice their gains.
+        Mean squares of each group of residuals and, behind these, of what is known beforehand, of shape
+        (n, n_groups + 1); and vectors (n, r), whose squares are worth twice their gains.
         """
         left, m = self.look.adapted(change, effect.replaces()), self._n
         data, known = left[:, :m], left[:, m:].real

@@ -1,0 +1,44 @@
+"""What a test could see and name, as a user meets it."""
+
+from dataclasses import dataclass
+
+from dovetail.notebook.html import table
+from dovetail.report import planning
+from fem.summary import summary
+from updating.plan.plan import Plan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """Which missing effects a test could see and name.
+
+    Attributes
+    ----------
+    plan : Plan
+        With all effects, their least sizes and rivals.
+    """
+
+    plan: Plan
+
+    def __repr__(self) -> str:
+        """Return the shares of relevant effects that are seen and named on one line."""
+        return summary(self, planning.headline(self.plan))
+
+    def coverage(self, what: str = "named") -> float:
+        """Return the share of effects of a relevant size that are ``seen``, ``located`` or ``named`` [-]."""
+        return self.plan.coverage(what)
+
+    @property
+    def rows(self) -> list[planning.KindRow]:
+        """A row for each kind of effect."""
+        return planning.kind_rows(self.plan)
+
+    @property
+    def twins(self) -> list[str]:
+        """Pairs that the test sees and does not tell apart."""
+        return [planning.twin_text(*pair) for pair in self.plan.twins]
+
+    def _repr_html_(self) -> str:
+        """Return the table of kinds."""
+        rows = [planning.cells_of(row) for row in self.rows]
+        return table(planning.HEAD, rows, f"{planning.title(self.plan)}. {planning.headline(self.plan)}")
