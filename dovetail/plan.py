@@ -1,8 +1,10 @@
 """What a study's test could see and name, planned or measured."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
@@ -11,8 +13,10 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.diagnosis import begin_search
-from updating.measurement.measurement import Measurement
+from updating.diagnosis.separation import places_along
+from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import Trial, trials
+from updating.plan.choose import Chosen, choose
 from updating.plan.plan import Plan, plan_beside, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
 
@@ -29,7 +33,7 @@ def plan_study(
     ----------
     study : Study
     noise : float, optional
-        Noise of a planned test, in parts of each FRF's root mean square [-].
+        Noise of a planned test, in parts of the root mean square of the FRFs of a force [-].
     left_db : float, optional
         What a right model will leave beside noise [dB].
     progress : callable, optional
@@ -52,7 +56,7 @@ def plan_study(
         if not getattr(study, part):
             msg = f"{study.path}: it has no [[{part}]]; a test has both sensors and excitations"
             raise StudyError(msg)
-    frequency = study.measurements[0].frf.frequency if study.measurements else study.frequency
+    frequency = _lines(study)
     test = planned_measurement(
         study.model, study.sensors, study.excitations, frequency,
         USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
@@ -61,6 +65,64 @@ def plan_study(
     return plan_test(
         study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=progress, **how
     )
+
+
+def choose_channels(
+    study: Study,
+    n_sensors: int,
+    n_excitations: int | None = None,
+    noise: float | None = None,
+    left_db: float | None = None,
+    progress: Progress | None = None,
+) -> Chosen:
+    """Choose sensors, and places for forces, by which most relevant effects are named.
+
+    From points along all members, along x, y and z. Forces are the study's unless their number is given.
+
+    Parameters
+    ----------
+    study : Study
+    n_sensors : int
+    n_excitations : int, optional
+    noise, left_db, progress
+        As of :func:`plan_study`.
+
+    Raises
+    ------
+    StudyError
+        If more are to be chosen than there are places, or the study has no forces and none are to be chosen.
+    """
+    mesh = study.model.mesh
+    possible = tuple(
+        Sensor(f"{place.removeprefix('member ')} {axis}", mesh.points[point], np.eye(3)[k])
+        for point, place in places_along(study.model)
+        for k, axis in enumerate("xyz")
+    )
+    if n_excitations is None and not study.excitations:
+        msg = f"{study.path}: it has no [[excitations]]; say how many are to be chosen"
+        raise StudyError(msg)
+    for word, n in (("sensors", n_sensors), ("excitations", n_excitations or 1)):
+        if n > len(possible):
+            msg = f"{study.path}: {n} {word} are to be chosen from {len(possible)} places and directions"
+            raise StudyError(msg)
+    how: dict[str, Any] = {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
+    return choose(
+        study.model, possible, study.excitations if n_excitations is None else possible, _lines(study),
+        n_sensors, n_excitations, study.nuisances, sizes=study.relevant,
+        noise=USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
+        left=None if left_db is None else left_db / DB_PER_NEPER, progress=progress, **how,
+    )  # fmt: skip
+
+
+def with_channels(study: Study, chosen: Chosen) -> Study:
+    """Return a study with other sensors and forces, and no measurements."""
+    none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
+    return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)
+
+
+def _lines(study: Study) -> NDArray[np.float64]:
+    """Return the lines of a planned test: those that were measured, or those of the study [Hz]."""
+    return study.measurements[0].frf.frequency if study.measurements else study.frequency
 
 
 def check_plan(

@@ -327,8 +327,8 @@ class Study(config.Study):
         Parameters
         ----------
         noise : float, optional
-            Noise of a planned test, in parts of each FRF's root mean square; that of the measured FRFs, or
-            0.01, unless given [-].
+            Noise of a planned test, in parts of the root mean square of the FRFs of a force; that of the
+            measured FRFs, or 0.01, unless given [-].
         left_db : float, optional
             What a right model will leave beside noise; what the fit leaves of the measured FRFs, or what
             beams usually do, unless given [dB].

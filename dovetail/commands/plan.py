@@ -6,6 +6,7 @@ from pathlib import Path
 from dovetail.commands.argument_types import count, positive
 from dovetail.commands.common import Options, check_places, loaded, say
 from dovetail.disk.output import Output, Progress, write_json
+from dovetail.file.table import StudyError
 
 HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
@@ -17,7 +18,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--noise",
         type=positive,
         metavar="SHARE",
-        help="noise of a test that is planned, in parts of each FRF's root mean square "
+        help="noise of a test that is planned, in parts of the root mean square of the FRFs of a force "
         "(default: that of the measured FRFs, else 0.01)",
     )
     p.add_argument(
@@ -26,6 +27,18 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="DB",
         help="what a right model will leave of the FRFs beside noise, in dB (default: what the fit leaves "
         "of the measured FRFs, else as much as beams usually do)",
+    )
+    p.add_argument(
+        "--choose",
+        type=count,
+        metavar="N",
+        help="choose N sensors, from points along all members, by which most is named, and map that test",
+    )
+    p.add_argument(
+        "--excitations",
+        type=count,
+        metavar="N",
+        help="with --choose: choose N places and directions of forces, too (default: those of the study)",
     )
     p.add_argument(
         "--check",
@@ -39,11 +52,20 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Print which relevant effects a test sees and names."""
-    from dovetail.plan import check_plan, plan_study
+    from dovetail.plan import check_plan, choose_channels, plan_study, with_channels
     from dovetail.report import planning, words
 
     check_places(options, Output("--picture", options.picture))
+    if options.excitations is not None and options.choose is None:
+        msg = "--excitations chooses forces beside sensors; say how many sensors: --choose N"
+        raise StudyError(msg)
     study = loaded(options)
+    chosen = None
+    if options.choose is not None:
+        chosen = choose_channels(
+            study, options.choose, options.excitations, options.noise, options.left, progress
+        )
+        study = with_channels(study, chosen)
     plan = plan_study(study, options.noise, options.left, progress)
     checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
     if options.picture is not None:
@@ -53,8 +75,11 @@ def run(options: Options, progress: Progress) -> None:
         render_plan(plan, options.picture, study.name)
     progress.close()
     result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
+    if chosen:
+        result["chosen"] = planning.chosen_dict(chosen)
     write_json(options.json, result | ({"check": planning.check_dicts(checked)} if checked else {}))
     lines = [
+        *(planning.chosen_lines(chosen) if chosen else ()),
         f"{study.name}: {planning.title(plan)}",
         planning.headline(plan),
         "",

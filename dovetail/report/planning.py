@@ -10,7 +10,9 @@ from dovetail.report import words
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
+from updating.measurement.measurement import Sensor
 from updating.plan.check import Trial
+from updating.plan.choose import Chosen
 from updating.plan.plan import Outlook, Plan, share
 from updating.plan.visibility import size_of
 
@@ -82,10 +84,7 @@ def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
 MOST_TWINS = 10
 """At most so many pairs that a test does not tell apart are printed."""
 HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
-EXCLUDED = (
-    "Nothing missing means: nothing of at least these sizes, which these data would have shown with 90 %, "
-    "whatever the uncertain parameters and the form are within their tolerances."
-)
+EXCLUDED = "These data would have shown effects of at least these sizes, with a probability of 90 %."
 EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "never seen at")
 
 
@@ -98,11 +97,11 @@ def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
     f = data.frequency
-    left = plan.visibility.left * DB_PER_NEPER
+    left = plan.visibility.left
     said = (
-        "beside what the fit leaves of the measured FRFs"
-        if plan.is_measured
-        else f"noise {data.noise_db:.2g} dB, of a right model {left:.2g} dB more are expected to be left"
+        "with the residuals of the measured FRFs"
+        if left is None
+        else f"noise {data.noise_db:.2g} dB, and {left * DB_PER_NEPER:.2g} dB of error of a right model"
     )
     return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {said}"
 
@@ -126,7 +125,7 @@ def headline(plan: Plan) -> str:
 def twin_lines(plan: Plan) -> list[str]:
     """Return pairs of which a test sees one, of a relevant size, but does not tell it from the other."""
     twins = plan.twins
-    more = [f"and {len(twins) - MOST_TWINS} more pairs"] * (len(twins) > MOST_TWINS)
+    more = [f"and {len(twins) - MOST_TWINS} more"] * (len(twins) > MOST_TWINS)
     return [twin_text(*pair) for pair in twins[:MOST_TWINS]] + more
 
 
@@ -165,7 +164,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     return {
         "measured": plan.is_measured,
         "noise_db": plan.visibility.problem.data.noise_db,
-        "left_db": plan.visibility.left * DB_PER_NEPER,
+        "left_db": None if plan.is_measured else plan.visibility.left * DB_PER_NEPER,
         "relevant_sizes": {k: getattr(plan.sizes, k) for k in ("connections", "members", "cracks", "masses")},
         "coverage": {what: plan.coverage(what) for what in ("seen", "located", "named")},
         "kinds": [{name: getattr(row, name) for name in KindRow.__slots__} for row in kind_rows(plan)],
@@ -179,6 +178,30 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
             for x in plan.visibility.effects
         ],
     }  # fmt: skip
+
+
+def chosen_lines(chosen: Chosen) -> list[str]:
+    """Return the chosen sensors and forces as tables of a study file, and the share by their number."""
+    out = ["# chosen sensors and forces, for the study file"]
+    for table, some in (("sensors", chosen.sensors), ("excitations", chosen.excitations)):
+        for s in some:
+            at, along = (", ".join(f"{x:.6g}" for x in each) for each in (s.point, s.direction))
+            out += [f"[[{table}]]", f'name = "{s.name}"', f"at = [{at}]", f"direction = [{along}]"]
+    shares = ", ".join(f"{k}: {100 * share:.0f} %" for k, share in enumerate(chosen.curve, 1))
+    return [*out, "", f"named by the first sensors as they were added: {shares}", ""]
+
+
+def chosen_dict(chosen: Chosen) -> dict[str, Any]:
+    """Return chosen sensors and forces for JSON."""
+
+    def each(some: Sequence[Sensor]) -> list[dict[str, Any]]:
+        return [{"name": s.name, "at_m": s.point, "direction": s.direction} for s in some]
+
+    return {
+        "sensors": each(chosen.sensors),
+        "excitations": each(chosen.excitations),
+        "named_by_number": chosen.curve,
+    }
 
 
 def check_lines(checked: Sequence[Trial]) -> list[str]:

@@ -135,7 +135,7 @@ def next_measurements(
         How many of each kind.
     """
     model = problem.reduced.model
-    places = _places(model)
+    places = places_along(model)
     new = np.zeros((model.n_dof, 3 * len(places)))
     for k, (point, _) in enumerate(places):
         new[6 * point : 6 * point + 3, 3 * k : 3 * k + 3] = np.eye(3)
@@ -174,7 +174,7 @@ def next_measurements(
     return tuple(sorted(found, key=lambda p: -p.evidence))
 
 
-def _places(model: Model) -> list[tuple[int, str]]:
+def places_along(model: Model) -> list[tuple[int, str]]:
     """Return points of the mesh along the members, each once, with their names."""
     mesh, out, seen = model.mesh, [], set()
     count = int(np.clip(MOST_PLACES // max(len(mesh.members), 1), 2, POINTS_PER_MEMBER))

@@ -67,7 +67,7 @@ def trials(
     diagnose : callable
         Returns the diagnosis of data.
     """
-    problem, left = plan.visibility.problem, plan.visibility.left
+    problem, left = plan.visibility.problem, plan.visibility.left or 0.0
     kinds: dict[str, list[Outlook]] = {}
     for o in plan.relevant:
         if o.visible.named is not None:

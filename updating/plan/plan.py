@@ -12,13 +12,13 @@ from fem.model import Effect, Model
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
+from updating.diagnosis.evidence.screening import distance
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
-from updating.inference.scatter import form_scatter
 from updating.measurement.measurement import Measurement
-from updating.plan.planned import usual_discrepancy
+from updating.plan.planned import usual_discrepancy, with_scatter
 from updating.plan.visibility import Visibility, Visible, size_of, visibility
 
 USUAL = Relevant()
@@ -57,8 +57,6 @@ class Plan:
     sizes : Relevant
     relevant : tuple of Outlook
         Effects at one place, of kinds for which a relevant size is stated.
-    is_measured : bool
-        Whether the data are measured ones.
     """
 
     visibility: Visibility
@@ -66,7 +64,11 @@ class Plan:
     measurement: Measurement
     sizes: Relevant
     relevant: tuple[Outlook, ...]
-    is_measured: bool
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the data are measured ones."""
+        return self.visibility.left is None
 
     def coverage(self, what: str = "named") -> float:
         """Return the share of relevant effects that are ``seen``, ``located`` or ``named``."""
@@ -88,7 +90,7 @@ class Plan:
         """
         out = []
         for (kind, unit), some in self.kinds.items():
-            shown = [e for o in some if (e := getattr(o.visible, what)) is not None]
+            shown = [_towards(e, o.relevant) for o in some if (e := getattr(o.visible, what)) is not None]
             shown.sort(key=size_of)
             blind = len(some) - len(shown)
             ends = {"least": shown[0] if shown else None, "most": shown[-1] if shown and not blind else None}
@@ -104,6 +106,15 @@ class Plan:
             rival = o.visible.rival
             found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
         return tuple(found.values())
+
+
+def _towards(effect: Effect, other: Effect) -> Effect:
+    """Return an effect of the same size on the side of none on which another one is."""
+    p, value = effect.parameters()[0], float(effect.parameters()[0].value)
+    if distance(p, value) * distance(p, float(other.parameters()[0].value)) >= 0:
+        return effect
+    mirrored = p.absent**2 / value if p.log else 2 * p.absent - value
+    return effect.with_values(**{p.name: float(np.clip(mirrored, p.lower, p.upper))})
 
 
 def share(some: Sequence[Outlook], what: str) -> float:
@@ -148,11 +159,11 @@ def plan_test(
     )
     candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
     base = whole.nominal()
-    problem = replace(whole, scatter=form_scatter(whole, base))
+    problem = with_scatter(whole, base)
     odds = Odds.of(candidates, problem.reduced.model)
     left = usual_discrepancy(model_error) if left is None else left
     seen = visibility(problem, base, candidates, odds, left, _from(say, 0.1))
-    return _plan(seen, formed.model, measurement, sizes, is_measured=False)
+    return _plan(seen, formed.model, measurement, sizes)
 
 
 def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
@@ -166,20 +177,19 @@ def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress 
         Called with a text and the fraction done.
     """
     search, best = searched.search, searched.best
-    problem = search.fits.free(best)
-    assert isinstance(problem, FitProblem)
+    whole = search.fits.problem
+    assert isinstance(whole, FitProblem)
+    problem = replace(whole, scatter=search.fits.ranking.scatter(whole, best.fitted, best.fitted.size))
     candidates = [c for c in search.fit_beside(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
-    seen = visibility(problem, best.fitted, candidates, search.fits.odds, 0.0, say)
-    return _plan(seen, problem.reduced.model, problem.data.measurement, sizes, is_measured=True)
+    seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)
+    return _plan(seen, problem.reduced.model, problem.data.measurement, sizes)
 
 
-def _plan(
-    seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant, *, is_measured: bool
-) -> Plan:
+def _plan(seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant) -> Plan:
     mass = sum(member_mass(model, m) for m in model.mesh.members)
     found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]
-    return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None), is_measured)
+    return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None))
 
 
 def _outlook(

@@ -1,6 +1,7 @@
 """A test that has not been made yet, as data that its model would give."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,12 +9,15 @@ from numpy.typing import ArrayLike
 from fem.analysis.frf import FRFKind
 from fem.model import Model
 from updating.inference.belief import FORM_LEAST, FORM_LEFT
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.scatter import form_scatter
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.computed import computed_frf
 from updating.measurement.measurement import Measurement, Sensor
 
 USUAL_NOISE = 0.01
-"""Noise of a planned test, in parts of each FRF's root mean square [-]."""
+"""Noise of a planned test, in parts of the root mean square of the FRFs of a force [-]."""
 
 
 def planned_measurement(
@@ -34,7 +38,8 @@ def planned_measurement(
     frequency : array_like (n_freq,)
         [Hz].
     noise : float
-        Root mean square of the complex noise of each FRF, in parts of the FRF's own [-].
+        Root mean square of the complex noise, the same at all sensors of a quantity, in parts of that of
+        their FRFs of a force [-].
     kind : FRFKind or str
     errors : ChannelErrors
 
@@ -45,12 +50,26 @@ def planned_measurement(
     """
     frf = computed_frf(model, sensors, excitations, frequency, kind)
     size = np.abs(frf.H)
-    rms = np.sqrt((size**2).mean(axis=0))
+    rms = np.zeros(size.shape[1:])
+    for alike in (frf.is_strain, ~frf.is_strain):
+        if alike.any():
+            rms[alike] = np.sqrt((size[:, alike] ** 2).mean(axis=(0, 1)))
     with np.errstate(divide="ignore", invalid="ignore"):
         scatter = np.where(size > 0, noise / np.sqrt(2) * rms / size, 0.0)
     return Measurement(
         frf, tuple(sensors), tuple(excitations), name="planned", scatter=scatter, errors=errors
     )
+
+
+def with_scatter(problem: FitProblem, base: FitResult) -> FitProblem:
+    """Return a problem with the small deviations of a structure that nobody has seen yet.
+
+    Those of eigenvalues are of a size that is exceeded with no more than a probability of 0.2.
+    """
+    scatter = form_scatter(problem, base)
+    if scatter is not None and scatter.sizes:
+        scatter = replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))
+    return replace(problem, scatter=scatter)
 
 
 def usual_discrepancy(model_error: float) -> float:

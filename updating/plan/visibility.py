@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from fem.effects.places import member_mass
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import (
@@ -30,6 +31,7 @@ from updating.diagnosis.evidence.screening import (
 )
 from updating.inference.effect_priors import prior_of
 from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
@@ -175,13 +177,13 @@ class Visibility:
     problem : FitProblem
     effects : tuple of Visible
         Each candidate at each of its positions.
-    left : float
-        Level that a right model leaves, besides noise [nepers].
+    left : float or None
+        Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
     """
 
     problem: FitProblem
     effects: tuple[Visible, ...]
-    left: float
+    left: float | None
 
 
 def visibility(
@@ -189,7 +191,7 @@ def visibility(
     base: FitResult,
     candidates: Sequence[Effect],
     odds: Odds,
-    left: float,
+    left: float | None,
     say: Say = lambda text, done: None,
 ) -> Visibility:
     """Return what a test could see and name.
@@ -203,8 +205,8 @@ def visibility(
     candidates : sequence of Effect
     odds : Odds
         What is believed of them beforehand.
-    left : float
-        Level that a right model leaves, besides the base's residuals [nepers].
+    left : float or None
+        Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
     say : callable
         Is told what is being done and how far it is.
     """
@@ -218,8 +220,8 @@ def visibility(
     n_positions = [len(little.points) for little in littles]
     owner = np.repeat(np.arange(len(candidates)), n_positions)
     k = np.concatenate([np.arange(n) for n in n_positions])
-    against = [odds.against((), (e,)) + _dilution(problem, e) for e in candidates]
-    against = (np.array(against) + np.log(np.maximum(n_positions, 1)))[owner]
+    each = [odds_against(problem, e, odds, n) for e, n in zip(candidates, n_positions, strict=True)]
+    against = np.array(each)[owner]
     enough = needed(against)
     squares, vectors = (np.concatenate(each) for each in zip(*parts, strict=True))
     reach = []
@@ -254,16 +256,17 @@ def visibility(
     )
 
 
-def _dilution(problem: FitProblem, effect: Effect) -> float:
-    """Return how much less probable an effect is since its size might have been any of many [nats].
+def odds_against(problem: FitProblem, effect: Effect, odds: Odds, n_positions: int) -> float:
+    """Return the log odds against an effect of one size at one of its positions, which might be any of many.
 
-    As if it were known to a ``KNOWN``th of itself.
+    As if its size were known to a ``KNOWN``th of itself.
     """
     values = {p.name: p.value for p in effect.parameters()}
     first = effect.name, effect.parameters()[0].name
     variables = effect_unknowns((effect,), (values,))
     wide = next((prior_of(problem, effect, v).range for v in variables if v.ref == first), 0.0)
-    return float(np.log(max(wide, 1.0) * KNOWN / np.sqrt(2 * np.pi)))
+    dilution = np.log(max(wide, 1.0) * KNOWN / np.sqrt(2 * np.pi)) + np.log(max(n_positions, 1))
+    return odds.against((), (effect,)) + float(dilution)
 
 
 def _in_proportion(model: Model, ref: ParameterRef) -> bool:
@@ -279,6 +282,8 @@ class Sight:
     ----------
     problem, base, left
         As of :func:`visibility`.
+    n_lines, most : int
+        So many lines, and values of FRFs at most, are looked at.
     look : Look
         On the test's own FRFs.
     broad : Look
@@ -287,7 +292,9 @@ class Sight:
 
     problem: FitProblem
     base: FitResult
-    left: float
+    left: float | None
+    n_lines: int = N_WHOLE
+    most: int = MOST_VALUES
     look: Look = field(init=False)
     broad: Look = field(init=False)
 
@@ -297,7 +304,7 @@ class Sight:
         soft = replace(problem, scatter=None, decay=rate)
         soft = replace(soft, data=replace(problem.data, H=soft.receptance(base)))
         self.broad = Look.of(soft, base, N_DAMPED, 0, MOST_VALUES)
-        self.look = Look.of(problem, base, N_WHOLE, 0, MOST_VALUES, self.left, self._stretched())
+        self.look = Look.of(problem, base, self.n_lines, 0, self.most, self.left, self._stretched())
 
     def _stretched(self) -> dict[ParameterRef, float]:
         """Return how much farther uncertain parameters reach than small changes of them say, by parameter.
@@ -325,6 +332,11 @@ class Sight:
             out[v.ref] = float(along / max(np.linalg.norm(little) ** 2, 1e-300) * LITTLE / FAR)
         return out
 
+    def mass(self) -> float:
+        """Return the mass of the members [kg]."""
+        model = self.problem.reduced.model
+        return sum(member_mass(model, m) for m in model.mesh.members)
+
     @property
     def _n(self) -> int:
         return len(self.look.share)
@@ -332,8 +344,10 @@ class Sight:
     @cached_property
     def _level(self) -> Floats:
         """Mean squares of the residuals of each group that a right model leaves."""
-        level: Floats = pseudo_huber(self.look.now, ROBUST) @ self.look.share + self.left**2
-        return level
+        level: Floats = pseudo_huber(self.look.now, ROBUST) @ self.look.share
+        if self.left is None:
+            return level
+        return level + self.look.likelihood.noise / SYSTEMATIC_FROM**2 + self.left**2
 
     def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes (n, m).

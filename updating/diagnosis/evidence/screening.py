@@ -21,6 +21,7 @@ from fem.reduction.terms import Term
 from updating.correlation import complex_log
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
+from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
@@ -342,13 +343,13 @@ class Look:
         n_whole: int,
         n_low: int,
         most: int,
-        besides: float = 0.0,
+        besides: float | None = None,
         stretched: Mapping[ParameterRef, float] | None = None,
     ) -> "Look":
         """Look from where the base is.
 
-        Data that are still to come will leave ``besides`` [nepers], too, and their uncertain parameters are
-        not at bounds yet; some may be ``stretched``, so many times as wide as their priors.
+        Data that are still to come will leave noise and ``besides`` [nepers], and their uncertain parameters
+        are not at bounds yet; some may be ``stretched``, so many times as wide as their priors.
         """
         whole = problem.lines_up_to(np.inf, n_whole)
         low = problem.lines_up_to(problem.stages[0], n_low)
@@ -363,7 +364,8 @@ class Look:
         share /= np.maximum(share.sum(axis=0), 1.0)
         likelihood = function.levels(counted_as=FULL_LINES)
         assert isinstance(likelihood, Levels)
-        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share + besides**2)
+        to_come = 0.0 if besides is None else likelihood.noise / SYSTEMATIC_FROM**2 + besides**2
+        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share + to_come)
         weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
         prior = function.prior()
         wider = np.ones(len(x))

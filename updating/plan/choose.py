@@ -1,0 +1,338 @@
+"""Places of sensors and forces by which a test names as many relevant effects as possible."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.declarations import Relevant
+from fem.model import Effect, Model
+from updating.diagnosis.candidates import situated
+from updating.diagnosis.evidence.diagnosis import candidates_for_test
+from updating.diagnosis.evidence.hypothesis import Odds, near_to
+from updating.diagnosis.evidence.screening import Grid
+from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.formed import formed_problem
+from updating.inference.heartbeat import Progress, beat
+from updating.inference.parameters import Nuisance
+from updating.measurement.channel_errors import USUAL, ChannelErrors
+from updating.measurement.measurement import Sensor
+from updating.plan.planned import USUAL_NOISE, planned_measurement, usual_discrepancy, with_scatter
+from updating.plan.visibility import Sight, needed, odds_against, size_of
+
+N_DOUBLED, N_HALVED = 5, 8
+"""Steps that enclose a multiple of squares, and halves of the range in which it then is."""
+LEAST = 1e-12
+"""Gains below this are none [nats]."""
+N_LINES = 24
+"""Lines at which sensors are compared."""
+N_POSITIONS, N_OF_RIVALS = 6, 3
+"""At most so many positions of an effect of a relevant size, and of what it is told from."""
+MOST_EXCITATIONS = 8
+"""Of more places for forces those that are driven best count."""
+MOST_PASSES = 3
+"""Passes in which sensors are exchanged one by one, at most."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chosen:
+    """Sensors and forces of a test.
+
+    Attributes
+    ----------
+    sensors, excitations : tuple of Sensor
+    curve : ndarray (n_sensors,)
+        Share of the relevant effects that the first sensors name, by how many they are, as they were added
+        one by one [-].
+    share : float
+        That of all after their exchange [-].
+    """
+
+    sensors: tuple[Sensor, ...]
+    excitations: tuple[Sensor, ...]
+    curve: Floats
+    share: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Worth:
+    """What sets of channels say of effects.
+
+    Attributes
+    ----------
+    information : ndarray (n_channels, n_groups, n, n)
+        Of the uncertain parameters and, behind them, of effects, in each group of residuals.
+    data : ndarray (n_groups,)
+        For how many independent data the discrepancy of each group stands.
+    known : ndarray (n_uncertain,)
+        Precision of the uncertain parameters beforehand.
+    least : ndarray (n_relevant, n_effects)
+        Gains that tell the first effects from all; each from nothing where that is itself; 0 where they need
+        not be told.
+    """
+
+    information: NDArray[np.float32]
+    data: Floats
+    known: Floats
+    least: Floats
+
+    def told(self, total: NDArray[np.floating]) -> Floats:
+        """Return what relevant effects gain over what they need, beside their worst rivals, (n_relevant,)."""
+        u, n = len(self.known), len(self.least)
+        each = np.asarray(total, dtype=float)
+        A = each.sum(axis=0)
+        C = np.linalg.solve(A[:u, :u] + np.diag(self.known), A[:u, u:])
+        F = A[u : u + n, u:] - A[:u, u : u + n].T @ C
+        own = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 1e-300)
+        left = np.maximum(1 - F**2 / own[:n, None] / own, 0.0)
+        left[np.arange(n), np.arange(n)] = 1.0
+        # what is left in each group, and of what is known beforehand
+        c = C[:, :n]
+        squares = np.einsum("gkk->kg", each[:, u : u + n, u : u + n]).copy()
+        squares -= 2 * np.einsum("guk,uk->kg", each[:, :u, u : u + n], c)
+        squares += np.einsum("uk,guv,vk->kg", c, each[:, :u, :u], c, optimize=True)
+        known = 0.5 * self.known @ c**2
+        enough = np.diag(self.least[:, :n])
+        worth = self._worth(np.maximum(squares, 0.0) / self.data, known, enough)[:, None] * left
+        ratio = np.where(self.least > 0, worth / np.where(self.least > 0, self.least, 1.0), np.inf)
+        out: Floats = ratio.min(axis=1)
+        return out
+
+    def _worth(self, squares: Floats, known: Floats, enough: Floats) -> Floats:
+        """Return gains in proportion to squares that are enough where those of estimated levels are, (n,).
+
+        Of mean squares (n, n_groups) in parts of what is left otherwise.
+        """
+        low = enough / np.maximum(0.5 * squares @ self.data + known, LEAST)
+        high = low.copy()
+
+        def short(s: Floats) -> NDArray[np.bool_]:
+            return 0.5 * np.log1p(s[:, None] * squares) @ self.data + s * known < enough
+
+        for _ in range(N_DOUBLED):
+            high = np.where(short(high), 8 * high, high)
+        for _ in range(N_HALVED):
+            middle = np.sqrt(low * high)
+            under = short(middle)
+            low, high = np.where(under, middle, low), np.where(under, high, middle)
+        return enough / high
+
+    def value(self, total: NDArray[np.floating]) -> float:
+        """Return the share of effects that are told, and how nearly the others are, on average."""
+        told = self.told(total)
+        return float((told >= 1).mean() + np.minimum(told, 1.0).mean())
+
+    def share(self, total: NDArray[np.floating]) -> float:
+        """Return the share of effects that are told."""
+        return float((self.told(total) >= 1).mean())
+
+
+def choose(
+    model: Model,
+    sensors: Sequence[Sensor],
+    excitations: Sequence[Sensor],
+    frequency: Floats,
+    n_sensors: int,
+    n_excitations: int | None = None,
+    nuisances: Sequence[Nuisance] = (),
+    *,
+    kinds: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
+    sizes: Relevant,
+    noise: float = USUAL_NOISE,
+    errors: ChannelErrors = USUAL,
+    model_error: float = EXPLAINED_LEVEL,
+    left: float | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Chosen:
+    """Choose sensors and forces so that as many effects of a relevant size as possible are named.
+
+    Sensors are added one by one and then exchanged as long as that gains. Errors of the gain of each count,
+    those of its direction and place do not, nor does the mass of instruments.
+
+    Parameters
+    ----------
+    model : Model
+        With points where sensors and forces may be.
+    sensors, excitations : sequence of Sensor
+        Those that are possible.
+    frequency : ndarray (n_freq,)
+        Lines of the test [Hz].
+    n_sensors : int
+    n_excitations : int, optional
+        All unless given.
+    nuisances, kinds, exclude, model_error, settings
+        As of :func:`updating.plan.plan.plan_test`.
+    sizes : Relevant
+    noise : float
+        As of :func:`updating.plan.planned.planned_measurement` [-].
+    errors : ChannelErrors
+    left : float, optional
+        As of :func:`updating.plan.plan.plan_test` [nepers].
+    progress : callable, optional
+        Called with a text and the fraction done.
+
+    Raises
+    ------
+    ValueError
+        If more are to be chosen than are possible.
+    """
+    for word, n, some in (("sensors", n_sensors, sensors), ("excitations", n_excitations, excitations)):
+        if n is not None and not 1 <= n <= len(some):
+            msg = f"{n} {word} are to be chosen from {len(some)}; at least 1 and at most as many are possible"
+            raise ValueError(msg)
+    say = progress or (lambda text, done: None)
+    say("reducing the model", 0.0)
+    exact = replace(errors, position=0.0, direction=0.0, sensor_mass=0.0, driver_mass=0.0, stinger=0.0)
+    test = planned_measurement(model, sensors, excitations, frequency, noise, errors=exact)
+    whole, formed = formed_problem(
+        situated(model, kinds), test, nuisances, model_error=model_error, **settings
+    )
+    base = whole.nominal()
+    problem = with_scatter(whole, base)
+    if problem.scatter is not None:
+        problem = replace(problem, scatter=replace(problem.scatter, channels=None))
+    left = usual_discrepancy(model_error) if left is None else left
+    sight = Sight(problem, base, left, N_LINES, len(frequency) * len(sensors) * len(excitations))
+    candidates = candidates_for_test(formed.model, test, kinds, exclude)
+    odds = Odds.of(candidates, problem.reduced.model)
+    n, effects, changes, against = _effects(
+        sight, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
+    )
+    same = np.array([[a.name == b.name or b.covers(a) for b in effects] for a in effects[:n]])
+    least = np.where(same, 0.0, needed(against[:n, None] - against))
+    least[np.arange(n), np.arange(n)] = needed(against[:n])
+    say("what each channel says", 0.5)
+    information = _information(sight, changes, errors.gain, len(sensors) / n_sensors)
+    data = sight.look.likelihood.n
+    known = (sight.look.slopes[:, 2 * len(sight.look.share) :] ** 2).sum(axis=1)
+    by_force = _Worth(information.sum(axis=0), data, known, least)
+    pushed = _best_forces(by_force, n_excitations or len(excitations))
+    worth = _Worth(information[:, list(pushed)].sum(axis=1), data, known, least)
+    taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
+    taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
+    return Chosen(
+        tuple(sensors[k] for k in sorted(taken)),
+        tuple(excitations[k] for k in pushed),
+        curve,
+        worth.share(worth.information[taken].sum(axis=0)),
+    )
+
+
+def _effects(
+    sight: Sight, candidates: Sequence[Effect], sizes: Relevant, odds: Odds, say: Callable[[float], None]
+) -> tuple[int, list[Effect], NDArray[np.complex128], Floats]:
+    """Return effects at some positions, what they do to the residuals (n, m), and the log odds against each.
+
+    The first, so many, are of a relevant size; a little of all others is what they must be told from.
+    """
+    problem, mass = sight.problem, sight.mass()
+    relevant: list[tuple[Effect, NDArray[np.complex128], float]] = []
+    others: list[tuple[Effect, NDArray[np.complex128], float]] = []
+    for i, effect in enumerate(candidates):
+        beat()
+        say(i / len(candidates))
+        little = sight.look.little(Grid.of(problem, effect))
+        against = odds_against(problem, effect, odds, len(little.points))
+        value = effect.relevant(sizes, mass, problem.surroundings) if len(near_to(effect)) == 1 else None
+        if value is None:
+            others += [(effect, little.change[k], against) for k in _some(len(little.points), N_OF_RIVALS)]
+            continue
+        reach = sight.reach(effect, little)
+        for k in _some(len(little.points), N_POSITIONS):
+            at = effect.with_values(**little.values(k, 1.0))
+            p = at.parameters()[0]
+            there = at.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
+            size, amplitude = (np.log(each) for each in reach[k])
+            a = np.exp(np.interp(np.log(size_of(there) / size_of(at)), size, amplitude))
+            relevant.append((there, a * little.change[k], against))
+    effects, changes, odds_of = zip(*relevant, *others, strict=True)
+    return len(relevant), list(effects), np.array(changes), np.array(odds_of)
+
+
+def _some(n: int, most: int) -> list[int]:
+    """Return at most so many of n positions, evenly spaced."""
+    return np.unique(np.linspace(0, n - 1, min(n, most) + 2).round().astype(int)[1:-1]).tolist()
+
+
+def _information(
+    sight: Sight, changes: NDArray[np.complex128], gain: float, more: float
+) -> NDArray[np.float32]:
+    """Return the information of each sensor and force, (n_sensors, n_forces, n_groups, n, n).
+
+    Without what an error of the gain of that channel could do. With fewer sensors each counts ``more``.
+    """
+    look = sight.look
+    m = len(look.share)
+    J = np.vstack([look.slopes[:, :m] + 1j * look.slopes[:, m : 2 * m], changes])
+    shape = sight.problem.data.mask[look.lines].shape
+    _, output, input_ = np.unravel_index(look.at, shape)
+    weight, counts = more * look.weights[:m], sight.problem.data.weight[look.lines].ravel()[look.at]
+    groups = look.share.argmax(axis=1)
+    n_groups = look.share.shape[1]
+    out = np.zeros((shape[1], shape[2], n_groups, len(J), len(J)), dtype=np.float32)
+    for o in range(shape[1]):
+        for i in range(shape[2]):
+            beat()
+            for g in range(n_groups):
+                own = (output == o) & (input_ == i) & (groups == g)
+                part = J[:, own] * np.sqrt(weight[own])
+                out[o, i, g] = part.real @ part.real.T + part.imag @ part.imag.T
+                if gain > 0:
+                    # an error of ln H at all lines alike
+                    one = gain * np.sqrt(weight[own]) * counts[own]
+                    by_gain = part.real @ one
+                    out[o, i, g] -= np.outer(by_gain, by_gain) / (1 + one @ one)
+    return out
+
+
+def _best_forces(worth: _Worth, n: int) -> tuple[int, ...]:
+    """Return the forces that tell most with all sensors."""
+    single = [worth.value(each) for each in worth.information]
+    best = np.sort(np.argsort(single)[::-1][: max(n, MOST_EXCITATIONS)])
+    return max(
+        combinations(best.tolist(), n),
+        key=lambda some: worth.value(worth.information[list(some)].sum(axis=0)),
+    )
+
+
+def _added(worth: _Worth, n: int, say: Callable[[float], None]) -> tuple[list[int], Floats]:
+    """Return channels added one by one, each the one that gains most, and the shares that are told."""
+    taken: list[int] = []
+    total = np.zeros_like(worth.information[0])
+    curve = np.zeros(n)
+    for step in range(n):
+        beat()
+        say(step / n)
+        rest = [k for k in range(len(worth.information)) if k not in taken]
+        taken.append(max(rest, key=lambda k: worth.value(total + worth.information[k])))
+        total = total + worth.information[taken[-1]]
+        curve[step] = worth.share(total)
+    return taken, curve
+
+
+def _exchanged(worth: _Worth, taken: list[int], say: Callable[[float], None]) -> list[int]:
+    """Return channels exchanged one by one as long as that gains."""
+    taken = list(taken)
+    now = worth.value(worth.information[taken].sum(axis=0))
+    for turn in range(MOST_PASSES):
+        before = now
+        for k in range(len(taken)):
+            beat()
+            say((turn + k / len(taken)) / MOST_PASSES)
+            others = worth.information[taken[:k] + taken[k + 1 :]].sum(axis=0)
+            rest = [j for j in range(len(worth.information)) if j not in taken]
+            values = [worth.value(others + worth.information[j]) for j in rest]
+            if max(values, default=-np.inf) > now:
+                now = max(values)
+                taken[k] = rest[int(np.argmax(values))]
+        if now <= before:
+            break
+    return taken
