@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.pipeline import Progress, fit_settings, measured, without_held_out
+from fem.effects.places import member_mass
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.candidates import situated
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.diagnosis import begin_search
@@ -17,8 +19,12 @@ from updating.diagnosis.separation import places_along
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import Trial, trials
 from updating.plan.choose import Chosen, choose
+from updating.plan.perturbed import Separation, perturbed
 from updating.plan.plan import Plan, plan_beside, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
+
+MASS_SHARE, MOST_TWINS = 0.05, 8
+"""A known mass in parts of the structure's [-], and so many pairs of twins at most that it is to separate."""
 
 
 def plan_study(
@@ -125,6 +131,40 @@ def _lines(study: Study) -> NDArray[np.float64]:
     return study.measurements[0].frf.frequency if study.measurements else study.frequency
 
 
+def separate_twins(
+    study: Study, plan: Plan, mass: float | None = None, progress: Progress | None = None
+) -> list[Separation]:
+    """Return where a known mass tells twins apart best, in a second test with the same channels.
+
+    Parameters
+    ----------
+    study : Study
+    plan : Plan
+        Of a planned test.
+    mass : float, optional
+        5 % of the structure's unless given [kg].
+    progress : callable, optional
+        Called with a text and the fraction done.
+
+    Raises
+    ------
+    StudyError
+        If the map is that of measured data.
+    """
+    _require_planned(study, plan, "a second test is planned beside a planned one")
+    known = MASS_SHARE * sum(member_mass(study.model, m) for m in study.model.mesh.members)
+    return perturbed(
+        plan, situated(study.model, study.kinds), study.nuisances, known if mass is None else mass,
+        plan.twins[:MOST_TWINS], progress=progress, **fit_settings(study),
+    )  # fmt: skip
+
+
+def _require_planned(study: Study, plan: Plan, why: str) -> None:
+    if plan.is_measured:
+        msg = f"{study.path}: {why}; give its noise (--noise 0.01)"
+        raise StudyError(msg)
+
+
 def check_plan(
     study: Study, plan: Plan, n: int, seed: int = 1, progress: Progress | None = None
 ) -> tuple[Trial, ...]:
@@ -146,9 +186,7 @@ def check_plan(
     StudyError
         If the map is that of measured data.
     """
-    if plan.is_measured:
-        msg = f"{study.path}: data can be drawn for a planned test; give its noise (--noise 0.01)"
-        raise StudyError(msg)
+    _require_planned(study, plan, "data can be drawn for a planned test")
     say, found = progress or (lambda text, done: None), []
 
     def diagnosed(data: Measurement) -> Diagnosis:

@@ -41,6 +41,17 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="with --choose: choose N places and directions of forces, too (default: those of the study)",
     )
     p.add_argument(
+        "--separate",
+        action="store_true",
+        help="find where a known mass would tell twins apart in a second test",
+    )
+    p.add_argument(
+        "--mass",
+        type=positive,
+        metavar="KG",
+        help="that mass (default: 5 %% of the structure's)",
+    )
+    p.add_argument(
         "--check",
         type=count,
         metavar="N",
@@ -52,7 +63,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Print which relevant effects a test sees and names."""
-    from dovetail.plan import check_plan, choose_channels, plan_study, with_channels
+    from dovetail.plan import check_plan, choose_channels, plan_study, separate_twins, with_channels
     from dovetail.report import planning, words
 
     check_places(options, Output("--picture", options.picture))
@@ -68,6 +79,7 @@ def run(options: Options, progress: Progress) -> None:
         study = with_channels(study, chosen)
     plan = plan_study(study, options.noise, options.left, progress)
     checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
+    apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
     if options.picture is not None:
         from viz.plan import render_plan
 
@@ -75,6 +87,8 @@ def run(options: Options, progress: Progress) -> None:
         render_plan(plan, options.picture, study.name)
     progress.close()
     result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
+    if apart:
+        result["second_test"] = planning.separation_dicts(apart)
     if chosen:
         result["chosen"] = planning.chosen_dict(chosen)
     write_json(options.json, result | ({"check": planning.check_dicts(checked)} if checked else {}))
@@ -90,6 +104,8 @@ def run(options: Options, progress: Progress) -> None:
         ("not seen in relevant size:", planning.blind_lines(plan)),
     ):
         lines += ["", title, *(f"  {line}" for line in some)] if some else []
+    if apart:
+        lines += ["", *planning.separation_lines(apart)]
     if checked:
         lines += ["", *planning.check_lines(checked)]
     say(options, *lines)

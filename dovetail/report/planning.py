@@ -13,6 +13,7 @@ from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
 from updating.plan.check import Trial
 from updating.plan.choose import Chosen
+from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
 from updating.plan.visibility import size_of
 
@@ -202,6 +203,34 @@ def chosen_dict(chosen: Chosen) -> dict[str, Any]:
         "excitations": each(chosen.excitations),
         "named_by_number": chosen.curve,
     }
+
+
+def separation_lines(found: Sequence[Separation]) -> list[str]:
+    """Return where a known mass tells twins apart in a second test."""
+    head = ("effect", "its twin", "alike", "with a second test", "mass at", "told apart")
+    rows = [
+        (
+            *(words.effect_label(e.kind, e.where) for e in (s.effect, s.rival)),
+            *(f"{a:.3f}" for a in s.alike), s.place, "yes" if s.ratio >= 1 else "no",
+        )
+        for s in found
+    ]  # fmt: skip
+    return [
+        f"a second test with a known mass of {words.with_unit(found[0].mass, 'kg')}:",
+        *words.columns(head, rows),
+    ]
+
+
+def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
+    """Return the same for JSON."""
+    return [
+        {
+            "effect": {"kind": s.effect.kind, "where": s.effect.where},
+            "rival": {"kind": s.rival.kind, "where": s.rival.where}, "mass_kg": s.mass, "mass_at": s.place,
+            "alike": s.alike, "told_apart": s.ratio >= 1,
+        }
+        for s in found
+    ]  # fmt: skip
 
 
 def check_lines(checked: Sequence[Trial]) -> list[str]:

@@ -69,7 +69,7 @@ def test_a_relevant_size_beyond_a_share_is_refused_by_its_key(tmp_path, key, val
 
 
 def test_an_unknown_relevant_size_is_refused_by_its_key(tmp_path):
-    with pytest.raises(StudyError, match="relevant.crack: unknown key; did you mean 'cracks'"):
+    with pytest.raises(StudyError, match=r"relevant\.crack: unknown key; did you mean 'cracks'"):
         load_study(written(tmp_path, "\n[relevant]\ncrack = 0.3\n"))
 
 
@@ -286,7 +286,7 @@ def test_many_pairs_are_cut_short(planned, monkeypatch):
     assert n > 1
     assert len(planning.twin_lines(plan)) == n
     monkeypatch.setattr(planning, "MOST_TWINS", 1)
-    assert planning.twin_lines(plan)[-1] == f"and {n - 1} more pairs"
+    assert planning.twin_lines(plan)[-1] == f"and {n - 1} more"
 
 
 # Nothing missing ------------------------------------------------------------------------------------------

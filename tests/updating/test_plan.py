@@ -201,9 +201,6 @@ def test_the_more_a_right_model_leaves_the_larger_effects_it_hides(model_error):
     assert (np.diff(sizes, axis=0) > 0).all()
 
 
-@pytest.mark.xfail(
-    reason="what is left counts only as far as it is above the noise, which is not in the data"
-)
 def test_what_a_right_model_leaves_below_the_noise_hides_effects_too():
     plans = [mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), left=left) for left in (0.0, 0.03)]
     assert (seen_sizes(plans[1]) > 1.1 * seen_sizes(plans[0])).all()
@@ -234,6 +231,15 @@ def test_small_effects_act_in_proportion_to_their_sizes(masses):
         assert x.amplitudes[0] == pytest.approx(1.0)
 
 
+@pytest.mark.xfail(reason="four sizes up to a thousandfold one, where a stiffness that is lost is clipped")
+def test_a_stiffness_that_is_lost_acts_in_proportion_too():
+    plan = mapped(halves(), (0.0, 0.2), (0.0,), kinds=("member_stiffness",))
+    sizes = np.array([0.05, 0.1, 0.2, 0.3])
+    for x in plan.visibility.effects:
+        acts = np.array([x.amplitude(x.effect.with_values(change=-c)) for c in sizes])
+        np.testing.assert_allclose(acts / acts[0], sizes / sizes[0], rtol=0.2)
+
+
 def test_an_effect_as_large_as_its_amplitude_is_the_effect(masses):
     for x in masses.visibility.effects:
         if not np.isfinite(x.enough[0]):
@@ -251,7 +257,7 @@ def test_at_the_least_sizes_the_chances_are_those_that_are_stated(masses):
     told = [x for x in masses.visibility.effects if np.isfinite(x.enough[2])]
     assert len(told) > 20
     for x in told:
-        seen, located, named = x.enough
+        seen, _, named = x.enough
         assert x.chances(seen)[0] == pytest.approx(POWER)
         assert x.chances(named)[1] == pytest.approx(POWER)
         chances = np.array([x.chances(a) for a in np.geomspace(0.2 * seen, 3 * named, 12)])
@@ -285,6 +291,14 @@ def test_effects_that_are_barely_seen_gain_in_fits_what_the_map_says(masses, kin
     gain = right.log_likelihood - nothing.log_likelihood + known.cost(nothing.solution.x)
     assert (right.misfit < 2e-3 * right.levels.noise).all()
     assert gain == pytest.approx(x.nats[0], rel=0.15)
+
+
+def test_the_receptances_of_unknowns_are_those_of_the_model_that_they_stand_for(masses):
+    problem = masses.visibility.problem
+    lines = np.array([0, 7, 30])
+    function = problem.function((), (), lines)
+    H = function.receptance(function.moved_to(problem.nominal()))
+    np.testing.assert_allclose(H, problem.receptance(problem.nominal(), lines), rtol=1e-9)
 
 
 # Relevant sizes -------------------------------------------------------------------------------------------

@@ -203,3 +203,37 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
         shown.append(size[1] / size[0])
     assert max(shown) > 1.5
     assert differs  # from what is left where that parameter adapts
+
+
+def test_what_receptances_change_is_what_the_effect_changes(prepared):
+    _, problem, null, candidates = prepared
+    effect = next(e for e in candidates if e.kind == "point_mass")
+    look = screening.Look.of(problem, null, 12, 0, 10**6)
+    grid = Grid(effect, Grid.of(problem, effect).points[:3])
+    H = look._local(effect.released()).with_terms(grid.terms(problem))
+    np.testing.assert_allclose(look.change_to(H), look.changes(grid), rtol=1e-9)
+    assert np.abs(look.change_to(H)).max() > 1e-3
+
+
+def test_what_data_to_come_will_leave_weighs_their_residuals_less(prepared):
+    _, problem, null, _ = prepared
+    looks = [screening.Look.of(problem, null, 12, 0, 10**6, besides) for besides in (0.0, 0.2, 0.5)]
+    weights = np.array([look.weights[: len(look.share)].mean() for look in looks])
+    assert (np.diff(weights) < 0).all()
+
+
+def test_a_prior_that_is_stretched_takes_more_of_a_change_away(prepared):
+    """And knows the parameter less well by the same factor."""
+    _, problem, null, candidates = prepared
+    plain = screening.Look.of(problem, null, 24, 0, 10**6, 0.0, {})
+    ref = next(r for r in plain.prior_of if r in plain.refs)
+    wide = screening.Look.of(problem, null, 24, 0, 10**6, 0.0, {ref: 5.0})
+    m, k = len(plain.share), plain.prior_of.index(ref)
+    assert plain.slopes[:, 2 * m + k].max() == pytest.approx(5 * wide.slopes[:, 2 * m + k].max())
+    effect = next(e for e in candidates if e.kind == "member_density")
+    change = plain.changes(Grid(effect, Grid.of(problem, effect).points[:2]))
+
+    def worth(look):
+        return (np.abs(look.adapted(change)) ** 2) @ look.weights
+
+    assert (worth(wide) < worth(plain)).all()

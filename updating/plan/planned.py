@@ -61,6 +61,17 @@ def planned_measurement(
     )
 
 
+def planned_like(measurement: Measurement, model: Model) -> Measurement:
+    """Return the planned test of another model, with the same channels, lines and noise."""
+    m = measurement
+    assert m.scatter is not None
+    frf = computed_frf(model, m.sensors, m.excitations, m.frf.frequency, m.frf.kind)
+    noise, size = m.scatter * np.abs(m.frf.H), np.abs(frf.H)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scatter = np.where(size > 0, noise / size, 0.0)
+    return replace(m, frf=frf, scatter=scatter)
+
+
 def with_scatter(problem: FitProblem, base: FitResult) -> FitProblem:
     """Return a problem with the small deviations of a structure that nobody has seen yet.
 

@@ -118,6 +118,11 @@ class Visible:
         return self._of(0.0)
 
     @property
+    def slight(self) -> Effect:
+        """A little of the effect, of amplitude 1."""
+        return self._of(1.0)
+
+    @property
     def strongest(self) -> Effect:
         """The largest plausible size."""
         return self._of(float(self.sizes[-1]))
