@@ -64,13 +64,10 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
         kind, unit = of["kind"], of["unit"]
         about = ", rotation" if kind.endswith(("stiffness", "flexibility")) and "rad" in unit else ""
         least, most = ("" if of[key] is None else size_text(of[key]) for key in ("least", "most"))
-        out.append(
-            KindRow(
-                kind.replace("_", " ") + about, _range(sorted((o.relevant for o in some), key=size_of)),
-                len(some), *(share(some, each) for each in ("seen", "located", "named")), least, most,
-                of["blind"],
-            )
-        )  # fmt: skip
+        seen, located, named = (share(some, each) for each in ("seen", "located", "named"))
+        relevant = _range(sorted((o.relevant for o in some), key=size_of))
+        name = kind.replace("_", " ") + about
+        out.append(KindRow(name, relevant, len(some), seen, located, named, least, most, of["blind"]))
     return out
 
 

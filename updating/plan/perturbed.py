@@ -155,8 +155,8 @@ def perturbed(
 
 def _is_at(effect: Effect, other: Effect) -> bool:
     """Whether two are one effect at one position, of whatever size."""
-    values = ([float(p.value) for p in e.parameters()[1:]] for e in (effect, other))
-    return effect.name == other.name and np.allclose(*values)
+    one, two = ([float(p.value) for p in e.parameters()[1:]] for e in (effect, other))
+    return effect.name == other.name and np.allclose(one, two)
 
 
 def _told(information: Floats, known: Floats, pair: int) -> tuple[float, float]:

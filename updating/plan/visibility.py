@@ -239,26 +239,26 @@ def visibility(
     seen = sight.amplitudes(squares, enough)
     both = np.array([not little.grid.one_sided() for little in littles])[owner]
     rivals = _Rivals.of(vectors, candidates, owner, both, most, against)
-    located, named = seen.copy(), seen.copy()
-    for part in range(N_PASSES):
+    located, named, told = seen, seen, rivals.told_apart(seen, seen)
+    for part in range(1, N_PASSES):
         say("what is alike", 0.8 + 0.2 * part / N_PASSES)
-        told = rivals.told_apart(located, named)
         located, named = (seen * np.sqrt(np.maximum(n / enough, 1.0)) for n in told[:2])
+        told = rivals.told_apart(located, named)
     *_, rival, alike = told
-    small = zip((littles[o] for o in owner), k.tolist(), *zip(*reach, strict=True), strict=True)
     own = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
-    first = [
-        littles[o].grid.effect.with_values(**littles[o].values(j, min(max(a, 1.0), littles[o].most[j])))
-        for o, j, a in zip(owner, k, seen, strict=True)
-    ]
-    return Visibility(
-        problem,
-        tuple(
-            Visible(*each, (seen[i], located[i], named[i]), (enough[i], own[i]), first[rival[i]], alike[i])
-            for i, each in enumerate(small)
-        ),
-        left,
-    )
+    found = []
+    for i, o in enumerate(owner.tolist()):
+        j = int(rival[i])
+        other, at = littles[owner[j]], int(k[j])
+        first = other.values(at, min(max(float(seen[j]), 1.0), float(other.most[at])))
+        sizes, amplitudes = reach[i]
+        found.append(
+            Visible(
+                littles[o], int(k[i]), sizes, amplitudes, (seen[i], located[i], named[i]),
+                (enough[i], own[i]), other.grid.effect.with_values(**first), float(alike[i]),
+            )
+        )  # fmt: skip
+    return Visibility(problem, tuple(found), left)
 
 
 def odds_against(problem: FitProblem, effect: Effect, odds: Odds, n_positions: int) -> float:
@@ -484,14 +484,23 @@ class _Rivals:
             beat()
             rows = np.arange(first, min(first + N_AT_ONCE, n))
             cosine = units[rows] @ units.T
-            odds = needed(self.against[rows][:, None] - self.against)
             like, apart = (m[self.owner[rows]][:, self.owner] for m in (~self.unlike, self.apart))
-            for k, (amplitude, among) in enumerate(((located, like & apart), (named, like))):
-                own = np.minimum(amplitude[rows], 1e100) * length[rows]
-                size = np.where(own > 0, own, 1.0)[:, None]
-                best = np.clip(own[:, None] * cosine, self.least * length, self.most * length) / size
-                least = np.where(among, odds / np.clip(1 - (2 * cosine - best) * best, 1e-12, 1.0), 0.0)
-                (elsewhere, anywhere)[k][rows] = least.max(axis=1)
-            rival[rows] = least.argmax(axis=1)
+            elsewhere[rows] = self._needed(located[rows] * length[rows], rows, cosine, like & apart).max(
+                axis=1
+            )
+            every = self._needed(named[rows] * length[rows], rows, cosine, like)
+            anywhere[rows], rival[rows] = every.max(axis=1), every.argmax(axis=1)
             alike[rows] = np.abs(cosine[np.arange(len(rows)), rival[rows]])
         return elsewhere, anywhere, rival, alike
+
+    def _needed(self, own: Floats, rows: Ints, cosine: Floats, among: NDArray[np.bool_]) -> Floats:
+        """Return the gains over nothing at which some effects of lengths ``own`` are told from others, (n, n).
+
+        A rival has the best of its plausible sizes.
+        """
+        length = np.linalg.norm(self.vectors, axis=1)
+        own = np.minimum(own, 1e100)
+        size = np.where(own > 0, own, 1.0)[:, None]
+        best = np.clip(own[:, None] * cosine, self.least * length, self.most * length) / size
+        left = np.clip(1 - (2 * cosine - best) * best, 1e-12, 1.0)
+        return np.where(among, needed(self.against[rows][:, None] - self.against) / left, 0.0)
