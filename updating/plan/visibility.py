@@ -485,10 +485,9 @@ class _Rivals:
             rows = np.arange(first, min(first + N_AT_ONCE, n))
             cosine = units[rows] @ units.T
             like, apart = (m[self.owner[rows]][:, self.owner] for m in (~self.unlike, self.apart))
-            elsewhere[rows] = self._needed(located[rows] * length[rows], rows, cosine, like & apart).max(
-                axis=1
-            )
-            every = self._needed(named[rows] * length[rows], rows, cosine, like)
+            own_place, own = located[rows] * length[rows], named[rows] * length[rows]
+            elsewhere[rows] = self._needed(own_place, rows, cosine, like & apart).max(axis=1)
+            every = self._needed(own, rows, cosine, like)
             anywhere[rows], rival[rows] = every.max(axis=1), every.argmax(axis=1)
             alike[rows] = np.abs(cosine[np.arange(len(rows)), rival[rows]])
         return elsewhere, anywhere, rival, alike
