@@ -493,7 +493,7 @@ class _Rivals:
         return elsewhere, anywhere, rival, alike
 
     def _needed(self, own: Floats, rows: Ints, cosine: Floats, among: NDArray[np.bool_]) -> Floats:
-        """Return the gains over nothing at which some effects of lengths ``own`` are told from others, (n, n).
+        """Return the gains over nothing at which effects of lengths ``own`` are told from others, (n, n).
 
         A rival has the best of its plausible sizes.
         """
