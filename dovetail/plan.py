@@ -145,13 +145,7 @@ def separate_twins(
         5 % of the structure's unless given [kg].
     progress : callable, optional
         Called with a text and the fraction done.
-
-    Raises
-    ------
-    StudyError
-        If the map is that of measured data.
     """
-    _require_planned(study, plan, "a second test is planned beside a planned one")
     known = MASS_SHARE * sum(member_mass(study.model, m) for m in study.model.mesh.members)
     return perturbed(
         plan, situated(study.model, study.kinds), study.nuisances, known if mass is None else mass,
@@ -159,9 +153,16 @@ def separate_twins(
     )  # fmt: skip
 
 
-def _require_planned(study: Study, plan: Plan, why: str) -> None:
-    if plan.is_measured:
-        msg = f"{study.path}: {why}; give its noise (--noise 0.01)"
+def require_planned(study: Study, noise: float | None, left_db: float | None) -> None:
+    """Refuse measured data where data of a planned test are drawn, or a second one is planned beside it.
+
+    Raises
+    ------
+    StudyError
+        If a map with this noise and discrepancy is that of measured data.
+    """
+    if noise is None and left_db is None and (study.measurements or study.amplitudes):
+        msg = f"{study.path}: this needs a planned test, not measured data; give its noise (--noise 0.01)"
         raise StudyError(msg)
 
 
@@ -180,13 +181,7 @@ def check_plan(
     seed : int
     progress : callable, optional
         Called with a text and the fraction done.
-
-    Raises
-    ------
-    StudyError
-        If the map is that of measured data.
     """
-    _require_planned(study, plan, "data can be drawn for a planned test")
     say, found = progress or (lambda text, done: None), []
 
     def diagnosed(data: Measurement) -> Diagnosis:

@@ -63,14 +63,26 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> None:
     """Print which relevant effects a test sees and names."""
-    from dovetail.plan import check_plan, choose_channels, plan_study, separate_twins, with_channels
+    from dovetail.plan import (
+        check_plan,
+        choose_channels,
+        plan_study,
+        require_planned,
+        separate_twins,
+        with_channels,
+    )
     from dovetail.report import planning, words
 
     check_places(options, Output("--picture", options.picture))
     if options.excitations is not None and options.choose is None:
         msg = "--excitations chooses forces beside sensors; say how many sensors: --choose N"
         raise StudyError(msg)
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        msg = f"{options.picture}: the picture is written as .png"
+        raise StudyError(msg)
     study = loaded(options)
+    if options.check or options.separate:
+        require_planned(study, options.noise, options.left)
     chosen = None
     if options.choose is not None:
         chosen = choose_channels(

@@ -20,7 +20,7 @@ from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
-from updating.plan.planned import USUAL_NOISE, planned_measurement, usual_discrepancy, with_scatter
+from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy
 from updating.plan.visibility import Sight, needed, odds_against, size_of
 
 N_DOUBLED, N_HALVED = 5, 8
@@ -196,7 +196,7 @@ def choose(
         situated(model, kinds), test, nuisances, model_error=model_error, **settings
     )
     base = whole.nominal()
-    problem = with_scatter(whole, base)
+    problem = as_planned(whole, base)
     if problem.scatter is not None:
         problem = replace(problem, scatter=replace(problem.scatter, channels=None))
     left = usual_discrepancy(model_error) if left is None else left

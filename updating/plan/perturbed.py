@@ -15,7 +15,7 @@ from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.plan.plan import Outlook, Plan
-from updating.plan.planned import planned_like, with_scatter
+from updating.plan.planned import as_planned, planned_like
 from updating.plan.visibility import Sight, needed
 
 Floats = NDArray[np.float64]
@@ -142,7 +142,7 @@ def perturbed(
         test = planned_like(plan.measurement, model)
         whole, _ = formed_problem(model, test, nuisances, **settings)
         base = whole.nominal()
-        there = _State.of(Sight(with_scatter(whole, base), base, left), effects, factors)
+        there = _State.of(Sight(as_planned(whole, base), base, left), effects, factors)
         both = alone + there.reduced()
         for k, (o, rival) in enumerate(pairs):
             gain, alike = _told(both, shared, k)

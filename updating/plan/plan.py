@@ -18,7 +18,7 @@ from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
-from updating.plan.planned import usual_discrepancy, with_scatter
+from updating.plan.planned import as_planned, usual_discrepancy
 from updating.plan.visibility import Visibility, Visible, size_of, visibility
 
 USUAL = Relevant()
@@ -159,7 +159,7 @@ def plan_test(
     )
     candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
     base = whole.nominal()
-    problem = with_scatter(whole, base)
+    problem = as_planned(whole, base)
     odds = Odds.of(candidates, problem.reduced.model)
     left = usual_discrepancy(model_error) if left is None else left
     seen = visibility(problem, base, candidates, odds, left, _from(say, 0.1))

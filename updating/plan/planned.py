@@ -72,11 +72,13 @@ def planned_like(measurement: Measurement, model: Model) -> Measurement:
     return replace(m, frf=frf, scatter=scatter)
 
 
-def with_scatter(problem: FitProblem, base: FitResult) -> FitProblem:
-    """Return a problem with the small deviations of a structure that nobody has seen yet.
+def as_planned(problem: FitProblem, base: FitResult) -> FitProblem:
+    """Return a problem whose data are what a model gives, with small deviations of a structure yet unseen.
 
-    Those of eigenvalues are of a size that is exceeded with no more than a probability of 0.2.
+    The fits' own model, whose mesh and damping differ a little from those of the study. Deviations of
+    eigenvalues are of a size that is exceeded with no more than a probability of 0.2.
     """
+    problem = replace(problem, data=replace(problem.data, H=problem.receptance(base)))
     scatter = form_scatter(problem, base)
     if scatter is not None and scatter.sizes:
         scatter = replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))

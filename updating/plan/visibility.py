@@ -44,7 +44,7 @@ SURE = 0.9
 """Posterior probability from which on it is [-]."""
 KNOWN = 4.0
 """A size that is barely seen is about so many of its standard deviations."""
-N_SIZES = 4
+N_SIZES = 6
 """So many sizes of each effect up to the largest plausible one say what multiples of a little they are."""
 BROAD = 0.04
 """Decay rate of FRFs for that, in parts of the band [-]."""
@@ -52,8 +52,6 @@ LITTLE, FAR = 0.1, 4.0
 """What uncertain parameters do is compared at so many prior standard deviations."""
 WIDE = 0.3
 """Of those with larger standard deviations of a logarithm [-]."""
-N_PASSES = 3
-"""A rival has no more than its plausible sizes: those that count then are found in so many passes."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -239,18 +237,13 @@ def visibility(
     seen = sight.amplitudes(squares, enough)
     both = np.array([not little.grid.one_sided() for little in littles])[owner]
     rivals = _Rivals.of(vectors, candidates, owner, both, most, against)
-    located, named, told = seen, seen, rivals.told_apart(seen, seen)
-    for part in range(1, N_PASSES):
-        say("what is alike", 0.8 + 0.2 * part / N_PASSES)
-        located, named = (seen * np.sqrt(np.maximum(n / enough, 1.0)) for n in told[:2])
-        told = rivals.told_apart(located, named)
-    *_, rival, alike = told
+    located, named, rival, alike = rivals.told_apart(seen, enough)
     own = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
     found = []
     for i, o in enumerate(owner.tolist()):
         j = int(rival[i])
         other, at = littles[owner[j]], int(k[j])
-        first = other.values(at, min(max(float(seen[j]), 1.0), float(other.most[at])))
+        first = other.values(at, min(max(float(seen[j]), 1.0), float(reach[j][0][-1])))
         sizes, amplitudes = reach[i]
         found.append(
             Visible(
@@ -406,7 +399,7 @@ class Sight:
 
         Both rise.
         """
-        factors = [np.geomspace(1.0, max(most, 1.001), N_SIZES) for most in little.most]
+        factors = [np.geomspace(1.0, most, N_SIZES) for most in _most(little)]
         points = [little.values(k, f) for k, each in enumerate(factors) for f in each]
         change = self.broad.changes(Grid(effect, tuple(points))).reshape(len(factors), N_SIZES, -1)
         along = np.einsum("kfm,km->kf", change, change[:, 0].conj()).real
@@ -414,6 +407,22 @@ class Sight:
         amplitude[:, 0] = 1.0
         amplitude = np.maximum.accumulate(amplitude, axis=1) * (1 + 1e-9 * np.arange(N_SIZES))
         return list(zip(factors, amplitude, strict=True))
+
+
+def _most(little: Little) -> list[float]:
+    """Return the largest sizes that are plausible on the side of none on which the small ones are, (n,)."""
+    first = little.grid.effect.parameters()[0].name
+    out = []
+    for point in little.points:
+        p = little.grid.effect.with_values(**point).parameters()[0]
+        p = p if little.absent is None else replace(p, absent=little.absent)
+        small = distance(p, point[first])
+        alike = (
+            each for each in little.grid.points if all(each[n] == v for n, v in point.items() if n != first)
+        )
+        far = [d / small for each in alike if (d := distance(p, each[first])) * small > 0]
+        out.append(max([*far, 1.001]))
+    return out
 
 
 N_DOUBLED, N_HALVED = 8, 20
@@ -470,11 +479,16 @@ class _Rivals:
             apart[np.ix_(some, some)] = False
         return cls(vectors, owner, np.where(both, -most, 0.0), most, against, unlike, apart)
 
-    def told_apart(self, located: Floats, named: Floats) -> tuple[Floats, Floats, Ints, Floats]:
-        """Return what tells effects of some amplitudes from their rivals at their best, (n,) each.
+    def told_apart(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
+        """Return the least amplitudes at which effects are told from their rivals at their best, (n,) each.
 
-        The gains over nothing at which they are told from all at other places, and from all [nats]; of the
-        last rival its number and the cosine of the angle between what both do.
+        From all at other places, and from all; then of the last rival its number and the cosine of the angle
+        between what both do.
+
+        Parameters
+        ----------
+        seen, enough : ndarray (n,)
+            Amplitudes at which effects are seen, and gains there [nats].
         """
         n = len(self.owner)
         elsewhere, anywhere, rival, alike = np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n)
@@ -485,21 +499,28 @@ class _Rivals:
             rows = np.arange(first, min(first + N_AT_ONCE, n))
             cosine = units[rows] @ units.T
             like, apart = (m[self.owner[rows]][:, self.owner] for m in (~self.unlike, self.apart))
-            own_place, own = located[rows] * length[rows], named[rows] * length[rows]
-            elsewhere[rows] = self._needed(own_place, rows, cosine, like & apart).max(axis=1)
-            every = self._needed(own, rows, cosine, like)
-            anywhere[rows], rival[rows] = every.max(axis=1), every.argmax(axis=1)
+            least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
+            elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
+            anywhere[rows] = np.maximum(least.max(axis=1), seen[rows])
+            rival[rows] = least.argmax(axis=1)
             alike[rows] = np.abs(cosine[np.arange(len(rows)), rival[rows]])
         return elsewhere, anywhere, rival, alike
 
-    def _needed(self, own: Floats, rows: Ints, cosine: Floats, among: NDArray[np.bool_]) -> Floats:
-        """Return the gains over nothing at which effects of lengths ``own`` are told from others, (n, n).
+    def _least(self, seen: Floats, enough: Floats, rows: Ints, cosine: Floats) -> Floats:
+        """Return the least amplitudes at which some effects are told from each other one, (n_rows, n).
 
-        A rival has the best of its plausible sizes.
+        With x as long as what an effect does, and c what its rival does along it, x² - 2ρxc + c² must be as
+        large as what is seen squared, times the gain that is needed over that which is enough. The rival has
+        c = ρx, or the largest size that is plausible.
         """
         length = np.linalg.norm(self.vectors, axis=1)
-        own = np.minimum(own, 1e100)
-        size = np.where(own > 0, own, 1.0)[:, None]
-        best = np.clip(own[:, None] * cosine, self.least * length, self.most * length) / size
-        left = np.clip(1 - (2 * cosine - best) * best, 1e-12, 1.0)
-        return np.where(among, needed(self.against[rows][:, None] - self.against) / left, 0.0)
+        visible = np.isfinite(seen) & (length[rows] > 0)
+        own = np.where(visible, length[rows], 1.0)[:, None]
+        there = (np.where(visible, seen, 1.0)[:, None] * own) ** 2
+        square = there * needed(self.against[rows][:, None] - self.against) / enough[:, None]
+        left = np.maximum(1 - cosine**2, 1e-12)
+        free = np.sqrt(square / left)
+        most = np.where(cosine > 0, self.most, self.least) * length
+        capped = cosine * most + np.sqrt(np.maximum(square - most**2 * left, 0.0))
+        x = np.where(np.abs(cosine) * free <= np.abs(most), free, capped)
+        return np.where(visible[:, None], x / own, np.inf)
