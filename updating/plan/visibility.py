@@ -46,7 +46,7 @@ KNOWN = 4.0
 """A size that is barely seen is about so many of its standard deviations."""
 N_SIZES = 6
 """So many sizes of each effect up to the largest plausible one say what multiples of a little they are."""
-BROAD = 0.04
+BROAD = 0.3
 """Decay rate of FRFs for that, in parts of the band [-]."""
 LITTLE, FAR = 0.1, 4.0
 """What uncertain parameters do is compared at so many prior standard deviations."""
@@ -325,9 +325,8 @@ class Sight:
                 moved[k] = np.clip(prior.mean[k] + z * prior.std[k], *limits[k])
                 H.append(function.receptance(moved))
             change = self.broad.change_to(H)
-            little = max(change[:2], key=lambda c: float(np.linalg.norm(c)))
-            along = np.abs((change[2:] @ little.conj()).real).max()
-            out[v.ref] = float(along / max(np.linalg.norm(little) ** 2, 1e-300) * LITTLE / FAR)
+            length = np.linalg.norm(change, axis=1)
+            out[v.ref] = float(length[2:].max() / max(length[:2].max(), 1e-300) * LITTLE / FAR)
         return out
 
     def mass(self) -> float:
@@ -402,8 +401,8 @@ class Sight:
         factors = [np.geomspace(1.0, most, N_SIZES) for most in _most(little)]
         points = [little.values(k, f) for k, each in enumerate(factors) for f in each]
         change = self.broad.changes(Grid(effect, tuple(points))).reshape(len(factors), N_SIZES, -1)
-        along = np.einsum("kfm,km->kf", change, change[:, 0].conj()).real
-        amplitude = along / np.where(along[:, :1] > 0, along[:, :1], 1.0)
+        length = np.linalg.norm(change, axis=2)
+        amplitude = length / np.where(length[:, :1] > 0, length[:, :1], 1.0)
         amplitude[:, 0] = 1.0
         amplitude = np.maximum.accumulate(amplitude, axis=1) * (1 + 1e-9 * np.arange(N_SIZES))
         return list(zip(factors, amplitude, strict=True))
