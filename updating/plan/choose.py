@@ -154,8 +154,8 @@ def choose(
 ) -> Chosen:
     """Choose sensors and forces so that as many effects of a relevant size as possible are named.
 
-    Sensors are added one by one and then exchanged as long as that gains. Errors of the gain of each count,
-    those of its direction and place do not, nor does the mass of instruments.
+    Sensors are added one by one and then exchanged as long as that gains. Their masses do not count, nor
+    those of exciters whose places are chosen.
 
     Parameters
     ----------
@@ -190,15 +190,15 @@ def choose(
             raise ValueError(msg)
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    exact = replace(errors, position=0.0, direction=0.0, sensor_mass=0.0, driver_mass=0.0, stinger=0.0)
-    test = planned_measurement(model, sensors, excitations, frequency, noise, errors=exact)
+    light = replace(errors, sensor_mass=0.0)  # no test has sensors everywhere
+    if n_excitations is not None:
+        light = replace(light, driver_mass=0.0, stinger=0.0)
+    test = planned_measurement(model, sensors, excitations, frequency, noise, errors=light)
     whole, formed = formed_problem(
         situated(model, kinds), test, nuisances, model_error=model_error, **settings
     )
     base = whole.nominal()
     problem = as_planned(whole, base)
-    if problem.scatter is not None:
-        problem = replace(problem, scatter=replace(problem.scatter, channels=None))
     left = usual_discrepancy(model_error) if left is None else left
     sight = Sight(problem, base, left, N_LINES, len(frequency) * len(sensors) * len(excitations))
     candidates = candidates_for_test(formed.model, test, kinds, exclude)
@@ -210,12 +210,9 @@ def choose(
     least = np.where(same, 0.0, needed(against[:n, None] - against))
     least[np.arange(n), np.arange(n)] = needed(against[:n])
     say("what each channel says", 0.5)
-    information = _information(sight, changes, errors.gain, len(sensors) / n_sensors)
-    data = sight.look.likelihood.n
-    known = (sight.look.slopes[:, 2 * len(sight.look.share) :] ** 2).sum(axis=1)
-    by_force = _Worth(information.sum(axis=0), data, known, least)
-    pushed = _best_forces(by_force, n_excitations or len(excitations))
-    worth = _Worth(information[:, list(pushed)].sum(axis=1), data, known, least)
+    channels = _Channels.of(sight, changes, len(sensors) / n_sensors)
+    pushed = _best_forces(channels, least, n_excitations or len(excitations))
+    worth = _Worth(channels.of_sensors(pushed), channels.data, channels.known, least)
     taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
     taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
     return Chosen(
@@ -262,39 +259,80 @@ def _some(n: int, most: int) -> list[int]:
     return np.unique(np.linspace(0, n - 1, min(n, most) + 2).round().astype(int)[1:-1]).tolist()
 
 
-def _information(
-    sight: Sight, changes: NDArray[np.complex128], gain: float, more: float
-) -> NDArray[np.float32]:
-    """Return the information of each sensor and force, (n_sensors, n_forces, n_groups, n, n).
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channels:
+    """Slopes of the residuals, by channel.
 
-    Without what an error of the gain of that channel could do. With fewer sensors each counts ``more``.
+    Attributes
+    ----------
+    slopes : ndarray (n, m)
+        By what is uncertain of all channels together and, behind that, by effects; weighted.
+    own : list of ndarray (n_own, m)
+        By errors of each sensor, in standard deviations of them.
+    known : ndarray (n_uncertain,)
+        Precision of the former beforehand.
+    output, input, group : ndarray of int (m,)
+        Sensor, force and group of each residual.
+    data : ndarray (n_groups,)
+        For how many independent data the discrepancy of each group stands.
     """
-    look = sight.look
-    m = len(look.share)
-    J = np.vstack([look.slopes[:, :m] + 1j * look.slopes[:, m : 2 * m], changes])
-    shape = sight.problem.data.mask[look.lines].shape
-    _, output, input_ = np.unravel_index(look.at, shape)
-    weight, counts = more * look.weights[:m], sight.problem.data.weight[look.lines].ravel()[look.at]
-    groups = look.share.argmax(axis=1)
-    n_groups = look.share.shape[1]
-    out = np.zeros((shape[1], shape[2], n_groups, len(J), len(J)), dtype=np.float32)
-    for o in range(shape[1]):
-        for i in range(shape[2]):
+
+    slopes: NDArray[np.complex128]
+    own: list[NDArray[np.complex128]]
+    known: Floats
+    output: Ints
+    input: Ints
+    group: Ints
+    data: Floats
+
+    @classmethod
+    def of(cls, sight: Sight, changes: NDArray[np.complex128], more: float) -> "_Channels":
+        """Sort the slopes; with fewer sensors than are possible each counts ``more``."""
+        look, scatter = sight.look, sight.problem.scatter
+        m = len(look.share)
+        n_out = len(sight.problem.data.measurement.sensors)
+        J = (look.slopes[:, :m] + 1j * look.slopes[:, m : 2 * m]) * np.sqrt(more * look.weights[:m])
+        of = np.full(len(J), -1)
+        if scatter is not None and scatter.channels is not None and len(scatter.channels.of):
+            numbers = scatter.channels.of
+            of[-len(numbers) :] = np.where(numbers < n_out, numbers, -1)
+        _, output, input_ = np.unravel_index(look.at, sight.problem.data.mask[look.lines].shape)
+        shared = of < 0
+        known = (look.slopes[shared, 2 * m :] ** 2).sum(axis=1)
+        slopes = np.vstack([J[shared], changes * np.sqrt(more * look.weights[:m])])
+        own = [J[of == o] for o in range(n_out)]
+        return cls(slopes, own, known, output, input_, look.share.argmax(axis=1), look.likelihood.n)
+
+    def of_forces(self) -> NDArray[np.float32]:
+        """Return the information of all sensors with each force, (n_forces, n_groups, n, n)."""
+        return np.array([self._summed(self.slopes, self.input == i) for i in range(self.input.max() + 1)])
+
+    def of_sensors(self, forces: Sequence[int]) -> NDArray[np.float32]:
+        """Return the information of each sensor with some forces, (n_sensors, n_groups, n, n).
+
+        Without what errors of that sensor could do.
+        """
+        out = []
+        for o, own in enumerate(self.own):
             beat()
-            for g in range(n_groups):
-                own = (output == o) & (input_ == i) & (groups == g)
-                part = J[:, own] * np.sqrt(weight[own])
-                out[o, i, g] = part.real @ part.real.T + part.imag @ part.imag.T
-                if gain > 0:
-                    # an error of ln H at all lines alike
-                    one = gain * np.sqrt(weight[own]) * counts[own]
-                    by_gain = part.real @ one
-                    out[o, i, g] -= np.outer(by_gain, by_gain) / (1 + one @ one)
-    return out
+            here = (self.output == o) & np.isin(self.input, list(forces))
+            part, errors = self.slopes[:, here], own[:, here]
+            both = (errors @ errors.conj().T).real + np.eye(len(errors))
+            C = np.linalg.solve(both, (errors @ part.conj().T).real)
+            left = self.slopes.copy()
+            left[:, here] = part - C.T @ errors
+            # what is known of these errors beforehand counts in no group more than in another
+            out.append(self._summed(left, here) + (C.T @ C / len(self.data)).astype(np.float32))
+        return np.array(out)
+
+    def _summed(self, slopes: NDArray[np.complex128], here: NDArray[np.bool_]) -> NDArray[np.float32]:
+        parts = (slopes[:, here & (self.group == g)] for g in range(len(self.data)))
+        return np.array([(p.real @ p.real.T + p.imag @ p.imag.T).astype(np.float32) for p in parts])
 
 
-def _best_forces(worth: _Worth, n: int) -> tuple[int, ...]:
+def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
     """Return the forces that tell most with all sensors."""
+    worth = _Worth(channels.of_forces(), channels.data, channels.known, least)
     single = [worth.value(each) for each in worth.information]
     best = np.sort(np.argsort(single)[::-1][: max(n, MOST_EXCITATIONS)])
     return max(

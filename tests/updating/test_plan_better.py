@@ -1,0 +1,63 @@
+"""Better tests than a planned one: chosen sensors and forces, and a second test with a known mass."""
+
+import numpy as np
+import pytest
+
+from fem.declarations import Relevant
+from tests.updating.test_plan import BAND, channels, halves, mapped
+from updating.plan.choose import choose
+from updating.plan.perturbed import perturbed
+
+ACROSS = (0.0, 1.0, 0.0)
+
+
+def chosen(sensors, forces, n_sensors, n_forces=None, **more):
+    how = {"kinds": ("point_mass",), "sizes": Relevant(masses=0.02), "model_error": 0.0, "left": 0.0}
+    return choose(halves(), sensors, forces, BAND, n_sensors, n_forces, **how | more)
+
+
+def test_a_sensor_beside_the_middle_is_chosen_where_masses_must_be_told_from_their_mirror_images():
+    """With the force in the middle, one there tells no mass from its mirror image."""
+    found = chosen(channels("s", (0.0, 0.3)), channels("f", (0.0,)), 1)
+    assert [s.name for s in found.sensors] == ["s1"]
+    assert found.curve[-1] > 0
+
+
+def test_sensors_and_forces_across_the_motion_are_not_chosen():
+    """Small masses need all that there is."""
+    along, across = channels("s", (-0.4, 0.15, 0.45)), channels("t", (-0.3, 0.2, 0.35), ACROSS)
+    forces = (*channels("g", (0.1,), ACROSS), *channels("f", (0.1,)))
+    found = chosen((*across, *along), forces, 3, 1, sizes=Relevant(masses=0.001))
+    assert {s.name for s in found.sensors} == {s.name for s in along}
+    assert [f.name for f in found.excitations] == ["f0"]
+
+
+def test_more_sensors_name_no_fewer_effects_as_they_are_added():
+    found = chosen(channels("s", (-0.45, -0.2, 0.05, 0.3)), channels("f", (0.1,)), 4)
+    assert len(found.curve) == 4
+    assert (np.diff(found.curve) >= -0.05).all()
+    assert found.share >= found.curve[-1] - 1e-9
+
+
+def test_no_more_can_be_chosen_than_there_are():
+    with pytest.raises(ValueError, match="3 sensors are to be chosen from 2"):
+        chosen(channels("s", (0.0, 0.3)), channels("f", (0.0,)), 3)
+    with pytest.raises(ValueError, match="2 excitations are to be chosen from 1"):
+        chosen(channels("s", (0.0, 0.3)), channels("f", (0.0,)), 1, 2)
+
+
+def test_a_known_mass_beside_the_middle_tells_mirror_images_apart():
+    """In the test alone they are one; a mass in the middle would leave them so."""
+    plan = mapped(halves(), (0.0,), (0.0,), kinds=("point_mass",))
+    pairs = [
+        (o, o.visible.rival)
+        for o in plan.relevant
+        if o.visible.alike > 1 - 1e-6 and o.relevant.member == "left"
+    ][1:4]
+    found = perturbed(plan, halves(), (), 0.2, pairs, model_error=0.0)
+    assert len(found) == len(pairs)
+    for each in found:
+        assert each.alike[0] == pytest.approx(1.0, abs=1e-6)
+        assert each.alike[1] < 0.995
+        assert each.place not in ("member left at 0.5 m", "member right at 0 m")  # the middle
+        assert each.ratio > 1
