@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import openseespy.opensees as ops
+import openseespy.opensees as ops  # pyright: ignore[reportMissingImports] - of .venv-peers
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 PIECES = 24
