@@ -24,7 +24,8 @@ from updating.quality.corrections import Fault
 TEXT = JOINTED.replace("elements =", 'mass = "higher-order"\nelements =')
 """With the mass that fits take: ``frf`` takes that of the file, and would have the mesh's error more."""
 RELEASE = "end_release:post.2.ry"
-FORM = {"u": -0.051, "mass": 0.2, "plane": 0.1, "Iy": 0.06, "A": -0.02, "J": 0.05, "shear": 0.1, "Iz": -0.04}
+FORM = {"u": -0.051, "mass": 0.2, "inertia": 0.3, "plane": 0.1, "A": -0.02, "Iy": 0.06, "Iz": -0.04}
+FORM |= {"J": 0.05, "shear": 0.1}
 """Values of the form's parameters: a corner that is softer, and other sections."""
 
 

@@ -117,8 +117,10 @@ class BootstrapModel:
         at = function.modes_at(function.moved_to(self.updated.fitted))
         partner = matched_modes(problem, at, every).partner
         f, zeta, shapes = targets.frequency.copy(), targets.zeta.copy(), targets.shapes.copy()
-        for i in np.flatnonzero(partner >= 0).tolist():
-            mode, a, b = at.damped(i, int(partner[i])), *rng.standard_normal(2)
+        for i, mode in enumerate(at.damped(partner)):
+            if mode is None:
+                continue
+            a, b = rng.standard_normal(2)
             f[i] = mode.frequency * np.exp(scale * targets.frequency_std[i] * a)
             zeta[i] = mode.zeta * np.exp(scale * targets.zeta_std[i] * b) if np.isfinite(zeta[i]) else np.nan
             if not targets.has_shapes:
