@@ -135,7 +135,7 @@ class Tabulated:
         K = self.along.at(values["u"])
         if self.plane is not None:
             K = K + self.plane.at(values["u"] + values["plane"])
-        return K, sum(values[name] * M for name, M in self.M.items()) if self.M else None
+        return K, np.add.reduce([values[name] * M for name, M in self.M.items()]) if self.M else None
 
     def slopes(self, values: Mapping[str, float], parameter: str) -> tuple[Floats | None, Floats | None]:
         """Return the derivatives of K and M by a parameter."""

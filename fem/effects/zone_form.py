@@ -98,7 +98,8 @@ class ZoneForm(OnStretches):
         """Return tables of the stiffness and mass that the stretches gain."""
 
         def made() -> Tabulated | None:
-            heavy = dict(zip(("mass", "inertia"), self._heavy(model), strict=True))
+            mass, inertia = self._heavy(model)
+            heavy: dict[str, Contribution] = {"mass": mass, "inertia": inertia}
             low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
             return Tabulated.of(partial(self._stiff, model), heavy, low, high, planar=bool(self.inside))
 
