@@ -48,6 +48,7 @@ ALLOWED = {
         "springs of one connection that are searched together",
         {"end_release", "joint_stiffness", "support_flexibility"},
     ),
+    "updating/plan/perturbed.py": ("puts the known mass of a second test on the structure", {"AddedMass"}),
     "joint/assembly.py": ("identifies a joint", {"Joint"}),
     "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
     "dovetail/file/channel_errors.py": (
