@@ -184,7 +184,7 @@ def chosen_lines(chosen: Chosen) -> list[str]:
     for table, some in (("sensors", chosen.sensors), ("excitations", chosen.excitations)):
         for s in some:
             at, along = (", ".join(f"{x:.6g}" for x in each) for each in (s.point, s.direction))
-            out += [f"[[{table}]]", f'name = "{s.name}"', f"at = [{at}]", f"direction = [{along}]"]
+            out += [f"[[{table}]]", f'name = "{s.name}"', f"point = [{at}]", f"direction = [{along}]"]
     shares = ", ".join(f"{k}: {100 * share:.0f} %" for k, share in enumerate(chosen.curve, 1))
     return [*out, "", f"named by the first sensors as they were added: {shares}", ""]
 

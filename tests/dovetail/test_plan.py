@@ -17,6 +17,7 @@ from dovetail.report import missing, planning
 from dovetail.result import excluded_dict
 from fem.declarations import Relevant
 from tests.frames import MAST, STUDY, write_study
+from updating.plan.choose import Chosen
 from viz.plan import render_plan
 
 
@@ -343,3 +344,17 @@ def test_the_report_has_a_table_of_what_is_excluded(sound):
     assert row[1].startswith("mass ")
     assert re.sub(r"\s", " ", row[1]) in re.sub(r"\s|&nbsp;", " ", page)
     assert missing._excluded(SimpleNamespace(excluded=None)) == []
+
+
+def test_chosen_channels_are_printed_as_a_study_reads_them(planned, tmp_path):
+    """What is printed stands in place of the study's own sensors and forces."""
+    m = planned.measurement
+    chosen = Chosen(m.sensors, m.excitations, np.array([0.5]), 0.5)
+    printed = "\n".join(planning.chosen_lines(chosen)).partition("\nnamed by")[0]
+    first = min(STUDY.index(f"[[{table}]]") for table in ("sensors", "excitations"))
+    read = load_study(written(tmp_path, printed, STUDY[:first]))
+    for have, want in ((read.sensors, m.sensors), (read.excitations, m.excitations)):
+        assert [s.name for s in have] == [s.name for s in want]
+        for one, other in zip(have, want, strict=True):
+            np.testing.assert_allclose(one.point, other.point, atol=1e-6)
+            np.testing.assert_allclose(one.direction, other.direction, atol=1e-6)
