@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.pipeline import Progress, fit_settings, measured, without_held_out
-from fem.effects.places import member_mass
+from fem.effects.places import members_mass
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.diagnose import diagnose
@@ -51,7 +51,7 @@ def plan_study(
         If the study has no sensors or no excitations.
     """
     say = progress or (lambda text, done: None)
-    how: dict[str, Any] = {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
+    how = _settings(study)
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
         data = without_held_out(study, measured(study, phases=False)[0])
         begun = begin_search(
@@ -111,7 +111,7 @@ def choose_channels(
         if n > len(possible):
             msg = f"{study.path}: {n} {word} are to be chosen from {len(possible)} places and directions"
             raise StudyError(msg)
-    how: dict[str, Any] = {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
+    how = _settings(study)
     return choose(
         study.model, possible, study.excitations if n_excitations is None else possible, _lines(study),
         n_sensors, n_excitations, study.nuisances, sizes=study.relevant,
@@ -124,6 +124,11 @@ def with_channels(study: Study, chosen: Chosen) -> Study:
     """Return a study with other sensors and forces, and no measurements."""
     none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
     return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)
+
+
+def _settings(study: Study) -> dict[str, Any]:
+    """Return what a study says of candidates and fits, as diagnoses and plans take it."""
+    return {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
 
 
 def _lines(study: Study) -> NDArray[np.float64]:
@@ -146,7 +151,7 @@ def separate_twins(
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    known = MASS_SHARE * sum(member_mass(study.model, m) for m in study.model.mesh.members)
+    known = MASS_SHARE * members_mass(study.model)
     return perturbed(
         plan, situated(study.model, study.kinds), study.nuisances, known if mass is None else mass,
         plan.twins[:MOST_TWINS], progress=progress, **fit_settings(study),
@@ -186,12 +191,11 @@ def check_plan(
 
     def diagnosed(data: Measurement) -> Diagnosis:
         say(f"diagnosing {data.name} of {n}", len(found) / n)
-        how = {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
 
         def part(text: str, done: float) -> None:
             say(f"{data.name} of {n}: {text}", (len(found) + done) / n)
 
-        return diagnose(study.model, [data], study.nuisances, progress=part, **how)
+        return diagnose(study.model, [data], study.nuisances, progress=part, **_settings(study))
 
     for trial in trials(plan, n, np.random.default_rng(seed), diagnosed):
         found.append(trial)

@@ -232,6 +232,11 @@ def member_mass(model: Model, member: str) -> float:
     return p.material.rho * p.section.A * model.mesh.member_length(member)
 
 
+def members_mass(model: Model) -> float:
+    """Return the mass of all members [kg]."""
+    return sum(member_mass(model, m) for m in model.mesh.members)
+
+
 def typical_mass(model: Model) -> float:
     """Return the median of the members' masses [kg]."""
     return float(np.median([member_mass(model, m) for m in model.mesh.members]))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Relevant
+from fem.effects.places import members_mass
 from fem.model import Effect, Model
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.evidence.diagnosis import candidates_for_test
@@ -21,7 +22,7 @@ from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
 from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy
-from updating.plan.visibility import Sight, needed, odds_against, size_of
+from updating.plan.visibility import Sight, between, needed, odds_against, size_of, sized
 
 N_DOUBLED, N_HALVED = 5, 8
 """Steps that enclose a multiple of squares, and halves of the range in which it then is."""
@@ -230,7 +231,7 @@ def _effects(
 
     The first, so many, are of a relevant size; a little of all others is what they must be told from.
     """
-    problem, mass = sight.problem, sight.mass()
+    problem, mass = sight.problem, members_mass(sight.problem.reduced.model)
     relevant: list[tuple[Effect, NDArray[np.complex128], float]] = []
     others: list[tuple[Effect, NDArray[np.complex128], float]] = []
     for i, effect in enumerate(candidates):
@@ -245,10 +246,8 @@ def _effects(
         reach = sight.reach(effect, little)
         for k in _some(len(little.points), N_POSITIONS):
             at = effect.with_values(**little.values(k, 1.0))
-            p = at.parameters()[0]
-            there = at.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
-            size, amplitude = (np.log(each) for each in reach[k])
-            a = np.exp(np.interp(np.log(size_of(there) / size_of(at)), size, amplitude))
+            there = sized(at, value)
+            a = between(size_of(there) / size_of(at), *reach[k])
             relevant.append((there, a * little.change[k], against))
     effects, changes, odds_of = zip(*relevant, *others, strict=True)
     return len(relevant), list(effects), np.array(changes), np.array(odds_of)

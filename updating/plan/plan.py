@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fem.declarations import Relevant
-from fem.effects.places import member_mass
+from fem.effects.places import members_mass
 from fem.model import Effect, Model
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
@@ -19,7 +19,7 @@ from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
 from updating.plan.planned import as_planned, usual_discrepancy
-from updating.plan.visibility import Visibility, Visible, size_of, visibility
+from updating.plan.visibility import Visibility, Visible, size_of, sized, visibility
 
 USUAL = Relevant()
 """Sizes that are relevant unless it is said otherwise."""
@@ -114,7 +114,7 @@ def _towards(effect: Effect, other: Effect) -> Effect:
     if distance(p, value) * distance(p, float(other.parameters()[0].value)) >= 0:
         return effect
     mirrored = p.absent**2 / value if p.log else 2 * p.absent - value
-    return effect.with_values(**{p.name: float(np.clip(mirrored, p.lower, p.upper))})
+    return sized(effect, mirrored)
 
 
 def share(some: Sequence[Outlook], what: str) -> float:
@@ -187,7 +187,7 @@ def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress 
 
 
 def _plan(seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant) -> Plan:
-    mass = sum(member_mass(model, m) for m in model.mesh.members)
+    mass = members_mass(model)
     found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]
     return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None))
 
@@ -198,8 +198,7 @@ def _outlook(
     value = x.effect.relevant(sizes, mass, scale)
     if value is None or len(near_to(x.effect)) > 1:
         return None
-    p = x.effect.parameters()[0]
-    relevant = x.effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
+    relevant = sized(x.effect, value)
     amplitude = x.amplitude(relevant)
     seen, located, named = (amplitude >= each for each in x.enough)
     return Outlook(x, relevant, seen, located, named)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from fem.effects.places import member_mass
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import (
@@ -144,14 +143,11 @@ class Visible:
         """Return the effect as large as a multiple of its small change; None if that is not plausible."""
         if not amplitude <= self.amplitudes[-1]:
             return None
-        x = np.log(max(amplitude, self.amplitudes[0]))
-        return self._of(float(np.exp(np.interp(x, np.log(self.amplitudes), np.log(self.sizes)))))
+        return self._of(between(amplitude, self.amplitudes, self.sizes))
 
     def amplitude(self, effect: Effect) -> float:
         """Return as what multiple of its small change the effect acts at another size."""
-        size = size_of(effect) / size_of(self._of(1.0))
-        x = np.log(np.clip(size, self.sizes[0], self.sizes[-1]))
-        return float(np.exp(np.interp(x, np.log(self.sizes), np.log(self.amplitudes))))
+        return between(size_of(effect) / size_of(self.slight), self.sizes, self.amplitudes)
 
     def chances(self, amplitude: float) -> tuple[float, float]:
         """Return the probabilities with which an amplitude is seen, and named."""
@@ -163,6 +159,18 @@ class Visible:
 
     def _of(self, size: float) -> Effect:
         return self.little.grid.effect.with_values(**self.little.values(self.position, size))
+
+
+def between(x: float, rising: Floats, values: Floats) -> float:
+    """Return a value at x, by straight lines between logarithms; beyond the ends that of the end."""
+    inside = np.clip(x, rising[0], rising[-1])
+    return float(np.exp(np.interp(np.log(inside), np.log(rising), np.log(values))))
+
+
+def sized(effect: Effect, value: float) -> Effect:
+    """Return an effect with a value of its first parameter, or the bound next to it."""
+    p = effect.parameters()[0]
+    return effect.with_values(**{p.name: float(np.clip(value, p.lower, p.upper))})
 
 
 def size_of(effect: Effect) -> float:
@@ -329,11 +337,6 @@ class Sight:
             out[v.ref] = float(length[2:].max() / max(length[:2].max(), 1e-300) * LITTLE / FAR)
         return out
 
-    def mass(self) -> float:
-        """Return the mass of the members [kg]."""
-        model = self.problem.reduced.model
-        return sum(member_mass(model, m) for m in model.mesh.members)
-
     @property
     def _n(self) -> int:
         return len(self.look.share)
@@ -434,8 +437,8 @@ class _Rivals:
 
     Attributes
     ----------
-    vectors : ndarray (n, r)
-        What each does.
+    lengths, units : ndarray (n,), (n, r)
+        What each does: how much, and of length 1.
     owner : ndarray of int (n,)
         Candidate of each.
     least, most : ndarray (n,)
@@ -446,7 +449,8 @@ class _Rivals:
         Which are no rivals, since the second is the first or contains it, and which act at other places.
     """
 
-    vectors: Floats
+    lengths: Floats
+    units: Floats
     owner: Ints
     least: Floats
     most: Floats
@@ -476,7 +480,9 @@ class _Rivals:
                 members.setdefault(name, []).append(i)
         for some in members.values():
             apart[np.ix_(some, some)] = False
-        return cls(vectors, owner, np.where(both, -most, 0.0), most, against, unlike, apart)
+        lengths = np.linalg.norm(vectors, axis=1)
+        units = vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
+        return cls(lengths, units, owner, np.where(both, -most, 0.0), most, against, unlike, apart)
 
     def told_apart(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
         """Return the least amplitudes at which effects are told from their rivals at their best, (n,) each.
@@ -491,12 +497,10 @@ class _Rivals:
         """
         n = len(self.owner)
         elsewhere, anywhere, rival, alike = np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n)
-        length = np.linalg.norm(self.vectors, axis=1)
-        units = self.vectors / np.where(length > 0, length, 1.0)[:, None]
         for first in range(0, n, N_AT_ONCE):
             beat()
             rows = np.arange(first, min(first + N_AT_ONCE, n))
-            cosine = units[rows] @ units.T
+            cosine = self.units[rows] @ self.units.T
             like, apart = (m[self.owner[rows]][:, self.owner] for m in (~self.unlike, self.apart))
             least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
             elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
@@ -512,14 +516,13 @@ class _Rivals:
         large as what is seen squared, times the gain that is needed over that which is enough. The rival has
         c = ρx, or the largest size that is plausible.
         """
-        length = np.linalg.norm(self.vectors, axis=1)
-        visible = np.isfinite(seen) & (length[rows] > 0)
-        own = np.where(visible, length[rows], 1.0)[:, None]
+        visible = np.isfinite(seen) & (self.lengths[rows] > 0)
+        own = np.where(visible, self.lengths[rows], 1.0)[:, None]
         there = (np.where(visible, seen, 1.0)[:, None] * own) ** 2
         square = there * needed(self.against[rows][:, None] - self.against) / enough[:, None]
         left = np.maximum(1 - cosine**2, 1e-12)
         free = np.sqrt(square / left)
-        most = np.where(cosine > 0, self.most, self.least) * length
+        most = np.where(cosine > 0, self.most, self.least) * self.lengths
         capped = cosine * most + np.sqrt(np.maximum(square - most**2 * left, 0.0))
         x = np.where(np.abs(cosine) * free <= np.abs(most), free, capped)
         return np.where(visible[:, None], x / own, np.inf)
