@@ -46,6 +46,7 @@ ALONG_AXIS = 0.999
 """Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
     "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
+    "inertia": "rotary inertia (relative)",
     "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
     "shear": "shear flexibility (relative)",
 }  # fmt: skip

@@ -20,12 +20,14 @@ from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
+from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import Uncertain, diagnosis_dict, result_dict
 from fem.effects import effect_classes
 from fem.model import Parameter
 from tests.frames import cross_beam, portal, write_study
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.findings import EffectParameter
+from updating.inference.belief import FORM_SECTION, FORM_ZONE
 from updating.quality.corrections import Fault
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
@@ -445,3 +447,7 @@ def test_every_statement_has_fields_that_a_report_knows():
     fields = set(re.findall(r"``(\w+)``", words.sentence.__doc__))
     for cls in effect_classes().values():
         assert {name for _, name, _, _ in Formatter().parse(cls.statement) if name} <= fields, cls.kind
+
+
+def test_every_parameter_of_the_form_has_a_name():
+    assert (FORM_ZONE | FORM_SECTION).keys() <= FORM_WORDS.keys()
