@@ -74,7 +74,7 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
 def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
     """Return for each kind from what size an effect would have been seen, and where it would not."""
     return [
-        (r.kind, r.smallest or "–", r.largest or "–", f"{r.blind} of {r.n}" if r.blind else "nowhere")
+        (r.kind, r.smallest or "–", r.largest or "–", f"{r.blind} of {r.n}" if r.blind else "none")
         for r in kind_rows(plan, "seen")
     ]
 
@@ -82,8 +82,11 @@ def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
 MOST_TWINS = 10
 """At most so many pairs that a test does not tell apart are printed."""
 HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
-EXCLUDED = "These data would have shown effects of at least these sizes, with a probability of 90 %."
-EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "never seen at")
+EXCLUDED = (
+    "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
+    "90 %. Where the estimate was checked, up to twice the size was needed."
+)
+EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "blind places")
 
 
 def _range(effects: list[Effect]) -> str:
