@@ -11,6 +11,7 @@ small. How much a large effect is of a small one is seen where resonances are br
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,7 +245,7 @@ def visibility(
     most = np.array([amplitude[-1] for _, amplitude in reach])
     seen = sight.amplitudes(squares, enough)
     both = np.array([not little.grid.one_sided() for little in littles])[owner]
-    rivals = _Rivals.of(vectors, candidates, owner, both, most, against)
+    rivals = _Rivals.of(vectors, candidates, owner, _followed(littles), both, most, against)
     located, named, rival, alike = rivals.told_apart(seen, enough)
     own = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
     found = []
@@ -427,6 +428,19 @@ def _most(little: Little) -> list[float]:
     return out
 
 
+def _followed(littles: Sequence[Little]) -> Ints:
+    """Return the numbers, of all littles' points, of those whose next one is only farther along a member."""
+    out, n = [], 0
+    for little in littles:
+        first, *_ = parameters = little.grid.effect.parameters()
+        along = {first.name, *(p.name for p in parameters if p.position)}
+        for k, (one, two) in enumerate(pairwise(little.points)):
+            if len(along) > 1 and {name for name, value in one.items() if two[name] != value} <= along:
+                out.append(n + k)
+        n += len(little.points)
+    return np.array(out, dtype=np.int64)
+
+
 N_DOUBLED, N_HALVED = 8, 20
 """Steps that enclose an amplitude, and halves of the range in which it then is."""
 
@@ -441,6 +455,9 @@ class _Rivals:
         What each does: how much, and of length 1.
     owner : ndarray of int (n,)
         Candidate of each.
+    column : ndarray of int (n + n_pairs,)
+        Number of each, and of those that are followed by the same candidate at its next position. A fit may
+        move a rival to between the two, where it does about what a sum of both does.
     least, most : ndarray (n,)
         Multiples that are plausible.
     against : ndarray (n,)
@@ -452,6 +469,7 @@ class _Rivals:
     lengths: Floats
     units: Floats
     owner: Ints
+    column: Ints
     least: Floats
     most: Floats
     against: Floats
@@ -464,6 +482,7 @@ class _Rivals:
         vectors: Floats,
         candidates: Sequence[Effect],
         owner: Ints,
+        followed: Ints,
         both: NDArray[np.bool_],
         most: Floats,
         against: Floats,
@@ -482,7 +501,8 @@ class _Rivals:
             apart[np.ix_(some, some)] = False
         lengths = np.linalg.norm(vectors, axis=1)
         units = vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
-        return cls(lengths, units, owner, np.where(both, -most, 0.0), most, against, unlike, apart)
+        column = np.concatenate([np.arange(len(owner)), followed])
+        return cls(lengths, units, owner, column, np.where(both, -most, 0.0), most, against, unlike, apart)
 
     def told_apart(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
         """Return the least amplitudes at which effects are told from their rivals at their best, (n,) each.
@@ -495,19 +515,35 @@ class _Rivals:
         seen, enough : ndarray (n,)
             Amplitudes at which effects are seen, and gains there [nats].
         """
-        n = len(self.owner)
+        n, owner = len(self.owner), self.owner[self.column]
         elsewhere, anywhere, rival, alike = np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n)
         for first in range(0, n, N_AT_ONCE):
             beat()
             rows = np.arange(first, min(first + N_AT_ONCE, n))
-            cosine = self.units[rows] @ self.units.T
-            like, apart = (m[self.owner[rows]][:, self.owner] for m in (~self.unlike, self.apart))
+            cosine = self._cosines(rows)
+            like, apart = (m[self.owner[rows]][:, owner] for m in (~self.unlike, self.apart))
             least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
             elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
             anywhere[rows] = np.maximum(least.max(axis=1), seen[rows])
-            rival[rows] = least.argmax(axis=1)
-            alike[rows] = np.abs(cosine[np.arange(len(rows)), rival[rows]])
+            last = least.argmax(axis=1)
+            each, k = np.arange(len(rows)), self.column[last]
+            farther = np.abs(cosine[each, np.minimum(k + 1, n - 1)]) > np.abs(cosine[each, k])
+            rival[rows] = k + (farther & (last >= n))
+            alike[rows] = np.abs(cosine[each, last])
         return elsewhere, anywhere, rival, alike
+
+    def _cosines(self, rows: Ints) -> Floats:
+        """Return the cosines of some effects with each other one, (n_rows, n + n_pairs).
+
+        Between two positions of a rival it is that with its best sum of both, if both count with one sign.
+        """
+        single = self.units[rows] @ self.units.T
+        one = self.column[len(self.owner) :]
+        a, b = single[:, one], single[:, one + 1]
+        c = (self.units[one] * self.units[one + 1]).sum(axis=1)
+        between = (a - b * c) * (b - a * c) > 0
+        square = (a**2 + b**2 - 2 * a * b * c) / np.maximum(1 - c**2, 1e-12)
+        return np.hstack([single, np.where(between, np.sign(a) * np.sqrt(np.clip(square, 0.0, 1.0)), 0.0)])
 
     def _least(self, seen: Floats, enough: Floats, rows: Ints, cosine: Floats) -> Floats:
         """Return the least amplitudes at which some effects are told from each other one, (n_rows, n).
@@ -519,10 +555,11 @@ class _Rivals:
         visible = np.isfinite(seen) & (self.lengths[rows] > 0)
         own = np.where(visible, self.lengths[rows], 1.0)[:, None]
         there = (np.where(visible, seen, 1.0)[:, None] * own) ** 2
-        square = there * needed(self.against[rows][:, None] - self.against) / enough[:, None]
+        square = there * needed(self.against[rows][:, None] - self.against[self.column]) / enough[:, None]
         left = np.maximum(1 - cosine**2, 1e-12)
         free = np.sqrt(square / left)
-        most = np.where(cosine > 0, self.most, self.least) * self.lengths
+        most = np.where(cosine > 0, *(each[self.column] for each in (self.most, self.least)))
+        most *= self.lengths[self.column]
         capped = cosine * most + np.sqrt(np.maximum(square - most**2 * left, 0.0))
         x = np.where(np.abs(cosine) * free <= np.abs(most), free, capped)
         return np.where(visible[:, None], x / own, np.inf)
