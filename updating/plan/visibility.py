@@ -52,6 +52,8 @@ LITTLE, FAR = 0.1, 4.0
 """What uncertain parameters do is compared at so many prior standard deviations."""
 WIDE = 0.3
 """Of those with larger standard deviations of a logarithm [-]."""
+MOST_POSITIONS = 12_000
+"""Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -223,15 +225,19 @@ def visibility(
         Is told what is being done and how far it is.
     """
     sight = Sight(problem, base, left)
+    grids = [Grid.of(problem, effect) for effect in candidates]
+    n_positions = [len(grid.slight_points()) for grid in grids]
+    if sum(n_positions) > MOST_POSITIONS:
+        grids = [_thinned(grid, MOST_POSITIONS // len(grids)) for grid in grids]
     littles, parts = [], []
-    for i, effect in enumerate(candidates):
+    for i, grid in enumerate(grids):
         beat()
-        say("what a little of each effect does", 0.4 * i / len(candidates))
-        littles.append(sight.look.little(Grid.of(problem, effect)))
-        parts.append(sight.parts(littles[-1].change, effect))
-    n_positions = [len(little.points) for little in littles]
-    owner = np.repeat(np.arange(len(candidates)), n_positions)
-    k = np.concatenate([np.arange(n) for n in n_positions])
+        say("what a little of each effect does", 0.4 * i / len(grids))
+        littles.append(sight.look.little(grid))
+        parts.append(sight.parts(littles[-1].change, grid.effect))
+    n_looked_at = [len(little.points) for little in littles]
+    owner = np.repeat(np.arange(len(candidates)), n_looked_at)
+    k = np.concatenate([np.arange(n) for n in n_looked_at])
     each = [odds_against(problem, e, odds, n) for e, n in zip(candidates, n_positions, strict=True)]
     against = np.array(each)[owner]
     enough = needed(against)
@@ -261,6 +267,19 @@ def visibility(
             )
         )  # fmt: skip
     return Visibility(problem, tuple(found), left)
+
+
+def _thinned(grid: Grid, most: int) -> Grid:
+    """Return a grid with at most so many, or one, of its positions."""
+    first = grid.effect.parameters()[0].name
+
+    def position(point: dict[str, float]) -> tuple[float, ...]:
+        return tuple(v for name, v in point.items() if name != first)
+
+    every = list(dict.fromkeys(position(point) for point in grid.points))
+    n = max(1, min(most, len(every)))
+    kept = {every[int((k + 0.5) * len(every) / n)] for k in range(n)}
+    return Grid(grid.effect, tuple(point for point in grid.points if position(point) in kept))
 
 
 def odds_against(problem: FitProblem, effect: Effect, odds: Odds, n_positions: int) -> float:
