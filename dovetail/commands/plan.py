@@ -52,6 +52,13 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="that mass (default: 5 %% of the structure's)",
     )
     p.add_argument(
+        "--averages",
+        type=count,
+        nargs=2,
+        metavar=("NOW", "MORE"),
+        help="say how much more would be named after MORE averages, if the noise is that of NOW",
+    )
+    p.add_argument(
         "--check",
         type=count,
         metavar="N",
@@ -72,6 +79,7 @@ def run(options: Options, progress: Progress) -> None:
         with_channels,
     )
     from dovetail.report import planning, words
+    from updating.plan.plan import with_averages
 
     check_places(options, Output("--picture", options.picture))
     if options.excitations is not None and options.choose is None:
@@ -92,6 +100,9 @@ def run(options: Options, progress: Progress) -> None:
     plan = plan_study(study, options.noise, options.left, progress)
     checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
     apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
+    quieter = None
+    if options.averages:
+        quieter = with_averages(plan, options.averages[0], options.averages[1], progress)
     if options.picture is not None:
         from viz.plan import render_plan
 
@@ -99,6 +110,8 @@ def run(options: Options, progress: Progress) -> None:
         render_plan(plan, options.picture, study.name)
     progress.close()
     result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
+    if quieter:
+        result["more_averages"] = planning.averages_dict(quieter, *options.averages)
     if apart:
         result["second_test"] = planning.separation_dicts(apart)
     if chosen:
@@ -116,6 +129,8 @@ def run(options: Options, progress: Progress) -> None:
         ("not seen in relevant size:", planning.blind_lines(plan)),
     ):
         lines += ["", title, *(f"  {line}" for line in some)] if some else []
+    if quieter:
+        lines += ["", planning.averages_line(plan, quieter, *options.averages)]
     if apart:
         lines += ["", *planning.separation_lines(apart)]
     if checked:

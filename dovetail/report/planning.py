@@ -81,6 +81,7 @@ def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
 
 MOST_TWINS = 10
 """At most so many pairs that a test does not tell apart are printed."""
+SHARES = ("seen", "located", "named")
 HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
@@ -116,11 +117,24 @@ def cells_of(row: KindRow) -> tuple[str, ...]:
 
 def headline(plan: Plan) -> str:
     """Return the shares of relevant effects that are seen, located and named."""
-    seen, located, named = (100 * plan.coverage(what) for what in ("seen", "located", "named"))
+    seen, located, named = (100 * plan.coverage(what) for what in SHARES)
     return (
         f"Of {len(plan.relevant)} effects of a relevant size {seen:.0f} % are seen, {located:.0f} % located "
         f"and {named:.0f} % named."
     )
+
+
+def averages_line(before: Plan, after: Plan, now: int, more: int) -> str:
+    """Return what more averages would show, of plans with the noise before and after them."""
+    if after.coverage() <= before.coverage() and after.coverage("seen") <= before.coverage("seen"):
+        return f"{more} averages more than {now} would show no more: the model's error limits this test."
+    seen, _, named = (100 * after.coverage(what) for what in SHARES)
+    return f"{more} averages more than {now}: {seen:.0f} % would be seen and {named:.0f} % named."
+
+
+def averages_dict(plan: Plan, now: int, more: int) -> dict[str, Any]:
+    """Return the same for JSON."""
+    return {"now": now, "more": more, "coverage": {what: plan.coverage(what) for what in SHARES}}
 
 
 def twin_lines(plan: Plan) -> list[str]:
@@ -167,7 +181,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "noise_db": plan.visibility.problem.data.noise_db,
         "left_db": None if plan.is_measured else plan.visibility.left * DB_PER_NEPER,
         "relevant_sizes": {k: getattr(plan.sizes, k) for k in ("connections", "members", "cracks", "masses")},
-        "coverage": {what: plan.coverage(what) for what in ("seen", "located", "named")},
+        "coverage": {what: plan.coverage(what) for what in SHARES},
         "kinds": [{name: getattr(row, name) for name in KindRow.__slots__} for row in kind_rows(plan)],
         "effects": [
             {

@@ -1,7 +1,7 @@
 """Measured receptances prepared for fits: which values count, with which noise and weight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,18 @@ class FitData:
         """Relative uncertainty of each reading: noise, and motion transverse to the sensor [-]."""
         weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
         return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
+
+    def averaged(self, share: float) -> "FitData":
+        """Return data with less noise, as of more averages; the same values count.
+
+        Parameters
+        ----------
+        share : float
+            Averages so far over those that there will be [-].
+        """
+        square = self.uncertain**2 - (1 - share) * self.noise**2
+        weight = MODEL_ERROR / np.sqrt(MODEL_ERROR**2 + square) * self.mask
+        return replace(self, weight=weight, noise=np.sqrt(share) * self.noise)
 
     @property
     def phase(self) -> bool:

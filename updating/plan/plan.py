@@ -186,6 +186,26 @@ def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress 
     return _plan(seen, problem.reduced.model, problem.data.measurement, sizes)
 
 
+def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = None) -> Plan:
+    """Return what a test could see and name after more averages: with less noise, and the same error.
+
+    Parameters
+    ----------
+    plan : Plan
+    now, more : int
+        Averages whose noise the plan has, and further ones.
+    progress : callable, optional
+        Called with a text and the fraction done.
+    """
+    seen = plan.visibility
+    candidates = list({x.effect.name: x.little.grid.effect for x in seen.effects}.values())
+    say = progress or (lambda text, done: None)
+    again = visibility(
+        seen.problem, seen.base, candidates, seen.odds, seen.left, say, averaged=now / (now + more)
+    )
+    return _plan(again, plan.model, plan.measurement, plan.sizes)
+
+
 def _plan(seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant) -> Plan:
     mass = members_mass(model)
     found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]

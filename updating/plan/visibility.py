@@ -189,6 +189,9 @@ class Visibility:
     Attributes
     ----------
     problem : FitProblem
+    base : FitResult
+        The model without the effects.
+    odds : Odds
     effects : tuple of Visible
         Each candidate at each of its positions.
     left : float or None
@@ -196,6 +199,8 @@ class Visibility:
     """
 
     problem: FitProblem
+    base: FitResult
+    odds: Odds
     effects: tuple[Visible, ...]
     left: float | None
 
@@ -207,6 +212,7 @@ def visibility(
     odds: Odds,
     left: float | None,
     say: Say = lambda text, done: None,
+    averaged: float = 1.0,
 ) -> Visibility:
     """Return what a test could see and name.
 
@@ -223,8 +229,11 @@ def visibility(
         Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
     say : callable
         Is told what is being done and how far it is.
+    averaged : float
+        Averages so far over those that there will be [-].
     """
-    sight = Sight(problem, base, left)
+    problem = replace(problem, data=problem.data.averaged(averaged))
+    sight = Sight(problem, base, left, averaged=averaged)
     grids = [Grid.of(problem, effect) for effect in candidates]
     n_positions = [len(grid.slight_points()) for grid in grids]
     if sum(n_positions) > MOST_POSITIONS:
@@ -266,7 +275,7 @@ def visibility(
                 (enough[i], own[i]), other.grid.effect.with_values(**first), float(alike[i]),
             )
         )  # fmt: skip
-    return Visibility(problem, tuple(found), left)
+    return Visibility(problem, base, odds, tuple(found), left)
 
 
 def _thinned(grid: Grid, most: int) -> Grid:
@@ -310,6 +319,8 @@ class Sight:
         As of :func:`visibility`.
     n_lines, most : int
         So many lines, and values of FRFs at most, are looked at.
+    averaged : float
+        As of :func:`visibility`: the problem has the noise that there will be [-].
     look : Look
         On the test's own FRFs.
     broad : Look
@@ -321,6 +332,7 @@ class Sight:
     left: float | None
     n_lines: int = N_WHOLE
     most: int = MOST_VALUES
+    averaged: float = 1.0
     look: Look = field(init=False)
     broad: Look = field(init=False)
 
@@ -365,9 +377,10 @@ class Sight:
     def _level(self) -> Floats:
         """Mean squares of the residuals of each group that a right model leaves."""
         level: Floats = pseudo_huber(self.look.now, ROBUST) @ self.look.share
-        if self.left is None:
-            return level
-        return level + self.look.likelihood.noise / SYSTEMATIC_FROM**2 + self.left**2
+        noise = self.look.likelihood.noise / SYSTEMATIC_FROM**2
+        if self.left is None:  # measured residuals have the noise of the averages so far
+            return np.maximum(level - (1 / self.averaged - 1) * noise, self.averaged * level)
+        return level + noise + self.left**2
 
     def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes (n, m).
