@@ -19,7 +19,7 @@ from updating.diagnosis.separation import places_along
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import Trial, trials
 from updating.plan.choose import Chosen, choose
-from updating.plan.perturbed import Separation, perturbed
+from updating.plan.perturbed import Separation, perturbed, with_masses, without_supports
 from updating.plan.plan import Plan, plan_beside, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
 
@@ -139,7 +139,9 @@ def _lines(study: Study) -> NDArray[np.float64]:
 def separate_twins(
     study: Study, plan: Plan, mass: float | None = None, progress: Progress | None = None
 ) -> list[Separation]:
-    """Return where a known mass tells twins apart best, in a second test with the same channels.
+    """Return what tells twins apart best in a second test with the same channels.
+
+    A known mass, or the release of a support.
 
     Parameters
     ----------
@@ -151,9 +153,10 @@ def separate_twins(
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    known = MASS_SHARE * members_mass(study.model)
+    model = situated(study.model, study.kinds)
+    known = MASS_SHARE * members_mass(study.model) if mass is None else mass
     return perturbed(
-        plan, situated(study.model, study.kinds), study.nuisances, known if mass is None else mass,
+        plan, [*with_masses(model, known), *without_supports(model)], study.nuisances,
         plan.twins[:MOST_TWINS], progress=progress, **fit_settings(study),
     )  # fmt: skip
 

@@ -43,7 +43,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--separate",
         action="store_true",
-        help="find where a known mass would tell twins apart in a second test",
+        help="find what tells twins apart in a second test: a known mass, or a released support",
     )
     p.add_argument(
         "--mass",

@@ -220,19 +220,16 @@ def chosen_dict(chosen: Chosen) -> dict[str, Any]:
 
 
 def separation_lines(found: Sequence[Separation]) -> list[str]:
-    """Return where a known mass tells twins apart in a second test."""
-    head = ("effect", "its twin", "alike", "with a second test", "mass at", "told apart")
+    """Return what tells twins apart in a second test."""
+    head = ("effect", "its twin", "alike", "with a second test", "after this change", "told apart")
     rows = [
         (
             *(words.effect_label(e.kind, e.where) for e in (s.effect, s.rival)),
-            *(f"{a:.3f}" for a in s.alike), s.place, "yes" if s.ratio >= 1 else "no",
+            *(f"{a:.3f}" for a in s.alike), s.change, "yes" if s.ratio >= 1 else "no",
         )
         for s in found
     ]  # fmt: skip
-    return [
-        f"a second test with a known mass of {words.with_unit(found[0].mass, 'kg')}:",
-        *words.columns(head, rows),
-    ]
+    return ["second tests:", *words.columns(head, rows)]
 
 
 def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
@@ -240,7 +237,7 @@ def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
     return [
         {
             "effect": {"kind": s.effect.kind, "where": s.effect.where},
-            "rival": {"kind": s.rival.kind, "where": s.rival.where}, "mass_kg": s.mass, "mass_at": s.place,
+            "rival": {"kind": s.rival.kind, "where": s.rival.where}, "change": s.change,
             "alike": s.alike, "told_apart": s.ratio >= 1,
         }
         for s in found

@@ -1,12 +1,13 @@
-"""Better tests than a planned one: chosen sensors and forces, and a second test with a known mass."""
+"""Better tests than a planned one: chosen sensors and forces, and second tests of a changed structure."""
 
 import numpy as np
 import pytest
 
 from fem.declarations import Relevant
+from tests.frames import fix
 from tests.updating.test_plan import BAND, channels, halves, mapped
 from updating.plan.choose import choose
-from updating.plan.perturbed import perturbed
+from updating.plan.perturbed import perturbed, with_masses, without_supports
 
 ACROSS = (0.0, 1.0, 0.0)
 
@@ -54,10 +55,24 @@ def test_a_known_mass_beside_the_middle_tells_mirror_images_apart():
         for o in plan.relevant
         if o.visible.alike > 1 - 1e-6 and o.relevant.member == "left"
     ][1:4]
-    found = perturbed(plan, halves(), (), 0.2, pairs, model_error=0.0)
+    found = perturbed(plan, with_masses(halves(), 0.2), (), pairs, model_error=0.0)
     assert len(found) == len(pairs)
     for each in found:
         assert each.alike[0] == pytest.approx(1.0, abs=1e-6)
         assert each.alike[1] < 0.995
-        assert each.place not in ("member left at 0.5 m", "member right at 0 m")  # the middle
+        assert not each.change.endswith(("left at 0.5 m", "right at 0 m"))  # the middle
+        assert each.ratio > 1
+
+
+def test_a_released_support_tells_an_effect_from_its_mirror_image():
+    """Held at both ends alike, a beam hides on which half a mass is; held at one end alone it does not."""
+    model = halves()
+    ends = [model.mesh.nearest_point([x, 0.0, 0.0])[0] for x in (-0.5, 0.5)]
+    held = model.with_effect(fix(ends[0])).with_effect(fix(ends[1]))
+    plan = mapped(held, (0.0,), (0.0,), kinds=("point_mass",), sizes=Relevant(masses=0.1))
+    pairs = plan.twins[:2]
+    assert all(o.visible.alike > 0.9999 for o, _ in pairs)
+    for each in perturbed(plan, without_supports(held), (), pairs, model_error=0.0):
+        assert each.change.startswith("support ")
+        assert each.alike[1] < 0.995
         assert each.ratio > 1

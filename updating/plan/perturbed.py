@@ -1,14 +1,15 @@
-"""Second tests that tell twins apart: the same one with a known mass at a place of the structure."""
+"""Second tests that tell twins apart: the same one with a known mass, or without one of the supports."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.effects.added_mass import AddedMass
-from fem.model import Effect, Model
+from fem.effects.support import Support
+from fem.model import Effect, Model, ModelError, ParameterRef
 from updating.diagnosis.evidence.screening import Grid
 from updating.diagnosis.separation import places_along
 from updating.inference.formed import formed_problem
@@ -22,17 +23,31 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """A known change of the structure for a second test.
+
+    Attributes
+    ----------
+    text : str
+        In words: ``"a mass of 0.2 kg on member beam at 0.5 m"``.
+    model : Model
+        The changed structure.
+    """
+
+    text: str
+    model: Model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Separation:
-    """What a known mass does to a pair of effects that a test does not tell apart.
+    """What a known change does to a pair of effects that a test does not tell apart.
 
     Attributes
     ----------
     effect, rival : Effect
         The first of a relevant size.
-    place : str
-        Where the mass would be.
-    mass : float
-        [kg].
+    change : str
+        What is changed.
     alike : (float, float)
         Cosine of the angle between what both do, in the test alone and in both together [-].
     ratio : float
@@ -41,10 +56,31 @@ class Separation:
 
     effect: Effect
     rival: Effect
-    place: str
-    mass: float
+    change: str
     alike: tuple[float, float]
     ratio: float
+
+
+def with_masses(model: Model, mass: float) -> list[Change]:
+    """Return changes by a known mass, at places along all members."""
+    return [
+        Change(
+            f"a mass of {mass:.3g} kg on {place}",
+            model.with_effect(AddedMass(name="known mass", point=point, mass=mass)),
+        )
+        for point, place in places_along(model)
+    ]
+
+
+def without_supports(model: Model) -> list[Change]:
+    """Return changes by the release of one support each."""
+    return [
+        Change(
+            f"support {e.name} released",
+            replace(model, effects=tuple(o for o in model.effects if o is not e)),
+        )
+        for e in model.of_kind(Support)
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +93,7 @@ class _State:
     known : ndarray (n_own,)
         Precision of the latter beforehand.
     changes : ndarray (n_effects, r)
-        What effects do.
+        What effects do; NaN of those that the structure cannot have.
     """
 
     shared: Floats
@@ -66,8 +102,18 @@ class _State:
     changes: Floats
 
     @classmethod
-    def of(cls, sight: Sight, effects: Sequence[Effect], factors: Sequence[float]) -> "_State":
-        """Look at some effects, each at the position that it has, so many times a little of it."""
+    def of(
+        cls,
+        sight: Sight,
+        effects: Sequence[Effect],
+        factors: Sequence[float],
+        refs: Sequence[ParameterRef],
+    ) -> "_State":
+        """Look at some effects, each at the position that it has, so many times a little of it.
+
+        ``refs`` are the uncertain parameters that tests share. One that a structure does not have changes
+        nothing there.
+        """
         look = sight.look
         m, n = len(look.share), len(look.prior_of)
         root = np.sqrt(np.tile(look.weights[:m], 2))
@@ -75,11 +121,17 @@ class _State:
         for effect, factor in zip(effects, factors, strict=True):
             beat()
             there = {p.name: float(p.value) for p in effect.parameters()}
-            change = look.changes(Grid(effect, (there,)))[0] * factor
+            try:
+                change = look.changes(Grid(effect, (there,)))[0] * factor
+            except ModelError:  # of a support that was released
+                change = np.full(m, np.nan, dtype=complex)
             changes.append(np.concatenate([change.real, change.imag]) * root)
         slopes = look.slopes[:, : 2 * m] * root
+        shared = np.zeros((len(refs), 2 * m))
+        for row, ref in zip(slopes[:n], look.prior_of, strict=True):
+            shared[refs.index(ref)] = row
         known = (look.slopes[n:, 2 * m :] ** 2).sum(axis=1)
-        return cls(slopes[:n], slopes[n:], known, np.array(changes))
+        return cls(shared, slopes[n:], known, np.array(changes))
 
     def reduced(self) -> Floats:
         """Return the information of shared parameters and effects, without what is uncertain in this test."""
@@ -92,27 +144,26 @@ class _State:
 
 def perturbed(
     plan: Plan,
-    study_model: Model,
+    changes: Sequence[Change],
     nuisances: Sequence[Nuisance],
-    mass: float,
     pairs: Sequence[tuple[Outlook, Effect]],
     *,
     progress: Progress | None = None,
     **settings: Any,
 ) -> list[Separation]:
-    """Return for each pair of twins the place where a known mass separates it best, in a second test.
+    """Return for each pair of twins the known change that separates it best, in a second test.
 
     Sensors, forces and noise are those of the plan. Uncertain parameters and the form are the same in both
-    tests, damping, deviations of modes and errors of channels are not.
+    tests, damping, deviations of modes and errors of channels are not. Pairs that no change leaves possible
+    are left out.
 
     Parameters
     ----------
     plan : Plan
         Of a planned test.
-    study_model : Model
+    changes : sequence of Change
+        Of the study's model.
     nuisances : sequence of Nuisance
-    mass : float
-        [kg].
     pairs : sequence of (Outlook, Effect)
         As of :attr:`updating.plan.plan.Plan.twins`.
     progress : callable, optional
@@ -128,28 +179,25 @@ def perturbed(
     ]
     effects = [e for pair in slight for e in pair]
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
-    first = Sight(plan.visibility.problem, plan.visibility.problem.nominal(), left)
-    here = _State.of(first, effects, factors)
-    shared = (first.look.slopes[: len(first.look.prior_of), 2 * len(first.look.share) :] ** 2).sum(axis=1)
-    alone = here.reduced()
-    before = [_told(alone, shared, k) for k in range(len(pairs))]
+    first = Sight(plan.visibility.problem, plan.visibility.base, left)
+    refs = first.look.prior_of
+    alone = _State.of(first, effects, factors, refs).reduced()
+    known = (first.look.slopes[: len(refs), 2 * len(first.look.share) :] ** 2).sum(axis=1)
+    before = [_told(alone, known, k) for k in range(len(pairs))]
+    enough = float(needed(np.zeros(1))[0])
     best: list[Separation | None] = [None] * len(pairs)
-    places = places_along(study_model)
-    for number, (point, place) in enumerate(places):
-        say(f"a mass at {place}", number / len(places))
-        known = AddedMass(name="known mass", point=point, mass=mass)
-        model = study_model.with_effect(known)
-        test = planned_like(plan.measurement, model)
-        whole, _ = formed_problem(model, test, nuisances, **settings)
+    for number, change in enumerate(changes):
+        say(change.text, number / len(changes))
+        test = planned_like(plan.measurement, change.model)
+        whole, _ = formed_problem(change.model, test, nuisances, **settings)
         base = whole.nominal()
-        there = _State.of(Sight(as_planned(whole, base), base, left), effects, factors)
+        there = _State.of(Sight(as_planned(whole, base), base, left), effects, factors, refs)
         both = alone + there.reduced()
         for k, (o, rival) in enumerate(pairs):
-            gain, alike = _told(both, shared, k)
-            ratio = gain / float(needed(np.zeros(1))[0])
+            gain, alike = _told(both, known, k)
             last = best[k]
-            if last is None or ratio > last.ratio:
-                best[k] = Separation(o.relevant, rival, place, mass, (before[k][1], alike), ratio)
+            if np.isfinite(gain) and (last is None or gain / enough > last.ratio):
+                best[k] = Separation(o.relevant, rival, change.text, (before[k][1], alike), gain / enough)
     return [each for each in best if each is not None]
 
 
