@@ -9,6 +9,7 @@ from fem.analysis.modes import Modes, first_modes
 from fem.model import Model
 from fem.system import assemble
 from updating.correlation import mac
+from updating.diagnosis.separation import BAND_BEYOND
 
 FURTHER = 5
 """So many modes beyond the measured ones are looked at."""
@@ -22,7 +23,8 @@ value [-]."""
 def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) -> tuple[str, ...]:
     """Return the frequencies and shapes that differ most between two models.
 
-    Each in standard deviations of a usual test; those of less than two are left out.
+    Each in standard deviations of a usual test; those of less than two are left out, and modes beyond
+    ``BAND_BEYOND`` times the measured band, which the same test would not reach.
 
     Parameters
     ----------
@@ -45,6 +47,8 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
     told: list[tuple[float, str]] = []
     for i, j in pairs:
         f, g = one.frequency[i], two.frequency[j]
+        if f > BAND_BEYOND * top:
+            continue
         new = f > 1.02 * top
         size = abs(np.log(f / g)) / FREQUENCY_STD
         if new:
