@@ -2,7 +2,7 @@
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,10 +31,12 @@ class BulkData:
     ----------
     lines : texts, without tabs
     notes : sentences on the lines left out
+    control : lines of the executive and case control, None of a file of bulk data alone
     """
 
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    control: list[str] | None = None
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _begun: str = ""
     _ended: bool = False
@@ -93,7 +95,8 @@ class BulkData:
             )
             raise MeshError(msg)
         self._begun = place
-        self.lines.clear()  # executive and case control
+        self.control = list(self.lines)
+        self.lines.clear()
         self._runs.clear()
 
     def _end(self, file: DeckFile, lines: list[str], done: int) -> None:
@@ -364,6 +367,22 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
         raise MeshError(msg)
     label = cells[count + 1].strip("+* ") if len(cells) > count + 1 else ""
     return head, [*cells[1 : count + 1], *[""] * count][:count], label
+
+
+def each_card(bulk: BulkData) -> Iterator[tuple[str, list[str], int]]:
+    """Yield name, fields and first row of each card, repeated ones written out.
+
+    Raises
+    ------
+    MeshError
+        As :func:`fields_of` and :class:`Replicator` do.
+    """
+    replicator = Replicator(Budget())
+    for run in runs_of(bulk):
+        for first in range(run.first, run.first + run.count * run.length, run.length):
+            name, fields = fields_of(bulk, first, run.length)
+            for one, values in replicator.cards(name, fields, run.length, lambda row=first: bulk.place(row)):
+                yield one, values, first
 
 
 def real(text: str) -> float:
