@@ -107,7 +107,9 @@ def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int])
     J = rod.profile.torsion
     if not J or not set(rod.ends) <= beams:
         if J:
-            deck.notes.add("stiffness of rods in torsion is taken only between grid points on beams", rod.profile.card)
+            deck.notes.add(
+                "stiffness of rods in torsion is taken only between grid points on beams", rod.profile.card
+            )
         return None
     material = properties.found[rod.place].material
     axes = _along(deck.points[rod.ends[1]] - deck.points[rod.ends[0]])
@@ -137,9 +139,7 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     up = _orientation(deck, card, ends, flags[0])
     plain = deck.points[ends[1]] - deck.points[ends[0]]
     _check_orientation(card, plain, up)
-    offsets = np.stack(
-        [_offset(deck, card, end, ends, flags[1 + end], plain, up) for end in (0, 1)]
-    )
+    offsets = np.stack([_offset(deck, card, end, ends, flags[1 + end], plain, up) for end in (0, 1)])
     axis = plain + offsets[1] - offsets[0]
     if not np.linalg.norm(axis) > 0:
         card.refuse("has no length between its offset ends")

@@ -17,6 +17,7 @@ _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _OTHER_MODEL = re.compile(r"SUPER|AUXMODEL|ARBMODEL|MODULE|MASSID|FLXSLI|UDS", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")
 _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
+_COMPONENTS = re.compile(r"[1-6]+( +[1-6]+)*")
 _REPEAT = re.compile(r"=\(?(\d+)\)?")
 
 LONGEST_NAME = 20
@@ -259,9 +260,17 @@ def _key(line: str) -> str:
 
 
 def _between_blanks(line: str) -> bool:
-    """Return whether a line has fields between blanks: a field of eight columns would have two."""
+    """Return whether a line has fields between blanks: a field of eight columns would have two.
+
+    Components such as ``12 4 6`` after an empty field are one field.
+    """
     width = 16 if line[0] == "*" or line[:8].rstrip().endswith("*") else 8
-    return any(len(line[k : k + width].split()) > 1 for k in range(8, min(len(line.rstrip()), 72), width))
+    cells = [line[k : k + width] for k in range(8, min(len(line.rstrip()), 72), width)]
+    return any(
+        len(cell.split()) > 1
+        and not (_COMPONENTS.fullmatch(cell.strip()) and any(not c.strip() for c in cells[:k]))
+        for k, cell in enumerate(cells)
+    )
 
 
 def _name_of(key: str) -> str:

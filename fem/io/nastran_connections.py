@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+from typing import Any
+
 import numpy as np
 
 from fem.io.frame_deck import Body, Connection
@@ -48,7 +50,11 @@ def _body(deck: NastranDeck, card: Card, node: int, mass: float, arm: Floats, in
                     f"{', '.join(f'{v:g}' for v in np.linalg.eigvalsh(inertia))}; they cannot be negative")  # fmt: skip
     factor, units = deck.mass_factor, deck.units
     return Body(
-        name=str(card), node=node, mass=mass * factor * units.mass, inertia=inertia * factor * units.inertia, arm=arm
+        name=str(card),
+        node=node,
+        mass=mass * factor * units.mass,
+        inertia=inertia * factor * units.inertia,
+        arm=arm,
     )
 
 
@@ -85,7 +91,9 @@ def _scalar_masses(deck: NastranDeck, fixed: Fixed) -> list[Body]:
     return [_scalar_body(deck, cards[node], node, at, fixed.get(node, ())) for node, at in by_node.items()]
 
 
-def _scalar_body(deck: NastranDeck, card: Card, node: int, at: dict[int, float], fixed: tuple[str, ...]) -> Body:
+def _scalar_body(
+    deck: NastranDeck, card: Card, node: int, at: dict[int, float], fixed: tuple[str, ...]
+) -> Body:
     axes = deck.axes(node)
     values = {at.get(k, 0.0) for k in range(3) if DIRECTIONS[k] not in fixed or not _global(axes)}
     if len(values) > 1:
@@ -139,12 +147,15 @@ def _damper(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
 
 
 def _scalar(
-    deck: NastranDeck, card: Card, fixed: Fixed, values: Callable[[Floats], dict[str, Floats]], *, damper: bool
+    deck: NastranDeck,
+    card: Card,
+    fixed: Fixed,
+    values: Callable[[Floats], dict[str, Any]],
+    *,
+    damper: bool,
 ) -> Connection:
     """Return a spring or dashpot between one component of two grid points, or of one and the ground."""
-    sides = [
-        (deck.node(card, k), card.whole(k + 1) - 1) for k in (2, 4) if card.text(k) not in ("", "0")
-    ]
+    sides = [(deck.node(card, k), card.whole(k + 1) - 1) for k in (2, 4) if card.text(k) not in ("", "0")]
     if not sides:
         card.refuse("has no grid point")
     if any(not 0 <= component < 6 for _, component in sides):
@@ -163,7 +174,9 @@ def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], f
     (a, component), (b, second) = sides
     axis = deck.axes(a)[component % 3]
     if a == b or component // 3 != second // 3 or not np.allclose(axis, deck.axes(b)[second % 3]):
-        card.refuse("couples different directions of motion; a spring between two grid points along one is read")
+        card.refuse(
+            "couples different directions of motion; a spring between two grid points along one is read"
+        )
     arm = deck.points[b] - deck.points[a]
     turning = [n for n in (a, b) if not set(DIRECTIONS[3:]) <= set(fixed.get(n, ()))]
     if component < 3 and turning and np.linalg.norm(np.cross(axis, arm)) > 1e-6 * np.linalg.norm(arm):
@@ -203,7 +216,9 @@ def _bush1d(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     unit[0, 0] = 1.0
     if source.real(3):
         deck.notes.add("the mass of PBUSH1D is left out", card)
-    axes = deck.system_axes(card.whole(4), ends[0], str(card)) if card.text(4) else _line_axes(deck, card, ends)
+    axes = (
+        deck.system_axes(card.whole(4), ends[0], str(card)) if card.text(4) else _line_axes(deck, card, ends)
+    )
     return Connection(
         name=str(card), nodes=ends, axes=axes,
         K=source.real(1) * deck.units.stiffness * unit, C=source.real(2) * deck.units.damping * unit,
@@ -251,7 +266,9 @@ def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) 
     line = deck.points[b] - deck.points[a]
     if card.blank(4, 7):
         if K[[1, 2, 4, 5]].any() and len(set(K[1:3])) + len(set(K[4:6])) > 2:
-            card.refuse("has no orientation and different stiffnesses across its axis; give X1 to X3, G0 or CID")
+            card.refuse(
+                "has no orientation and different stiffnesses across its axis; give X1 to X3, G0 or CID"
+            )
         return axes_along(deck, (a, b))
     toward = card.text(4).isdigit() and card.blank(5, 7)
     up = deck.points[deck.node(card, 4)] - deck.points[a] if toward else card.reals(4, 7) @ deck.axes(a)
@@ -272,4 +289,3 @@ def _bush_place(deck: NastranDeck, card: Card, a: int, b: int | None) -> Floats:
     if b is None:
         return deck.points[a]
     return deck.points[a] + card.real(8, 0.5) * (deck.points[b] - deck.points[a])
-

@@ -16,7 +16,7 @@ from fem.io.nastran_sections import (
     section_of_constants,
     section_of_shape,
 )
-from fem.materials import Material, PropertyError
+from fem.materials import PropertyError
 from fem.sections.section import Section
 
 NO_DENSITY = 1e-6
@@ -100,7 +100,9 @@ class Properties:
     def material(self, card: Card, number: int) -> Card:
         """Return the MAT1 card that another one refers to."""
         if number not in self.materials:
-            other = next((c for c in self.deck.of("MAT2", "MAT8", "MAT9", "MAT3") if c.whole(0) == number), None)
+            other = next(
+                (c for c in self.deck.of("MAT2", "MAT8", "MAT9", "MAT3") if c.whole(0) == number), None
+            )
             has = f"no MAT1 {number}" + (f", but {other} at {other.place}" if other else "")
             card.refuse(f"refers to material {number}, and the file has {has}; isotropic MAT1 is read")
         return self.materials[number]
@@ -128,7 +130,7 @@ class Properties:
         elif rho <= 0:
             deck.notes.add(f"it has no density; {NO_DENSITY:g} kg/m³ is taken", card)
         material, shear = material_of(
-            name, E * units.stress, G * units.stress, nu, max(rho, NO_DENSITY), card.real(8)
+            name, E * units.stress, G * units.stress, nu, max(rho, NO_DENSITY), card.real(7)
         )
         ends = [self._end(s, shear, element, lumped) for s in (profile.section, profile.section2) if s]
         theory = "bar" if rod else "timoshenko" if any(s.ky or s.kz for s in ends) else "euler-bernoulli"
@@ -198,7 +200,9 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
     if not A > 0:
         card.refuse(f"has the area {values[0]:g}; it must be positive")
     if I1 < 0 or I2 < 0 or J < 0:
-        card.refuse(f"has I1 = {values[1]:g}, I2 = {values[2]:g} and J = {values[4]:g}; they cannot be negative")
+        card.refuse(
+            f"has I1 = {values[1]:g}, I2 = {values[2]:g} and J = {values[4]:g}; they cannot be negative"
+        )
     if not (I1 or I2):
         if J:
             reader.deck.notes.add("without I1 and I2 it is a rod; its stiffness in torsion is left out", card)
@@ -230,7 +234,9 @@ def _shape(reader: Properties, card: Card, start: int) -> tuple[Section, float, 
     stop = start + SHAPES[shape][0]
     lost = next((k for k in range(start, stop) if not card.text(k)), None)
     if lost is not None:
-        card.refuse(f"has the shape {shape}, which needs {stop - start} dimensions; DIM{lost - start + 1} is blank")
+        card.refuse(
+            f"has the shape {shape}, which needs {stop - start} dimensions; DIM{lost - start + 1} is blank"
+        )
     section = section_of_shape(
         shape, (card.reals(start, stop) * units.length).tolist(), reader.nu(card, card.whole(1))
     )
@@ -272,7 +278,9 @@ def _tapered(
 ) -> Profile:
     first, last = _end_sections(stations)
     masses = [m for x, _, m in sorted(stations, key=lambda one: one[0]) if x in (0.0, 1.0)]
-    same = all(math.isclose(getattr(first, k), getattr(last, k), rel_tol=1e-9) for k in ("A", "Iy", "Iz", "J"))
+    same = all(
+        math.isclose(getattr(first, k), getattr(last, k), rel_tol=1e-9) for k in ("A", "Iy", "Iz", "J")
+    )
     if not same and (first.shape != last.shape or first.angle != last.angle or not first.shape):
         first, last = (_by_constants(s) for s in (first, last))
     for x, section, _ in stations:
