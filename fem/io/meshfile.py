@@ -30,6 +30,8 @@ def read_mesh(
     scale: float = 1.0,
     merge_tolerance: float | None = None,
     sets: str | None = None,
+    *,
+    free_points: bool = False,
 ) -> Mesh:
     """Read a line mesh.
 
@@ -53,6 +55,8 @@ def read_mesh(
         Distance within which points become one [m]. Nothing is merged unless it is given.
     sets : str, optional
         Name of the integer cell array whose values are the members, for files that meshio reads.
+    free_points : bool
+        Whether to keep points on no line that have a name: masses, joints and links may act there.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def read_mesh(
         raise MeshError(msg)
     suffix = file.suffix.lower()
     if suffix in _UNIVERSAL:
-        return mesh_of(_universal(file), file.name, scale, merge_tolerance)
+        return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
     if suffix == ".inp":
         raw = read_abaqus(file)
     elif suffix in _NASTRAN:
@@ -74,7 +78,7 @@ def read_mesh(
         raw = read_gmsh(file)
     else:
         raw = read_by_meshio(file, sets)
-    return mesh_of(raw, file.name, scale, merge_tolerance)
+    return mesh_of(raw, file.name, scale, merge_tolerance, free_points)
 
 
 def _universal(file: Path) -> RawMesh:
