@@ -126,7 +126,7 @@ def write_mesh(
         msg = f"{file.name}: a '{suffix}' file keeps no {'point' if point_data else 'line'} data; write .vtu"
         raise MeshError(msg)
     if suffix in (".inp", ".msh"):
-        _check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
+        check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
         text = abaqus_text(mesh) if suffix == ".inp" else gmsh_text(mesh)
         with replacing(file) as scratch:
             scratch.write_text(text, encoding="utf-8", newline="\n")
@@ -143,7 +143,8 @@ def _no_blanks(name: str) -> str:
     return "_".join(name.split())
 
 
-def _check_names(names: Iterable[str], file: str) -> None:
+def check_names(names: Iterable[str], file: str) -> None:
+    """Refuse names that ``.inp`` and ``.msh`` files cannot have."""
     bad = next((name for name in names if '"' in name or "," in name or "\n" in name), None)
     if bad is not None:
         msg = f"{file}: the name {bad!r} cannot be written; quotes, commas and line ends are not allowed"
