@@ -9,10 +9,9 @@ import numpy as np
 from fem.elements.properties import STRAINS
 from fem.io.frame_deck import BarProperty, Bars, Connection
 from fem.io.nastran_deck import Card, Floats, NastranDeck
-from fem.io.nastran_properties import Profile, Properties
+from fem.io.nastran_properties import BEAMS, Profile, Properties
 from fem.model import DIRECTIONS
 
-BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CTUBE", "CONROD")
 
 _DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}

@@ -1,7 +1,6 @@
 """Bodies, springs and dashpots of a Nastran deck."""
 
 from collections.abc import Callable
-
 from typing import Any
 
 import numpy as np

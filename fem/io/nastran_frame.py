@@ -13,11 +13,12 @@ import numpy as np
 from fem.io.deck import named, words
 from fem.io.deck_units import Units
 from fem.io.frame_deck import FrameDeck
-from fem.io.nastran_bars import BEAMS, RODS, bars_of
+from fem.io.nastran_bars import RODS, bars_of
 from fem.io.nastran_cards import real
 from fem.io.nastran_connections import BODIES, bodies_of, connections_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_names import HARMLESS, READ
+from fem.io.nastran_properties import BEAMS
 from fem.io.nastran_rigid import constraints_of, supports_of
 from fem.model import Damping
 

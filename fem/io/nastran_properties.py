@@ -19,14 +19,16 @@ from fem.io.nastran_sections import (
 from fem.materials import PropertyError
 from fem.sections.section import Section
 
-NO_DENSITY = 1e-6
-"""Density of a material that has none, because a material needs one [kg/m³]."""
+MASSLESS_SPEED = 1e9
+"""Speed of sound in a material without density, which needs one: so light in any units of the deck [m/s]."""
 
 NO_TWIST_INERTIA = 1e-9
 """Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion."""
 
 STATION_ERROR = 0.02
 """Difference of a section between the ends from that of the taper that is named rather than refused [-]."""
+
+BEAMS = ("CBAR", "CBEAM")
 
 OF_ELEMENT = {
     "CBAR": ("PBAR", "PBARL"),
@@ -117,34 +119,36 @@ class Properties:
         deck, units = self.deck, self.deck.units
         card = self.material(profile.card, profile.material)
         E, G, nu = elastic(card)
-        if not (card.text(2) or card.text(3)) and element.name in ("CBAR", "CBEAM"):
+        if not (card.text(2) or card.text(3)) and element.name in BEAMS:
             deck.notes.add("it has neither G nor NU, so that Nastran gives bars no stiffness in torsion; "
                            "NU = 0.3 is taken", card)  # fmt: skip
-        lumped = not self.consistent
-        rod = element.name not in ("CBAR", "CBEAM") or not _bends(profile)
+        if element.name not in BEAMS or profile.section.label == "rod":
+            theory = "bar"
+        else:
+            sections = [one for one in (profile.section, profile.section2) if one is not None]
+            theory = "timoshenko" if any(one.ky or one.kz for one in sections) else "euler-bernoulli"
         rho = card.real(4) * deck.mass_factor * units.density
-        extra, A = profile.mass_per_length, _mean_area(profile)
-        name = f"MAT1 {profile.material}"
-        if lumped and extra:  # lumped as the mass of the material is
-            rho, extra, name = rho + extra / A, 0.0, f"{name} with the NSM of {profile.card}"
-        elif rho <= 0:
-            deck.notes.add(f"it has no density; {NO_DENSITY:g} kg/m³ is taken", card)
+        if rho <= 0:
+            deck.notes.add("it has no density; a negligible one is taken", card)
+            rho = E * units.stress / MASSLESS_SPEED**2
         material, shear = material_of(
-            name, E * units.stress, G * units.stress, nu, max(rho, NO_DENSITY), card.real(7)
+            f"MAT1 {profile.material}", E * units.stress, G * units.stress, nu, rho, card.real(7)
         )
-        ends = [self._end(s, shear, element, lumped) for s in (profile.section, profile.section2) if s]
-        theory = "bar" if rod else "timoshenko" if any(s.ky or s.kz for s in ends) else "euler-bernoulli"
-        label = f"CONROD {element.text(0)}" if number is None else f"property {number}"
         return BarProperty(
-            name=label, material=material, section=ends[0], section2=ends[1] if len(ends) > 1 else None,
-            theory=theory, mass="lumped" if lumped else "consistent", mass_per_length=extra,
-        )  # fmt: skip
+            name=f"CONROD {element.text(0)}" if number is None else f"property {number}",
+            material=material,
+            section=self._end(profile.section, shear, element),
+            section2=None if profile.section2 is None else self._end(profile.section2, shear, element),
+            theory=theory,
+            mass="consistent" if self.consistent else "lumped-slender",
+            mass_per_length=profile.mass_per_length,
+        )
 
-    def _end(self, section: Section, shear: Shear, element: Card, lumped: bool) -> Section:
+    def _end(self, section: Section, shear: Shear, element: Card) -> Section:
         scaled = shear.applied(section)
-        if lumped and element.name == "CBAR":
-            return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
-        return scaled
+        if self.consistent or element.name != "CBAR":
+            return scaled
+        return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
 
     def notes(self) -> Iterator[str]:
         """Yield what the mass of these bars is."""
@@ -183,14 +187,6 @@ def elastic(card: Card) -> tuple[float, float, float]:
     if not (E > 0 and G > 0):
         card.refuse(f"has E = {E:g} and G = {G:g}; both must be positive, or E with NU above -1")
     return E, G, nu
-
-
-def _bends(profile: Profile) -> bool:
-    return profile.section.label != "rod"
-
-
-def _mean_area(profile: Profile) -> float:
-    return (profile.section.A + (profile.section2 or profile.section).A) / 2
 
 
 def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, float]) -> Section:
