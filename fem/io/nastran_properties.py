@@ -22,7 +22,7 @@ from fem.sections.section import Section
 MASSLESS_SPEED = 1e9
 """Speed of sound in a material without density, which needs one: so light in any units of the deck [m/s]."""
 
-NO_TWIST_INERTIA = 1e-9
+NO_TWIST_INERTIA = 1e-12
 """Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion."""
 
 STATION_ERROR = 0.02
