@@ -2,8 +2,8 @@
 
     python -m benchmarks.decks FOLDER [--modes 10] [--csv out.csv]
 
-FOLDER has decks (.bdf .dat .nas .inp) with the program's listing (.f06 .out) of the same name beside them, as
-MSC and Simcenter Nastran, NASTRAN-95 and MYSTRAN write it. Units do not matter, as long as they are consistent.
+FOLDER has decks (.bdf .dat .nas .inp) with the program's listing (.f06 .out) of the same name beside them,
+as MSC and Simcenter Nastran, NASTRAN-95 and MYSTRAN write it. Units do not matter if they are consistent.
 """
 
 import argparse

@@ -73,7 +73,7 @@ class Properties:
         self.deck = deck
         self.materials = deck.by_number("MAT1")
         self.cards = {element: deck.by_number(*names) for element, names in OF_ELEMENT.items()}
-        self.consistent = deck.parameter("COUPMASS", "-1").rstrip(".0") not in ("", "-1", "N", "NO")
+        self.consistent = deck.parameter("COUPMASS", -1.0) > 0
         self.made: dict[tuple, tuple[int, Profile]] = {}
         self.found: list[BarProperty] = []
 
@@ -94,7 +94,7 @@ class Properties:
             try:
                 profile = _READERS[card.name](self, card)
                 self.found.append(self._property(element, profile, number))
-            except PropertyError as reason:
+            except (PropertyError, OverflowError) as reason:
                 card.refuse(f"cannot be used: {reason}")
             self.made[key] = (len(self.found) - 1, profile)
         return self.made[key]
@@ -140,7 +140,7 @@ class Properties:
             section=self._end(profile.section, shear, element),
             section2=None if profile.section2 is None else self._end(profile.section2, shear, element),
             theory=theory,
-            mass="consistent" if self.consistent else "lumped-slender",
+            mass="consistent" if self.consistent and theory != "bar" else "lumped-slender",
             mass_per_length=profile.mass_per_length,
         )
 
@@ -157,12 +157,15 @@ class Properties:
         kinds = {key[0] for key in self.made}
         if self.consistent:
             yield (
-                "PARAM COUPMASS: bars have the consistent mass of their shape functions; Nastran's coupled mass "
-                "of rods and of the axial motion of bars lies midway between it and lumped mass"
+                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods "
+                "lumped mass, "
+                "which is nearer to Nastran's coupled mass: that of motions along them lies midway "
+                "between the two"
             )
         elif "CBAR" in kinds:
             yield (
-                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for CBAR without "
+                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for "
+                "CBAR without "
                 "inertia of torsion"
             )
         else:
@@ -206,8 +209,10 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
     zero = [name for name, value in (("I1", I1), ("I2", I2), ("J", J)) if not value]
     if zero:
         reader.deck.notes.add(
-            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a millionth of the others is taken, "
-            "so that motions which Nastran leaves out or constrains may have modes of very low frequency", card,
+            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a millionth of the others "
+            f"is taken, "
+            "so that motions which Nastran leaves out or constrains may have modes of very low "
+            "frequency", card,
         )  # fmt: skip
     return section_of_constants(str(card), A, (I1, I2, I12), J, k)
 
@@ -285,7 +290,8 @@ def _tapered(
             error = max(abs(getattr(section, k) / getattr(between, k) - 1) for k in ("A", "Iy", "Iz"))
             if error > STATION_ERROR:
                 card.refuse(
-                    f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a taper; "
+                    f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a "
+                    f"taper; "
                     "divide the beam there"
                 )
             reader.deck.notes.add("stations between the ends are left out; the section tapers evenly", card)

@@ -1,4 +1,4 @@
-"""Frame models of Nastran decks: each family of cards against a closed form, and bad decks by file and line."""
+"""Frame models of Nastran decks: each family of cards against a closed form, and bad decks by line."""
 
 import math
 
@@ -208,7 +208,9 @@ def test_torsion_of_a_rod_between_beams(tmp_path):
     [
         ("BAR", ".03,.05", (0.03 * 0.05, 0.03 * 0.05**3 / 12, 0.05 * 0.03**3 / 12)),
         ("ROD", ".02", (math.pi * 0.02**2, math.pi * 0.02**4 / 4, math.pi * 0.02**4 / 4)),
-        ("TUBE", ".02,.015", tuple(math.pi * c for c in (0.02**2 - 0.015**2, *[(0.02**4 - 0.015**4) / 4] * 2))),
+        ("TUBE", ".02,.015", (
+            math.pi * (0.02**2 - 0.015**2), *[math.pi * (0.02**4 - 0.015**4) / 4] * 2,
+        )),
         ("BOX", ".06,.1,.004,.003", (
             0.06 * 0.1 - 0.054 * 0.092, (0.06 * 0.1**3 - 0.054 * 0.092**3) / 12,
             (0.1 * 0.06**3 - 0.092 * 0.054**3) / 12,
@@ -392,14 +394,14 @@ GOOD = CANTILEVER + BAR + MASS
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (GOOD.replace("CBAR,10,5", "CBAR,10,6"), r"a\.bdf: line 6: CBAR 10 refers to property 6.*PBAR or PBARL 6"),
+        (GOOD.replace("CBAR,10,5", "CBAR,10,6"), r"a\.bdf: line 6: CBAR 10 .* has no PBAR or PBARL 6"),
         (GOOD.replace("PBAR,5,1", "PBAR,5,2"), r"line 4: PBAR 5 refers to material 2.*no MAT1 2"),
         (GOOD.replace("1,2,0.,1.,0.", "1,8,0.,1.,0."), r"line 6: CBAR 10 refers to grid point 8"),
         (GOOD.replace("GRID,2,,2.", "GRID,2,,0."), "line 6: CBAR 10 has no length"),
-        (GOOD.replace("0.,1.,0.\n", "1.,0.,0.\n"), "line 6: CBAR 10 has its orientation vector along the bar"),
+        (GOOD.replace("0.,1.,0.\n", "1.,0.,0.\n"), "line 6: CBAR 10 has its orientation vector along"),
         (GOOD.replace(",0.,1.,0.\n", "\n"), "line 6: CBAR 10 has no orientation"),
-        (GOOD.replace(PBAR, "PBARL,5,1,,HEXAGON\n,1.\n"), "line 4: PBARL 5 has the shape 'HEXAGON'; there are ROD"),
-        (GOOD.replace(PBAR, "PBARL,5,1,,BOX\n,1.,1.\n"), r"line 4: PBARL 5 .* needs 4 dimensions; DIM3 is blank"),
+        (GOOD.replace(PBAR, "PBARL,5,1,,HEXAGON\n,1.\n"), "line 4: PBARL 5 has the shape 'HEXAGON'"),
+        (GOOD.replace(PBAR, "PBARL,5,1,,BOX\n,1.,1.\n"), "line 4: PBARL 5 .* 4 dimensions; DIM3 is blank"),
         (GOOD.replace(PBAR, "PBARL,5,1,,TUBE\n,1.,2.\n"), "line 4: PBARL 5 cannot be used"),
         (GOOD.replace("4.-4", "4.x4"), "line 4: PBAR 5 has '4.X4' in its field 4; a number is needed"),
         (GOOD.replace("4.-4", "-4.-4"), "line 4: PBAR 5 has the area"),
@@ -409,14 +411,14 @@ GOOD = CANTILEVER + BAR + MASS
         (GOOD + "RBE3,40,,2,123456,1.,123,1\n", "line 8: RBE3 40 does not determine its component"),
         (GOOD + "SPC1,2,123,2\n", "line 5: SPC1 1 is in one of the sets 1, 2, and there is no case control"),
         ("CEND\nSPC=7\nBEGIN BULK\n" + GOOD, "line 8: SPC1 1 .*SPC = 7, which the file lacks"),
-        ("CEND\nSUBCASE 1\nSPC=1\nSUBCASE 2\nSPC=2\nBEGIN BULK\n" + GOOD, "subcases select different sets by SPC"),
+        ("CEND\nSUBCASE 1\nSPC=1\nSUBCASE 2\nSPC=2\nBEGIN BULK\n" + GOOD, "a.bdf: the subcases select"),
         (GOOD + "SPC1,1,129,2\n", "line 8: SPC1 1 has '129' in its field 3; some of the components 1 to 6"),
         (GOOD + "CQUAD4,50,1,1,2,3,4\n", "line 8: CQUAD4 50 has no place in a frame model.*1 CQUAD4"),
         (GOOD + "CELAS2,50,7.,1,1,2,2\n", "line 8: CELAS2 50 couples different directions"),
-        (GOOD + "CBUSH,50,8,1,2,,,,0\n", "line 8: CBUSH 50 refers to property 8, but the file has no PBUSH 8"),
+        (GOOD + "CBUSH,50,8,1,2,,,,0\n", "line 8: CBUSH 50 .* no PBUSH 8"),
         (GOOD + "CONM2,21,2,,-5.\n", "line 8: CONM2 21 has the mass -5"),
         (GOOD + "CMASS2,21,5.,2,1\n", "line 8: CMASS2 21 is a mass in some directions only"),
-        (GOOD + "PBAR,5,1,5.-4,3.-8,1.-8,2.-8\n", "line 8: PBAR 5 is already defined, differently, at a.bdf: line 4"),
+        (GOOD + "PBAR,5,1,5.-4,3.-8,1.-8,2.-8\n", "line 8: PBAR 5 is already defined.* line 4"),
         (GOOD.replace("CBAR,10,5,1,2,0.,1.,0.\n", "CBAR,10,5,1,2,0.,1.,0.\n,,6\n").replace(
             PBAR, "PBAR,5,1,4.-4,3.-8,1.-8,2.-8\n,\n,,,1.2-8\n"), "a pin in one plane"),
     ],
