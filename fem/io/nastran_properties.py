@@ -9,6 +9,7 @@ import numpy as np
 from fem.io.frame_deck import BarProperty
 from fem.io.nastran_deck import Card, Floats, NastranDeck
 from fem.io.nastran_sections import (
+    NEGLIGIBLE,
     SHAPES,
     Shear,
     material_of,
@@ -19,7 +20,7 @@ from fem.io.nastran_sections import (
 from fem.materials import PropertyError
 from fem.sections.section import Section
 
-MASSLESS_SPEED = 1e9
+MASSLESS_SPEED = 1e12
 """Speed of sound in a material without density, which needs one: so light in any units of the deck [m/s]."""
 
 NO_TWIST_INERTIA = 1e-12
@@ -196,7 +197,7 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
     """Return the section of A, I1, I2, I12 and J of a card; one without any moment is a rod."""
     units = reader.deck.units
     A, I1, I2, I12, J = values * np.array([units.area, *[units.second_moment] * 4])
-    if not A > 0:
+    if not A >= 0 or not (A or I1 or I2):
         card.refuse(f"has the area {values[0]:g}; it must be positive")
     if I1 < 0 or I2 < 0 or J < 0:
         card.refuse(
@@ -206,14 +207,14 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
         if J:
             reader.deck.notes.add("without I1 and I2 it is a rod; its stiffness in torsion is left out", card)
         return rod_section("rod", A)
-    zero = [name for name, value in (("I1", I1), ("I2", I2), ("J", J)) if not value]
+    zero = [name for name, value in (("A", A), ("I1", I1), ("I2", I2), ("J", J)) if not value]
     if zero:
         reader.deck.notes.add(
-            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a millionth of the others "
-            f"is taken, "
-            "so that motions which Nastran leaves out or constrains may have modes of very low "
-            "frequency", card,
-        )  # fmt: skip
+            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a negligible value is taken, so "
+            "that motions which Nastran's AUTOSPC constrains may have modes of very low frequency",
+            card,
+        )
+    A = A or NEGLIGIBLE * math.sqrt(max(I1, I2))
     return section_of_constants(str(card), A, (I1, I2, I12), J, k)
 
 

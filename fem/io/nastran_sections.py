@@ -237,7 +237,7 @@ SHAPES: Final[dict[str, tuple[int, Callable[..., Section]]]] = {
 def section_of_shape(shape: str, dimensions: Sequence[float], nu: float) -> Section:
     """Return the section of a Nastran shape with its dimensions [m].
 
-    Solid and hollow shapes have shear coefficients for Poisson's ratio nu.
+    Shear coefficients are those for Poisson's ratio nu; Nastran's are 0.9 for ROD and 5/6 for BAR.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def section_of_shape(shape: str, dimensions: Sequence[float], nu: float) -> Sect
         msg = f"the dimensions are {', '.join(f'{d:g}' for d in dimensions)}; they must be positive"
         raise PropertyError(msg)
     section = SHAPES[shape][1](*dimensions)
-    if 0 < nu <= 0.5 and "nu" in section.dimensions:
+    if 0 < nu <= 0.5 and "nu" in section.dimensions and shape != "BAR":
         section = replace(
             Section.of_shape(section.shape, **{**section.dimensions, "nu": nu}), angle=section.angle
         )

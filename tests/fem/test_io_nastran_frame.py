@@ -150,6 +150,23 @@ def test_units(tmp_path):
     np.testing.assert_allclose(mm, frequencies(tmp_path, si), rtol=1e-9)
 
 
+@pytest.mark.parametrize("n", [5, 300])
+def test_bars_without_density(tmp_path, n):
+    """Massless bars and one body: the modes are those of the body, of dense and of sparse solvers."""
+    grids = "".join(f"GRID,{k + 1},,{k * L / n:.12g},0.,0.\n" for k in range(n + 1))
+    bars = "".join(f"CBAR,{k},5,{k},{k + 1},0.,1.,0.\n" for k in range(1, n + 1))
+    text = grids + STEEL + PBAR + CLAMP + bars + f"CONM2,{n + 9},{n + 1},,50.\n"
+    expected = [hertz(k, M) for k in (3 * E * I2 / L**3, 3 * E * I1 / L**3, E * A / L)]
+    np.testing.assert_allclose(frequencies(tmp_path, text, 3), expected, rtol=1e-5)
+
+
+def test_a_deck_in_a_plane_without_area_and_torsion(tmp_path):
+    """PBAR with I1 alone, its other motions fixed by GRDSET; a note says that zeros are replaced."""
+    text = CANTILEVER.replace(PBAR, "PBAR,5,1,,3.-8\n") + "GRDSET,,,,,,,1345\n" + BAR + MASS
+    assert stiffnesses(tmp_path, text, 1)[0] == pytest.approx(3 * E * I1 / L**3, rel=1e-6)
+    assert any("A and I2 and J are zero" in note for note in deck_of(tmp_path, text).notes)
+
+
 # Beams and rods -------------------------------------------------------------------------------------------
 
 
@@ -404,6 +421,7 @@ GOOD = CANTILEVER + BAR + MASS
         (GOOD.replace(PBAR, "PBARL,5,1,,BOX\n,1.,1.\n"), "line 4: PBARL 5 .* 4 dimensions; DIM3 is blank"),
         (GOOD.replace(PBAR, "PBARL,5,1,,TUBE\n,1.,2.\n"), "line 4: PBARL 5 cannot be used"),
         (GOOD.replace("4.-4", "4.x4"), "line 4: PBAR 5 has '4.X4' in its field 4; a number is needed"),
+        (GOOD.replace("4.-4,3.-8,1.-8", "0.,0.,0."), "line 4: PBAR 5 has the area 0"),
         (GOOD.replace("4.-4", "-4.-4"), "line 4: PBAR 5 has the area"),
         (GOOD.replace("2.+11,,.25", ",,.25"), r"line 3: MAT1 1 has E = 0 and G = 0"),
         (GOOD + "RBE2,40,2,123456,2\n", "line 8: RBE2 40 joins grid point 2 with itself"),
