@@ -195,7 +195,7 @@ def test_centroid_beside_the_shear_centre_is_an_offset(tmp_path):
     text = CANTILEVER.replace(PBAR, bend) + BAR.replace("CBAR", "CBEAM") + INERT
     deck = deck_of(tmp_path, text)
     np.testing.assert_allclose(deck.bars.offsets[0], [[0, 0.1, 0.2]] * 2, atol=1e-15)
-    assert any("shear_centre" in note for note in deck.notes)
+    assert any("shear centre" in note for note in deck.notes)
 
 
 @pytest.mark.parametrize(
