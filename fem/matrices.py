@@ -1,6 +1,6 @@
 """Matrices of a structure with the degrees of freedom that they act on, whatever program they come from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,6 +31,38 @@ SYMMETRY = 1e-8
 
 class MatricesError(ValueError):
     """Matrices that cannot be those of a structure; the message gives the value found."""
+
+
+def consistent_units(units: str | Sequence[float]) -> tuple[float, float, float]:
+    """Return one unit of length, mass and time of a system [m, kg, s].
+
+    Parameters
+    ----------
+    units : str or (length, mass, time)
+        One of ``UNITS``, such as ``"mm-t-s"``, or the three units in m, kg and s.
+
+    Raises
+    ------
+    MatricesError
+        For a name that is not known, or units that are not three positive numbers.
+    """
+    if isinstance(units, str):
+        if units not in UNITS:
+            msg = f"the units are '{units}'; allowed are {', '.join(UNITS)}, or (length, mass, time) in SI"
+            raise MatricesError(msg)
+        return UNITS[units]
+    try:
+        sizes = [float(v) for v in units]
+    except (TypeError, ValueError):
+        sizes = []
+    if len(sizes) != 3:
+        msg = f"the units are {units}; a name, or length, mass and time in m, kg and s are needed"
+        raise MatricesError(msg)
+    length, mass, time = sizes
+    if not (np.isfinite(sizes).all() and min(sizes) > 0):
+        msg = f"the units are {length:g} m, {mass:g} kg, {time:g} s; all three must be positive"
+        raise MatricesError(msg)
+    return length, mass, time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,17 +249,7 @@ class Matrices:
         MatricesError
             For a name that is not known, or units that are not positive.
         """
-        if isinstance(units, str):
-            if units not in UNITS:
-                msg = (
-                    f"the units are '{units}'; allowed are {', '.join(UNITS)}, or (length, mass, time) in SI"
-                )
-                raise MatricesError(msg)
-            units = UNITS[units]
-        length, mass, time = (float(v) for v in units)
-        if not (np.isfinite([length, mass, time]).all() and min(length, mass, time) > 0):
-            msg = f"the units are {length:g} m, {mass:g} kg, {time:g} s; all three must be positive"
-            raise MatricesError(msg)
+        length, mass, time = consistent_units(units)
         if (length, mass, time) == (1.0, 1.0, 1.0):
             return self
         if (self.direction == 0).any():

@@ -12,7 +12,8 @@ from fem.sections.section import Section
 from fem.summary import fields_summary
 
 THEORIES = ("timoshenko", "euler-bernoulli", "bar")
-MASSES = ("consistent", "higher-order", "lumped")
+MASSES = ("consistent", "higher-order", "lumped", "lumped-slender")
+LUMPED = ("lumped", "lumped-slender")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,8 @@ class MemberProperties:
         motion within an element that its own inertia makes in stretching, torsion and shear, and so removes
         most of the mesh's error; or ``"lumped"``: at each node half of an element's mass, of its rotary
         inertia about x and, with the Timoshenko theory, of that of bending. No inertia m L² comes with it:
-        without one, bending frequencies err by order h⁴ instead of h².
+        without one, bending frequencies err by order h⁴ instead of h². ``"lumped-slender"`` leaves
+        out the rotary inertia of bending, also with the Timoshenko theory, as Nastran's bars do.
     release1, release2 : tuple of str
         Local directions (x y z rx ry rz) in which the first and second end is free: hinges and sliders.
     spring1, spring2 : mapping of str to float
@@ -113,7 +115,7 @@ class MemberProperties:
         return k
 
 
-_STRAINS = {
+STRAINS = {
     "stretching": (("x",), 1),
     "torsion": (("rx",), 1),
     "bending in x-z": (("z", "ry"), 2),
@@ -140,7 +142,7 @@ def _check_ends(p: MemberProperties) -> None:
         msg = "a bar has no moments to release, and nothing but its axial stiffness; leave its releases out"
         raise ModelError(msg)
     k = p.end_stiffness
-    for strain, (directions, n) in _STRAINS.items():
+    for strain, (directions, n) in STRAINS.items():
         free = [
             f"{d} at end {e + 1}" for e in (0, 1) for d in directions if k[6 * e + DIRECTIONS.index(d)] == 0
         ]

@@ -35,6 +35,11 @@ def refused(folder, text, words):
         raw_of(folder, text)
 
 
+def test_components_with_blanks_between_them_are_one_field(tmp_path):
+    text = "GRDSET                                                  12 4 6\n" + TWO + BAR
+    assert any("permanent constraints" in note for note in raw_of(tmp_path, text).notes)
+
+
 # Coordinate systems -------------------------------------------------------------------------------------
 
 

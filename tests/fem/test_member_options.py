@@ -253,6 +253,16 @@ def test_lumped_mass_is_diagonal_and_whole():
     np.testing.assert_allclose(M.diagonal()[4::6].sum(), STEEL.rho * FLAT.Iy * 0.8, rtol=1e-14)
 
 
+def test_lumped_mass_of_slender_bars_leaves_the_rotary_inertia_of_bending_out():
+    M, plain = (
+        assemble(beam(4, 0.8, mass=mass, theory="timoshenko")).M.diagonal()
+        for mass in ("lumped-slender", "lumped")
+    )
+    np.testing.assert_array_equal(M[[0, 1, 2, 3]], plain[[0, 1, 2, 3]])
+    assert (plain[[4, 5]] > 0).all()
+    assert not M[[4, 5]].any()
+
+
 # -------------------------------------------------------------------------------------- mass of higher order
 
 

@@ -1,0 +1,100 @@
+"""Units of a deck: sizes in SI of what its cards give, from its units of length, mass and time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fem.matrices import MatricesError, consistent_units
+from fem.mesh import MeshError
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """A consistent system of units; a deck's value times one of these is the value in SI.
+
+    Angles are in radians, so that a moment has the unit of an energy.
+
+    Attributes
+    ----------
+    length, mass, time : float
+        One unit of each [m, kg, s].
+    """
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @classmethod
+    def of(cls, units: "str | Sequence[float] | Units") -> "Units":
+        """Return the units of a name, such as ``"mm-t-s"``, or of length, mass and time [m, kg, s].
+
+        Raises
+        ------
+        MeshError
+            For a name that is not in :data:`fem.matrices.UNITS`, or units that are not positive.
+        """
+        if isinstance(units, Units):
+            return units
+        try:
+            return cls(*consistent_units(units))
+        except MatricesError as reason:
+            raise MeshError(str(reason)) from reason
+
+    @property
+    def area(self) -> float:
+        """One unit of an area [m²]."""
+        return self.length**2
+
+    @property
+    def second_moment(self) -> float:
+        """One unit of a section's second moment of area [m⁴]."""
+        return self.length**4
+
+    @property
+    def acceleration(self) -> float:
+        """[m/s²]."""
+        return self.length / self.time**2
+
+    @property
+    def force(self) -> float:
+        """[N]."""
+        return self.mass * self.acceleration
+
+    @property
+    def moment(self) -> float:
+        """One unit of a moment, and of a rotational stiffness [N·m, N·m/rad]."""
+        return self.force * self.length
+
+    @property
+    def stress(self) -> float:
+        """One unit of a stress or a modulus [Pa]."""
+        return self.force / self.area
+
+    @property
+    def density(self) -> float:
+        """[kg/m³]."""
+        return self.mass / self.length**3
+
+    @property
+    def mass_per_length(self) -> float:
+        """[kg/m]."""
+        return self.mass / self.length
+
+    @property
+    def inertia(self) -> float:
+        """One unit of a body's moment of inertia [kg·m²]."""
+        return self.mass * self.length**2
+
+    @property
+    def stiffness(self) -> float:
+        """One unit of a spring along a direction [N/m]."""
+        return self.force / self.length
+
+    @property
+    def damping(self) -> float:
+        """One unit of a dashpot along a direction [N·s/m]."""
+        return self.stiffness * self.time
+
+    @property
+    def rotational_damping(self) -> float:
+        """[N·m·s/rad]."""
+        return self.moment * self.time
