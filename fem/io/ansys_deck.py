@@ -201,7 +201,10 @@ class _Reader:
         elif name in ("ALPHAD", "BETAD", "DMPRAT", "DMPSTR"):
             self.deck.damping[name] = self._real(name, fields, 0)
         elif name in self.commands:
-            self.commands[name](fields)
+            try:
+                self.commands[name](fields)
+            except IndexError as reason:
+                raise self.deck.error(self.at, f"{name} has too few fields: {text[:60]}") from reason
         elif not (name in ("OMEGA", "LUMPM", "PSTRES", "CORIOLIS") and not _is_on(fields)):
             self.deck.ignored[name] += 1
 
@@ -456,6 +459,7 @@ class _Reader:
         self._of_section("SECDATA").data.append(self._reals("SECDATA", fields))
 
     def _secoffset(self, fields: list[str]) -> None:
+        self._reals("SECOFFSET", fields[1:])
         self._of_section("SECOFFSET").offset = fields
 
     def _seccontrol(self, fields: list[str]) -> None:

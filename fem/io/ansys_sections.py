@@ -63,7 +63,7 @@ def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units:
         if command.kind == "BEAM" and len(data) >= _NEEDED.get(command.subtype, 99):
             made = _asec(data, command, units) if command.subtype == "ASEC" else _shape(data, command, units)
             return _controlled(made, command, G, units)
-    except PropertyError as reason:
+    except (PropertyError, ArithmeticError) as reason:
         raise deck.error(command.line, f"SECTYPE {number}: {reason}") from reason
     needed = _NEEDED.get(command.subtype)
     if command.kind == "BEAM" and needed:

@@ -1,8 +1,8 @@
 """Frequencies of the ANSYS verification manual, from archives of the same models.
 
 The manual's targets are closed forms of textbooks. What remains is the theory (shear and rotary inertia,
-which some leave out) and their three to five digits. The rod and the pipe have 100 elements here, and 11 and 12 in
-the manual: linear elements err by (k h)² / 24 in frequency.
+which some leave out) and their three to five digits. The rod and the pipe have 100 elements here, and 11 and
+12 in the manual: linear elements err by (k h)² / 24 in frequency.
 """
 
 from pathlib import Path
