@@ -1,6 +1,6 @@
-"""Decks for programs with fewer kinds of card: rigid arms and end springs by nodes, equations solved for DOFs."""
+"""Decks for programs with fewer kinds of card: nodes for rigid arms and end springs, equations by DOF."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.elements.axes import axes_of
 from fem.io.deck_units import Units
 from fem.io.frame_deck import Bars, Body, Connection, Equation, FrameDeck, Link
-from fem.io.frame_of_model import ModelDeck
+from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.mesh import MeshError
 from fem.model import DIRECTIONS, lever_matrix
 
@@ -228,6 +228,42 @@ def _link_rows(deck: FrameDeck) -> Iterator[Equation]:
 
 def _terms(nodes: tuple[int, ...], row: Floats) -> tuple[Term, ...]:
     return tuple((nodes[j // 6], DIRECTIONS[j % 6], float(row[j])) for j in np.flatnonzero(row))
+
+
+def plain(c: Connection) -> bool:
+    """Whether springs along the axes of a connection stand for it, with loss factors of their own."""
+    coupled = any((X - np.diag(np.diag(X))).any() for X in (c.K, c.C, c.D))
+    return not coupled and not ((np.diag(c.D) != 0) & (np.diag(c.K) == 0)).any()
+
+
+def all_matrices(deck: ModelDeck, springs: Callable[[Connection], bool] = plain) -> list[NodeMatrices]:
+    """Return the matrices of a deck with those of connections that no springs stand for."""
+    return [*deck.matrices, *(connection_matrices(deck, c) for c in deck.connections if not springs(c))]
+
+
+def connection_matrices(deck: FrameDeck, c: Connection) -> NodeMatrices:
+    """Return the matrices of a connection on its nodes."""
+    nodes, B = relative_motion(deck, c)
+    K, C, D = (B.T @ X @ B for X in (c.K, c.C, c.D))
+    return NodeMatrices(name=c.name, nodes=nodes, K=K, M=np.zeros_like(K), C=C, D=D)
+
+
+def matrix_entries(
+    deck: ModelDeck, quantity: str, units: Units, matrices: Sequence[NodeMatrices]
+) -> dict[tuple[int, int], dict[tuple[int, int], float]]:
+    """Return the columns of the sum of matrices K, M, C or D, lower triangle, in a deck's units.
+
+    A column and a row are a number of a node and a direction 1 to 6.
+    """
+    out: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+    for m in matrices:
+        X = getattr(m, quantity) / matrix_scale(len(m.nodes), quantity, units)
+        at = [(int(deck.nodes[n]), d) for n in m.nodes for d in range(1, 7)]
+        for i, j in np.argwhere(X):
+            if at[i] >= at[j]:
+                column = out.setdefault(at[j], {})
+                column[at[i]] = column.get(at[i], 0.0) + float(X[i, j])
+    return {j: dict(sorted(out[j].items())) for j in sorted(out)}
 
 
 def scale_of(direction: str, units: Units) -> float:

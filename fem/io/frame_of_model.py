@@ -5,8 +5,10 @@ effect without such a form becomes a connection or matrices on a few nodes, if i
 All else is named in the notes.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from fem.elements.frame import Frame, nominal
 from fem.elements.layout import CONSTANTS, layout_of
 from fem.elements.lines import Lines
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
+from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Contribution, Effect, Model, lever_matrix
 from fem.sections.section import Section
 
@@ -108,7 +111,8 @@ class _Parts:
 def deck_of(model: Model, file: str = "model") -> ModelDeck:
     """Return the deck of a model; its notes name the effects that are not in it, and why.
 
-    Nodes and bars are numbered as points and lines of the mesh, from 1. Masses and cracks within a line get a
+    Bars are numbered as lines of the mesh, from 1, and nodes as points, unless these have names such as ``"node
+    12"``, which a model of a deck has. Masses and cracks within a line get a
     node. Changes of sections that a fit has found to first order are changes of the constants.
 
     Parameters
@@ -124,11 +128,22 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
     for effect in model.effects:
         _add_effect(effect, model, parts)
     return ModelDeck(
-        file=file, nodes=np.arange(1, len(parts.points) + 1), points=np.array(parts.points), bars=bars,
+        file=file, nodes=_numbers(model.mesh, len(parts.points)), points=np.array(parts.points), bars=bars,
         properties=properties, supports=parts.supports, bodies=tuple(parts.bodies),
         connections=tuple(parts.connections), links=tuple(parts.links), equations=tuple(parts.equations),
         damping=model.damping, notes=tuple(parts.notes), matrices=tuple(parts.matrices),
     )  # fmt: skip
+
+
+def _numbers(mesh: Mesh, n: int) -> NDArray[np.int64]:
+    """Return the numbers of n nodes: those that the names of points give, and others behind them."""
+    named = {
+        row: int(name[5:]) for name, row in mesh.point_names.items() if re.fullmatch(r"node \d{1,9}", name)
+    }
+    if not named:
+        return np.arange(1, n + 1)
+    free = count(max(named.values()) + 1)
+    return np.array([named[row] if row in named else next(free) for row in range(n)])
 
 
 def _with_places(model: Model) -> tuple[Model, list[tuple[int, int, str, float]]]:
@@ -198,14 +213,14 @@ def _property(model: Model, frame: Frame, g: Lines, line: int, member: str, alon
 
 def _section(section: Any, factor: dict[str, float], shear: dict[str, float]) -> Section:
     """Return a section by its constants about its principal axes, with factors of these."""
-    constants = {key: getattr(section, key) for key in CONSTANTS} | shear
+    constants: dict[str, Any] = {key: getattr(section, key) for key in CONSTANTS} | shear
     constants = {key: value * factor.get(key, 1.0) for key, value in constants.items()}
     return Section(**constants, label=section.label)
 
 
 def _factors(model: Model, member: str) -> dict[str, float]:
     """Return the factors of a member's constants that effects of it make together [-]."""
-    out = dict.fromkeys(("E", "rho", *CONSTANTS), 1.0)
+    out: dict[str, float] = dict.fromkeys(("E", "rho", *CONSTANTS), 1.0)
     frame = frame_of(model)
     material = frame.members[member].material
     for e in model.effects:
@@ -385,10 +400,10 @@ def _add_matrices(
     springs = {key: X[key] for key in "KCD" if X[key].any()}
     if springs and (len(nodes) == 1 or (len(nodes) == 2 and _costs_nothing(points, springs))):
         _add_connection(effect, model, parts, nodes, {key: Y[:6, :6] for key, Y in springs.items()})
-        X = X | dict.fromkeys("KCD", zero)
+        X |= dict.fromkeys("KCD", zero)
     if len(nodes) == 1 and X["M"].any() and (body := _body(effect.name, nodes[0], X["M"])) is not None:
         parts.bodies.append(body)
-        X = X | {"M": zero}
+        X |= {"M": zero}
     if any(Y.any() for Y in X.values()):
         parts.matrices.append(NodeMatrices(name=effect.name, nodes=nodes, **X))
 

@@ -4,12 +4,20 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.io.deck_nodes import matrix_scale, scale_of, solved_equations, with_nodes, wrapped
+from fem.io.deck_nodes import (
+    all_matrices,
+    matrix_entries,
+    matrix_scale,
+    plain,
+    scale_of,
+    solved_equations,
+    with_nodes,
+    wrapped,
+)
 from fem.io.deck_units import Units
-from fem.io.frame_deck import BarProperty, Body, Connection, FrameDeck
-from fem.io.frame_of_model import ModelDeck, NodeMatrices
+from fem.io.frame_deck import BarProperty, Body, Connection
+from fem.io.frame_of_model import ModelDeck
 from fem.model import DIRECTIONS
 
 COMPONENT = {d: str(i) for i, d in enumerate(DIRECTIONS, 1)}
@@ -37,7 +45,7 @@ def nastran_text(
     bulk = [*_nodes(deck, u), *_bars(deck, u), *_others(deck, u)]
     head = [line for text in heading for line in wrapped("$", text)]
     notes = [line for text in deck.notes for line in wrapped("$", f"NOT IN THIS FILE OR IN PART: {text}")]
-    used = [key for key in "KMCD" if any(getattr(m, key).any() for m in _matrices(deck))]
+    used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
     requests = [f"{MATRICES[key]} = {key}EFF" for key in used]
     if deck.part:
         return _lines(head, *([f"$ case control: {', '.join(requests)}"] if requests else []), *bulk, *notes)
@@ -56,10 +64,12 @@ def number(value: float, letter: str = "") -> str:
 
     ``letter`` is that of the exponent; Nastran needs none.
     """
+    if not letter and (value == 0 or 1e-2 <= abs(value) < 1e7):
+        point = f"{value:.0f}".lstrip("-")
+        return f"{value:.{WIDTH - 2 - len(point)}f}".rstrip("0")
     for digits in range(15, 0, -1):
         mantissa, _, exponent = f"{value:.{digits}e}".partition("e")
-        mantissa = f"{mantissa.rstrip('0')}" if "." in mantissa else f"{mantissa}."
-        plain = f"{mantissa}{letter}{int(exponent):+d}" if int(exponent) or letter else mantissa
+        plain = f"{mantissa.rstrip('0')}{letter}{int(exponent):+d}"
         if len(plain) <= WIDTH:
             return plain
     msg = f"{value} does not fit into {WIDTH} columns"
@@ -164,7 +174,7 @@ def _others(deck: ModelDeck, u: Units) -> Iterator[str]:
     first += len(deck.bodies)
     for k, c in enumerate(deck.connections):
         yield from wrapped("$", c.name)
-        if _diagonal(c) and any(X.any() for X in (c.K, c.C, c.D)):
+        if plain(c) and any(X.any() for X in (c.K, c.C, c.D)):
             yield from _bush(deck, c, first + k, u)
     first += len(deck.connections)
     for k, link in enumerate(deck.links):
@@ -188,13 +198,6 @@ def _body(deck: ModelDeck, b: Body, number: int, u: Units) -> list[str]:
     inertia = [float(x) + 0.0 for x in (I[0, 0], -I[1, 0], I[1, 1], -I[2, 0], -I[2, 1], I[2, 2])]
     arm = [float(x) for x in b.arm / u.length]
     return card("CONM2", number, deck.nodes[b.node], 0, float(b.mass / u.mass), *arm, None, *inertia)
-
-
-def _diagonal(c: Connection) -> bool:
-    """Whether springs along axes stand for a connection: PBUSH has no coupling."""
-    diagonal = all(not (X - np.diag(np.diag(X))).any() for X in (c.K, c.C, c.D))
-    lossy = (np.diag(c.D) != 0) & (np.diag(c.K) == 0)
-    return diagonal and not lossy.any()
 
 
 def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
@@ -227,39 +230,16 @@ def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
     yield from card("PBUSH", *fields)
 
 
-def _matrices(deck: ModelDeck) -> list[NodeMatrices]:
-    """Return the matrices of a deck with those of connections whose directions are coupled."""
-    coupled = [c for c in deck.connections if not _diagonal(c)]
-    return [*deck.matrices, *(connection_matrices(deck, c) for c in coupled)]
-
-
-def connection_matrices(deck: FrameDeck, c: Connection) -> NodeMatrices:
-    """Return the matrices of a connection on its nodes."""
-    from fem.io.deck_nodes import relative_motion
-
-    nodes, B = relative_motion(deck, c)
-    X = {key: B.T @ getattr(c, key) @ B for key in "KCD"}
-    return NodeMatrices(name=c.name, nodes=nodes, M=np.zeros_like(X["K"]), **X)
-
-
 def _dmig(deck: ModelDeck, u: Units) -> Iterator[str]:
     """Yield the sum of all matrices as DMIG of double precision, lower triangles by columns."""
     for key in "KMCD":
-        total: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
-        for m in _matrices(deck):
-            X: NDArray[np.float64] = getattr(m, key) / matrix_scale(len(m.nodes), key, u)
-            at = [(int(deck.nodes[n]), d) for n in m.nodes for d in range(1, 7)]
-            for i, j in np.argwhere(X):
-                if at[i] >= at[j]:
-                    column = total.setdefault(at[j], {})
-                    column[at[i]] = column.get(at[i], 0.0) + float(X[i, j])
-        if total:
-            yield from wrapped(
-                "$", ", ".join(dict.fromkeys(m.name for m in _matrices(deck) if getattr(m, key).any()))
-            )
+        columns = matrix_entries(deck, key, u, all_matrices(deck))
+        if columns:
+            names = dict.fromkeys(m.name for m in all_matrices(deck) if getattr(m, key).any())
+            yield from wrapped("$", ", ".join(names))
             yield from card("DMIG", f"{key}EFF", 0, 6, 2, 2)
-        for (n, d), column in sorted(total.items()):
-            cells = [x for (i, e), value in sorted(column.items()) for x in (i, e, number(value, "D"), None)]
+        for (n, d), column in columns.items():
+            cells = [x for (i, e), value in column.items() for x in (i, e, number(value, "D"), None)]
             yield from card("DMIG", f"{key}EFF", n, d, None, *cells)
 
 

@@ -1,0 +1,275 @@
+"""ANSYS commands: a model, or commands for one."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.deck_nodes import (
+    all_matrices,
+    bar_axes,
+    matrix_scale,
+    plain,
+    scale_of,
+    solved_equations,
+    with_nodes,
+    wrapped,
+)
+from fem.io.deck_units import Units
+from fem.io.frame_deck import BarProperty, Connection
+from fem.io.frame_of_model import ModelDeck, NodeMatrices
+from fem.materials import Material
+from fem.model import DIRECTIONS
+
+LABEL = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
+MATRIX_OF = {"M": 2, "K": 4, "C": 5}
+"""KEYOPT(3) of MATRIX27."""
+PART = 9001
+"""First number of types, materials, sections and real constants of commands for a model that has others."""
+
+
+class _Numbers:
+    """Numbers of nodes, elements and tables that are given out in their order."""
+
+    def __init__(self, deck: ModelDeck) -> None:
+        self.node = int(deck.nodes.max(initial=0))
+        self.element = max(int(deck.bars.numbers.max(initial=0)), 900000 if deck.part else 0)
+        self.table = PART - 1 if deck.part else 0
+
+    def next(self, of: str) -> int:
+        """Return the next number of nodes, elements or tables."""
+        setattr(self, of, getattr(self, of) + 1)
+        return int(getattr(self, of))
+
+
+def ansys_text(
+    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+) -> str:
+    """Return ANSYS commands: all of a model with a solution for its modes, or commands for one.
+
+    Parameters
+    ----------
+    deck : ModelDeck
+    units : str or Units
+        Of the numbers in it.
+    heading : sequence of str
+        Sentences of its first comment.
+    modes : int
+        Number of modes that the commands ask for.
+    """
+    u = Units.of(units)
+    deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True)
+    numbers, ground = _Numbers(deck), []
+    lines = [line for text in heading for line in wrapped("!", text)]
+    lines += ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
+    lines += [_command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
+              for k in range(len(deck.nodes)) if k not in deck.known]  # fmt: skip
+    lines += [*_bars(deck, u, numbers), *_bodies(deck, u, numbers)]
+    lines += [*_springs(deck, u, numbers, ground), *_matrices(deck, u, numbers, ground)]
+    lines += _equations(deck, u)
+    lines += [_command("D", deck.nodes[k], LABEL[d], 0) for k, fixed in deck.supports.items() for d in fixed]
+    lines += [_command("D", n, "ALL", 0) for n in ground]
+    if not deck.part:
+        lines += [
+            *_damping(deck),
+            "FINISH",
+            "/SOLU",
+            "ANTYPE,MODAL",
+            f"MODOPT,LANB,{modes}",
+            f"MXPAND,{modes}",
+            "SOLVE",
+            "FINISH",
+        ]
+    lines += [t for text in deck.notes for t in wrapped("!", f"NOT IN THIS FILE OR IN PART: {text}")]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _command(name: str, *values: object) -> str:
+    return ",".join([name, *(repr(float(v)) if isinstance(v, float) else str(v) for v in values)])
+
+
+def _material(m: Material, n: int, u: Units) -> Iterator[str]:
+    yield from wrapped("!", m.name)
+    values = {"EX": m.E / u.stress, "PRXY": m.nu, "DENS": m.rho / u.density, "DMPS": m.loss_factor}
+    yield from (
+        f"MPDATA,{key},{n},1,{float(value)!r}" for key, value in values.items() if value or key != "DMPS"
+    )
+
+
+def _bars(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
+    """Yield materials, sections and bars: cubic BEAM188 with a node in the direction of the height, LINK180."""
+    if not deck.properties:
+        return
+    beam, rod = numbers.next("table"), numbers.next("table")
+    yield from (f"ET,{beam},BEAM188", f"KEYOPT,{beam},3,3", f"ET,{rod},LINK180")
+    material, section = dict[Material, int](), list[int]()
+    for m in dict.fromkeys(p.material for p in deck.properties):
+        material[m] = numbers.next("table")
+        yield from _material(m, material[m], u)
+    for p in deck.properties:
+        section.append(numbers.next("table"))
+        yield from wrapped("!", p.name)
+        yield from _section(p, section[-1], u)
+    height = bar_axes(deck)[:, 2]
+    size = np.linalg.norm(np.diff(deck.points[deck.bars.ends], axis=1)[:, 0], axis=1)
+    for k, n in enumerate(deck.bars.numbers):
+        of, ends = deck.properties[deck.bars.properties[k]], deck.nodes[deck.bars.ends[k]]
+        up: list[int] = []
+        if of.theory != "bar":
+            up = [numbers.next("node")]
+            place = deck.points[deck.bars.ends[k, 0]] + size[k] * height[k]
+            yield _command("N", up[0], *map(float, place / u.length))
+        yield f"TYPE,{rod if of.theory == 'bar' else beam}"
+        yield from (f"MAT,{material[of.material]}", f"SECNUM,{section[deck.bars.properties[k]]}")
+        yield _command("EN", n, *ends, *up)
+
+
+def _section(p: BarProperty, n: int, u: Units) -> Iterator[str]:
+    s, line = p.section, float(p.mass_per_length / u.mass_per_length)
+    if p.theory == "bar":
+        yield from (
+            f"SECTYPE,{n},LINK",
+            _command("SECDATA", float(s.A / u.area)),
+            _command("SECCONTROL", 0, line),
+        )
+        return
+    if p.section2 is not None:
+        yield from wrapped("!", f"{p.name} is tapered: each element has the mean of its ends' constants")
+        s = type(s).between(s, p.section2, 0.5)
+    I = [float(x / u.second_moment) for x in (s.Iy, 0.0, s.Iz, 0.0, s.J)]
+    yield from (f"SECTYPE,{n},BEAM,ASEC", _command("SECDATA", float(s.A / u.area), *I, 0.0, 0.0, 0.0, 0.0))
+    # no shear deformation: a thousand times as stiff as the area
+    slender = p.theory != "timoshenko"
+    xz, xy = (float((1e3 if slender or not k else k) * s.A * p.material.G / u.force) for k in (s.kz, s.ky))
+    yield _command("SECCONTROL", xz, 0, xy, line)
+
+
+def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
+    """Yield MASS21; bodies with products of inertia are among the matrices."""
+    for b in (b for b in deck.bodies if not _skew(b.inertia)):
+        t, e = numbers.next("table"), numbers.next("element")
+        yield from wrapped("!", b.name)
+        values = [float(b.mass / u.mass)] * 3 + [float(x / u.inertia) for x in np.diag(b.inertia)]
+        yield from (f"ET,{t},MASS21", _command("R", t, *values), f"TYPE,{t}", f"REAL,{t}")
+        yield _command("EN", e, deck.nodes[b.node])
+
+
+def _skew(inertia: NDArray[np.float64]) -> bool:
+    return bool((inertia - np.diag(np.diag(inertia))).any())
+
+
+def _springy(c: Connection) -> bool:
+    """Whether COMBIN14 stands for a connection: it acts along the axes of nodes, without a loss factor."""
+    return plain(c) and not c.D.any() and np.array_equal(c.axes, np.eye(3))
+
+
+def _grounded(deck: ModelDeck, node: int, numbers: _Numbers, ground: list[int], u: Units) -> Iterator[str]:
+    """Yield a fixed node at the place of another one, for elements that lead to the ground."""
+    ground.append(numbers.next("node"))
+    yield _command("N", ground[-1], *map(float, deck.points[node] / u.length))
+
+
+def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
+    for c in deck.connections:
+        yield from wrapped("!", c.name)
+        if not (_springy(c) and (c.K.any() or c.C.any())):
+            continue
+        one, two = c.nodes
+        if two is None:
+            yield from _grounded(deck, one, numbers, ground, u)
+        second = ground[-1] if two is None else deck.nodes[two]
+        K, C = (np.diag(getattr(c, q)) / np.diag(matrix_scale(1, q, u)) for q in "KC")
+        for j in np.flatnonzero((K != 0) | (C != 0)):
+            t = numbers.next("table")
+            yield from (
+                f"ET,{t},COMBIN14",
+                f"KEYOPT,{t},2,{j + 1}",
+                _command("R", t, float(K[j]), float(C[j])),
+            )
+            yield from (
+                f"TYPE,{t}",
+                f"REAL,{t}",
+                _command("EN", numbers.next("element"), deck.nodes[one], second),
+            )
+
+
+def _matrices(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
+    """Yield MATRIX27 for matrices of nodes: one for each pair, each with an upper triangle by rows."""
+    bodies = [_mass_of(b.name, b.node, b.mass, b.inertia) for b in deck.bodies if _skew(b.inertia)]
+    for m in [*all_matrices(deck, _springy), *bodies]:
+        yield from wrapped("!", m.name)
+        if m.D.any():
+            yield from wrapped("!", "NOT IN THIS FILE: structural damping, which MATRIX27 does not have")
+        for key in "KMC":
+            X = getattr(m, key) / matrix_scale(len(m.nodes), key, u)
+            if X.any():
+                yield from _pairs(deck, m, X, key, u, numbers, ground)
+
+
+def _mass_of(name: str, node: int, mass: float, inertia: NDArray[np.float64]) -> NodeMatrices:
+    M = np.zeros((6, 6))
+    M[:3, :3], M[3:, 3:] = mass * np.eye(3), inertia
+    zero = np.zeros((6, 6))
+    return NodeMatrices(name=name, nodes=(node,), K=zero, M=M, C=zero, D=zero)
+
+
+def _pairs(
+    deck: ModelDeck,
+    m: NodeMatrices,
+    X: NDArray[np.float64],
+    key: str,
+    u: Units,
+    numbers: _Numbers,
+    ground: list[int],
+) -> Iterator[str]:
+    n, nodes = len(m.nodes), [int(deck.nodes[k]) for k in m.nodes]
+    if n == 1:
+        yield from _grounded(deck, m.nodes[0], numbers, ground, u)
+        X, nodes = np.pad(X, (0, 6)), [nodes[0], ground[-1]]
+    t = numbers.next("table")
+    yield from (f"ET,{t},MATRIX27", f"KEYOPT,{t},3,{MATRIX_OF[key]}")
+    count = len(nodes)
+    for i in range(count):
+        for j in range(i + 1, count):
+            rows = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+            Y = X[np.ix_(rows, rows)].copy()
+            # the block of a node belongs to its pair with the next one, that of the last to the last pair
+            if j != i + 1:
+                Y[:6, :6] = 0.0
+            if j != count - 1 or i != count - 2:
+                Y[6:, 6:] = 0.0
+            if Y.any():
+                yield from _matrix27(t, Y, nodes[i], nodes[j], numbers)
+
+
+def _matrix27(t: int, Y: NDArray[np.float64], one: int, two: int, numbers: _Numbers) -> Iterator[str]:
+    real, values = numbers.next("table"), [float(x) for x in Y[np.triu_indices(12)]]
+    for k in range(0, len(values), 6):
+        head = ("R", real) if k == 0 else ("RMORE",)
+        yield _command(str(head[0]), *head[1:], *values[k : k + 6])
+    yield from (f"TYPE,{t}", f"REAL,{real}", _command("EN", numbers.next("element"), one, two))
+
+
+def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
+    before = ""
+    first = PART if deck.part else 1
+    for number, (name, terms) in enumerate(solved_equations(deck, links=True), first):
+        yield from wrapped("!", name) if name != before else ()
+        before = name
+        cells = [(deck.nodes[n], LABEL[d], a * scale_of(d, u)) for n, d, a in terms]
+        for i in range(0, len(cells), 3):
+            yield _command("CE", number, 0, *(x for cell in cells[i : i + 3] for x in cell))
+
+
+def _damping(deck: ModelDeck) -> Iterator[str]:
+    d = deck.damping
+    if d is None:
+        return
+    values = {"ALPHAD": d.alpha, "BETAD": d.beta, "DMPSTR": d.loss_factor}
+    yield from (_command(key, float(v)) for key, v in values.items() if v)
+    if d.ratio.any():
+        yield _command("DMPRAT", float(d.ratio[0]))
+        if len(d.ratio) > 1:
+            yield from wrapped(
+                "!", f"DMPRAT is the damping ratio at {d.frequency[0]:g} Hz; the study has more"
+            )
