@@ -83,8 +83,11 @@ def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
     for i, ((p, _), bars) in enumerate(groups.items(), 1):
         of, name = deck.properties[p], f"BARS{i}"
         yield from wrapped("**", of.name)
-        yield f"*ELEMENT, TYPE={_type(of)}, ELSET={name}"
-        for k in bars:
+        known = [deck.bars.numbers[k] for k in bars if k in deck.known_bars]
+        new = [k for k in bars if k not in deck.known_bars]
+        yield from (f"*ELSET, ELSET={name}", *(f"{n}," for n in known)) if known else ()
+        yield from (f"*ELEMENT, TYPE={_type(of)}, ELSET={name}",) if new else ()
+        for k in new:
             yield _row(deck.bars.numbers[k], *deck.nodes[deck.bars.ends[k]])
         material = list(materials).index(of.material.name) + 1 if of.theory == "bar" else 0
         yield from _section(of, name, axes[bars[0], 1], material, u)

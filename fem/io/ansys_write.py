@@ -113,6 +113,8 @@ def _bars(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
     height = bar_axes(deck)[:, 2]
     size = np.linalg.norm(np.diff(deck.points[deck.bars.ends], axis=1)[:, 0], axis=1)
     for k, n in enumerate(deck.bars.numbers):
+        if k in deck.known_bars:
+            continue
         of, ends = deck.properties[deck.bars.properties[k]], deck.nodes[deck.bars.ends[k]]
         up: list[int] = []
         if of.theory != "bar":

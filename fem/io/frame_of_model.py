@@ -75,15 +75,16 @@ class ModelDeck(FrameDeck):
     ----------
     matrices : tuple of NodeMatrices
         Of effects that no other card stands for.
-    known : frozenset of int
-        Rows of nodes that the model which the cards are for has already: they are not written.
     part : bool
-        Whether these are cards for a model, and not all of one.
+        Whether these are cards for a model that has others already, and not all of one.
+    known, known_bars : frozenset of int
+        Rows of nodes and bars that this model has already: they are not written, but the bars' properties are.
     """
 
     matrices: tuple[NodeMatrices, ...] = ()
-    known: frozenset[int] = frozenset()
     part: bool = False
+    known: frozenset[int] = frozenset()
+    known_bars: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +112,8 @@ class _Parts:
 def deck_of(model: Model, file: str = "model") -> ModelDeck:
     """Return the deck of a model; its notes name the effects that are not in it, and why.
 
-    Bars are numbered as lines of the mesh, from 1, and nodes as points, unless these have names such as ``"node
-    12"``, which a model of a deck has. Masses and cracks within a line get a
+    Bars are numbered as lines of the mesh, from 1, and nodes as points; a model of a deck has names of points such
+    as ``"node 12"``, which give the numbers. Masses and cracks within a line get a
     node. Changes of sections that a fit has found to first order are changes of the constants.
 
     Parameters
@@ -298,8 +299,9 @@ def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
             )
         )
     elif isinstance(effect, PointMass | PointInertia):
-        at = model.mesh.point_at(model.mesh.locate(effect.member, float(effect.position)))
-        node, I = model.mesh.nearest_point(at)[0], getattr(effect, "inertia", 0.0) * np.eye(3)
+        mesh, I = model.mesh, getattr(effect, "inertia", 0.0) * np.eye(3)
+        near = np.argmin(np.abs(mesh.member_positions(effect.member) - float(effect.position)))
+        node = int(mesh.member_points(effect.member)[near])
         parts.bodies.append(
             Body(name=effect.name, node=node, mass=float(getattr(effect, "mass", 0.0)), inertia=I)
         )
@@ -410,9 +412,9 @@ def _add_matrices(
 
 def _costs_nothing(points: Floats, springs: dict[str, Floats]) -> bool:
     """Whether rigid motions of two points cost no force: springs between them have such matrices."""
-    rigid = np.vstack([np.eye(6), lever_matrix(points[1] - points[0])])
+    motions = np.vstack([np.eye(6), lever_matrix(points[1] - points[0])])
     return all(
-        np.abs(Y @ rigid).max() <= ROUNDING * np.abs(Y).max() * max(1.0, np.abs(rigid).max())
+        np.abs(Y @ motions).max() <= ROUNDING * np.abs(Y).max() * max(1.0, np.abs(motions).max())
         for Y in springs.values()
     )
 

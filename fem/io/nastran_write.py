@@ -114,6 +114,8 @@ def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
         yield from _property(p, i, materials.index(p.material) + 1, u)
     b = deck.bars
     for k, n in enumerate(b.numbers):
+        if k in deck.known_bars:
+            continue
         p, (one, two) = deck.properties[b.properties[k]], deck.nodes[b.ends[k]]
         head = n, b.properties[k] + 1, one, two
         if p.theory == "bar":
