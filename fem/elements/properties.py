@@ -113,7 +113,7 @@ class MemberProperties:
         return k
 
 
-_STRAINS = {
+STRAINS = {
     "stretching": (("x",), 1),
     "torsion": (("rx",), 1),
     "bending in x-z": (("z", "ry"), 2),
@@ -140,7 +140,7 @@ def _check_ends(p: MemberProperties) -> None:
         msg = "a bar has no moments to release, and nothing but its axial stiffness; leave its releases out"
         raise ModelError(msg)
     k = p.end_stiffness
-    for strain, (directions, n) in _STRAINS.items():
+    for strain, (directions, n) in STRAINS.items():
         free = [
             f"{d} at end {e + 1}" for e in (0, 1) for d in directions if k[6 * e + DIRECTIONS.index(d)] == 0
         ]

@@ -292,6 +292,11 @@ class _Reader:
 
     def _points(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return numbers and basic coordinates of the grid points."""
+        whole, xyz = self.placed_grids()
+        return whole[:, 0], xyz
+
+    def placed_grids(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return number, system, displacement system and row of the grid points, and basic coordinates."""
         whole, xyz = self.grids.all()
         whole = whole.copy()
         for column, field_of_default in ((1, 1), (2, 5)):
@@ -310,7 +315,7 @@ class _Reader:
                 row = whole[rows[0]]
                 place = f"{self.bulk.place(row[3])}: grid point {row[0]}"
                 xyz[rows] = self.systems.to_basic(cp, xyz[rows], place)
-        return whole[:, 0], xyz
+        return whole, xyz
 
     def _grid_place(self, row: NDArray[np.int64]) -> str:
         return f"GRID {row[0]} at {self.bulk.place(row[3])}"
@@ -413,6 +418,42 @@ class _Reader:
                 if remedy
                 else f"left out, because their meaning is not known: {named(texts)}"
             )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grids:
+    """The grid points of a deck.
+
+    Attributes
+    ----------
+    numbers, displacement, rows : ndarray of int (n,)
+        Their numbers, the systems of their motions, and the rows of their cards.
+    points : ndarray (n, 3)
+        Basic coordinates.
+    systems : Systems
+    """
+
+    numbers: NDArray[np.int64]
+    displacement: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    points: NDArray[np.float64]
+    systems: Systems
+
+
+def read_grids(path: Path, bulk: BulkData) -> Grids:
+    """Return the grid points and coordinate systems of bulk data.
+
+    Raises
+    ------
+    MeshError
+        As :func:`read_nastran`.
+    """
+    reader = _Reader(path, bulk)
+    for run in runs_of(bulk):
+        reader._run(run)
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole, points = reader.placed_grids()
+    return Grids(whole[:, 0], whole[:, 2], whole[:, 3], points, reader.systems)
 
 
 def _number(text: str) -> int:

@@ -2,7 +2,7 @@
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +17,7 @@ _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _OTHER_MODEL = re.compile(r"SUPER|AUXMODEL|ARBMODEL|MODULE|MASSID|FLXSLI|UDS", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")
 _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
+_COMPONENTS = re.compile(r"[1-6]+( +[1-6]+)*")
 _REPEAT = re.compile(r"=\(?(\d+)\)?")
 
 LONGEST_NAME = 20
@@ -31,10 +32,12 @@ class BulkData:
     ----------
     lines : texts, without tabs
     notes : sentences on the lines left out
+    control : lines of the executive and case control, None of a file of bulk data alone
     """
 
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    control: list[str] | None = None
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _begun: str = ""
     _ended: bool = False
@@ -93,7 +96,8 @@ class BulkData:
             )
             raise MeshError(msg)
         self._begun = place
-        self.lines.clear()  # executive and case control
+        self.control = list(self.lines)
+        self.lines.clear()
         self._runs.clear()
 
     def _end(self, file: DeckFile, lines: list[str], done: int) -> None:
@@ -256,9 +260,17 @@ def _key(line: str) -> str:
 
 
 def _between_blanks(line: str) -> bool:
-    """Return whether a line has fields between blanks: a field of eight columns would have two."""
+    """Return whether a line has fields between blanks: a field of eight columns would have two.
+
+    Components such as ``12 4 6`` after an empty field are one field.
+    """
     width = 16 if line[0] == "*" or line[:8].rstrip().endswith("*") else 8
-    return any(len(line[k : k + width].split()) > 1 for k in range(8, min(len(line.rstrip()), 72), width))
+    cells = [line[k : k + width] for k in range(8, min(len(line.rstrip()), 72), width)]
+    return any(
+        len(cell.split()) > 1
+        and not (_COMPONENTS.fullmatch(cell.strip()) and any(not c.strip() for c in cells[:k]))
+        for k, cell in enumerate(cells)
+    )
 
 
 def _name_of(key: str) -> str:
@@ -364,6 +376,22 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
         raise MeshError(msg)
     label = cells[count + 1].strip("+* ") if len(cells) > count + 1 else ""
     return head, [*cells[1 : count + 1], *[""] * count][:count], label
+
+
+def each_card(bulk: BulkData) -> Iterator[tuple[str, list[str], int]]:
+    """Yield name, fields and first row of each card, repeated ones written out.
+
+    Raises
+    ------
+    MeshError
+        As :func:`fields_of` and :class:`Replicator` do.
+    """
+    replicator = Replicator(Budget())
+    for run in runs_of(bulk):
+        for first in range(run.first, run.first + run.count * run.length, run.length):
+            name, fields = fields_of(bulk, first, run.length)
+            for one, values in replicator.cards(name, fields, run.length, lambda row=first: bulk.place(row)):
+                yield one, values, first
 
 
 def real(text: str) -> float:

@@ -1,5 +1,6 @@
 """Nastran's coordinate systems: CORD1R, CORD1C, CORD1S, CORD2R, CORD2C and CORD2S."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -91,6 +92,30 @@ class Systems:
             return xyz
         axes, origin = self._frame(number, place)
         return _cartesian(self.named[number].kind, xyz) @ axes + origin
+
+    def axes_at(self, number: int, point: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+        """Return the unit vectors along a system's coordinates at a basic point, as rows (3, 3).
+
+        Raises
+        ------
+        MeshError
+            As :meth:`to_basic`.
+        """
+        if number == 0:
+            return np.eye(3)
+        axes, origin = self._frame(number, place)
+        kind = self.named[number].kind
+        x, y, z = axes @ (point - origin)
+        about_z = math.atan2(y, x) if math.hypot(x, y) > 1e-9 * max(abs(z), 1e-300) else 0.0
+        c, s = math.cos(about_z), math.sin(about_z)
+        radial, around, up = c * axes[0] + s * axes[1], c * axes[1] - s * axes[0], axes[2]
+        if kind == "R":
+            return axes
+        if kind == "C":
+            return np.stack([radial, around, up])
+        theta = math.atan2(math.hypot(x, y), z)
+        c, s = math.cos(theta), math.sin(theta)
+        return np.stack([s * radial + c * up, c * radial - s * up, around])
 
     def _frame(self, number: int, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         waiting: list[tuple[int, str]] = [(number, place)]
