@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Environment, Marker, Role
 from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
 from fem.elements.stretches import mass_of_stretch
+from fem.mesh import Mesh
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refuse_negative
 
 
@@ -53,6 +55,15 @@ class DistributedMass(OnMember):
 
     def __post_init__(self) -> None:
         refuse_negative(self.name, mass=(self.mass, "kg/m"))
+
+    @classmethod
+    def over(cls, mesh: Mesh, member: str, properties: MemberProperties, mass: float) -> "DistributedMass":
+        """Return a mass per length on the whole of a member [kg/m]: cladding, insulation, contents."""
+        length = mesh.member_length(member)
+        return cls(
+            name=f"mass along {member}", member=member, mass=mass, position=length / 2, width=length,
+            length=length, reference=properties.material.rho * properties.section.A,
+        )  # fmt: skip
 
     @property
     def where(self) -> str:

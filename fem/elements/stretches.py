@@ -97,8 +97,8 @@ def mass_of_stretch(
 ) -> Contribution:
     """Return the mass of a layer on a member between two arc lengths.
 
-    M = ∫ Nᵀ diag(weights) N dx with the motion N of the member's axis in local axes; rigid zones move with
-    their nodes.
+    M = ∫ Nᵀ diag(weights) N dx with the motion N of the member's axis in local axes; of elements with lumped
+    mass, the layer is lumped at their ends by lever. Rigid zones move with their nodes.
 
     Parameters
     ----------
@@ -125,6 +125,13 @@ def mass_of_stretches(
     N = shape_matrix(g, a + x * (b - a))
     scale = (weight * (b - a) * g.L)[..., None] * per_length
     M = to_global((np.swapaxes(N, -1, -2) @ (scale[..., None] * N)).sum(axis=0), g.T)
+    lumped = g.lumped != 0
+    if lumped.any():
+        x = (a + x * (b - a))[:, lumped, None]
+        lumps = np.concatenate([(share * scale[:, lumped]).sum(axis=0) for share in (1 - x, x)], axis=1)
+        T = g.T_nodes[lumped]
+        M = M.astype(np.result_type(M, lumps))
+        M[lumped] = np.swapaxes(T, 1, 2) @ (lumps[:, :, None] * T)
     if g.zone.any():
         for k, part in enumerate(masses_in_rigid_zones(g, first * g.span, last * g.span, per_length)):
             M[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += part

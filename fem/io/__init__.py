@@ -17,6 +17,7 @@ from fem.io.arrays import (
 )
 from fem.io.column_frf import read_csv
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
+from fem.io.frame_model import model_of, read_model
 from fem.io.frf_files import READERS, read_frfs, reader_of
 from fem.io.frf_reading import Asked
 from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
@@ -36,6 +37,7 @@ __all__ = [
     "line_axial_force",
     "line_strain_energy",
     "matrices_of",
+    "model_of",
     "parse_label",
     "read_calculix",
     "read_csv",
@@ -43,6 +45,7 @@ __all__ = [
     "read_frfs",
     "read_matrices",
     "read_mesh",
+    "read_model",
     "read_modes",
     "read_node_sets",
     "read_npz",

@@ -1,0 +1,389 @@
+"""Models of other programs' decks: the deck's elements, masses, supports, connections and constraints."""
+
+import importlib
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import count, islice, pairwise
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.chains import chains_of
+from fem.effects.added_mass import AddedMass
+from fem.effects.distributed_mass import DistributedMass
+from fem.effects.joint import Joint
+from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+from fem.effects.support import Support
+from fem.elements.axes import axes_of, is_parallel
+from fem.elements.frame import Frame
+from fem.elements.properties import MemberProperties
+from fem.io.deck_units import Units
+from fem.io.frame_deck import Connection, FrameDeck
+from fem.io.frame_nodes import Nodes
+from fem.materials import PropertyError
+from fem.mesh import Mesh, MeshError, MeshWarning, free_name
+from fem.model import DIRECTIONS, Damping, Effect, Model, ModelError, lever_matrix
+
+READERS: Mapping[str, tuple[str, str]] = {
+    **dict.fromkeys((".bdf", ".nas", ".dat", ".fem"), ("fem.io.nastran_frame", "read_nastran_frame")),
+    ".inp": ("fem.io.abaqus_frame", "read_abaqus_frame"),
+    ".cdb": ("fem.io.ansys_frame", "read_ansys_frame"),
+}
+"""Module and function that read a deck, by the suffix of its file."""
+
+SAME = 1e-7
+"""Distance of unit vectors up to which bars have the same orientation: decks give about eight digits."""
+
+
+def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units = "SI") -> FrameDeck:
+    """Read the frame model of a Nastran, Abaqus, CalculiX or ANSYS deck; the suffix says the program.
+
+    Parameters
+    ----------
+    path : path
+        ``.bdf .nas .dat .fem`` (Nastran), ``.inp`` (Abaqus, CalculiX) or ``.cdb`` (ANSYS).
+    units : str or (length, mass, time)
+        Of the deck: a name of :data:`fem.matrices.UNITS`, such as ``"mm-t-s"``, or the three in m, kg and s.
+
+    Raises
+    ------
+    MeshError
+        If the deck cannot be read, or has what no model here can have; the message names file, line and card.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in READERS:
+        msg = f"{file.name}: models are read from {', '.join(READERS)} files, not '{file.suffix}'"
+        raise MeshError(msg)
+    if not file.is_file():
+        msg = f"{file}: there is no such file"
+        raise MeshError(msg)
+    module, function = READERS[file.suffix.lower()]
+    reader: Callable[[Path, Units], FrameDeck] = getattr(importlib.import_module(module), function)
+    return reader(file, Units.of(units))
+
+
+def read_model(path: str | os.PathLike[str], units: str | Sequence[float] | Units = "SI") -> Model:
+    """Read the model of a Nastran, Abaqus, CalculiX or ANSYS deck.
+
+    The elements are the deck's; ``model.with_mesh(model.mesh.refined(size))`` has smaller ones. Members are
+    named by property, points ``"node 12"``. One :class:`~fem.mesh.MeshWarning` lists what the model does not
+    have of the deck; the mesh keeps its sentences as ``notes``.
+
+    Parameters
+    ----------
+    path, units
+        As of :func:`read_deck`.
+
+    Raises
+    ------
+    MeshError
+        As :func:`read_deck` and :func:`model_of`.
+    """
+    model = model_of(read_deck(path, units))
+    if model.mesh.notes:
+        warnings.warn("; ".join(model.mesh.notes), MeshWarning, stacklevel=2)
+    return model
+
+
+def model_of(deck: FrameDeck) -> Model:
+    """Return the model of a deck, with the deck's elements.
+
+    Bars of one property that follow one another are one member, as far as they share orientation and offsets
+    and have no release or taper between them; several are ``name.1``, ``name.2``, … and the group ``name``.
+    A node on no bar that moves rigidly with another one, or not at all, becomes a lever arm; others become
+    points on no line.
+
+    Raises
+    ------
+    MeshError
+        For a deck without sections, or with bars or bodies that cannot exist; the message names file and
+        element or card.
+    """
+    if not deck.properties or not len(deck.bars.numbers):
+        found = "no bars" if not len(deck.bars.numbers) else "bars without sections and materials"
+        msg = f"{deck.file}: it has {found}; a model needs bars with both"
+        raise MeshError(msg)
+    _check_bars(deck)
+    nodes = Nodes.of(deck)
+    try:
+        mesh, members = _members_of(deck, nodes)
+        effects = (Frame(members=members), *_effects(deck, nodes, mesh, members))
+        return Model(mesh, _with_own_names(effects), deck.damping or Damping())
+    except (ModelError, PropertyError) as reason:
+        msg = f"{deck.file}: {reason}"
+        raise MeshError(msg) from reason
+
+
+def _check_bars(deck: FrameDeck) -> None:
+    """Refuse bars without length, and with an orientation along their axis, by their numbers."""
+    axis = _axes(deck)
+    ends = deck.points[deck.bars.ends]
+    size = float(np.ptp(ends.reshape(-1, 3), axis=0).max())
+    length = np.minimum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.linalg.norm(axis, axis=1))
+    for bad, why in (
+        (length <= 1e-9 * size, "has no length"),
+        (is_parallel(axis, deck.bars.height), "has an orientation vector along its axis"),
+    ):
+        if bad.any():
+            row = int(np.argmax(bad))
+            a, b = deck.nodes[deck.bars.ends[row]]
+            msg = f"{deck.file}: element {deck.bars.numbers[row]}, from node {a} to node {b}, {why}"
+            raise MeshError(msg)
+
+
+def _axes(deck: FrameDeck) -> NDArray[np.float64]:
+    """Return the vectors along the bars' axes, between their offsets, (n, 3) [m]."""
+    ends = deck.points[deck.bars.ends] + deck.bars.offsets
+    return ends[:, 1] - ends[:, 0]
+
+
+# Members ----------------------------------------------------------------------------------------------------
+
+
+def _members_of(deck: FrameDeck, nodes: Nodes) -> tuple[Mesh, dict[str, MemberProperties]]:
+    """Return the mesh and the properties of its members."""
+    bars = deck.bars
+    axes = axes_of(_axes(deck), bars.height)
+    of_kind: dict[int, list[NDArray[np.int64]]] = {}
+    for piece in _pieces(deck, axes[:, 2]):
+        of_kind.setdefault(int(bars.properties[piece[0]]), []).append(piece)
+    names = [deck.properties[k].name for k in sorted(of_kind)]
+    sets: dict[str, NDArray[np.int64]] = {}
+    groups: dict[str, tuple[str, ...]] = {}
+    for k, name in zip(sorted(of_kind), names, strict=True):
+        free = (part for i in count(1) if (part := f"{name}.{i}") not in names)
+        rows = of_kind[k]
+        parts = (name,) if len(rows) == 1 else tuple(islice(free, len(rows)))
+        sets |= zip(parts, rows, strict=True)
+        if len(parts) > 1:
+            groups[name] = parts
+    kept = nodes.points
+    points = {f"node {deck.nodes[row]}": i for i, row in enumerate(kept)}
+    notes = [f"{deck.file}: {note}" for note in (*deck.notes, *nodes.notes)]
+    mesh = Mesh.from_lines(deck.points[kept], nodes.point[bars.ends], sets, points, notes)
+    properties = _Properties(deck, axes[:, 2])
+    members = {name: properties.of(rows, mesh.lines[rows], nodes) for name, rows in mesh.members.items()}
+    return replace(mesh, groups=MappingProxyType(groups)), members
+
+
+def _pieces(deck: FrameDeck, z: NDArray[np.float64]) -> Iterator[NDArray[np.int64]]:
+    """Yield the bars of each member, one after the other.
+
+    A closed piece is cut into two: its first point would depend on the order of its lines.
+    """
+    bars = deck.bars
+    order, length, turned = chains_of(deck.points, bars.ends, bars.properties)
+    ends = bars.ends.copy()
+    ends[turned] = ends[turned][:, ::-1]
+    for chain in np.split(order, np.cumsum(length)[:-1]):
+        for piece in _cut(deck, z, turned, chain):
+            if ends[piece[0], 0] == ends[piece[-1], 1]:
+                yield from np.array_split(piece, 2)
+            else:
+                yield piece
+
+
+def _cut(
+    deck: FrameDeck, z: NDArray[np.float64], turned: NDArray[np.bool_], chain: NDArray[np.int64]
+) -> Iterator[NDArray[np.int64]]:
+    """Yield the parts of a chain that can be members."""
+    bars, offset = deck.bars, deck.bars.offsets
+    p = deck.properties[bars.properties[chain[0]]]
+    sections = [p.section] if p.section2 is None else [p.section, p.section2]
+    mirrored = any(s.angle or s.shear_centre[0] for s in sections)  # seen from its other end
+    alone = p.section2 is not None or (p.theory == "bar" and bool(offset[chain].any()))
+    hinged: NDArray[np.bool_] = np.isfinite(bars.stiffness).any(axis=2)
+    reverse = turned.astype(np.int64)
+    start, by_height, by_z = 0, True, True
+    for k, (i, j) in enumerate(pairwise(chain), start=1):
+        first = chain[start]
+        by_height, by_z = by_height and _alike(bars.height[[first, j]]), by_z and _alike(z[[first, j]])
+        if (
+            alone
+            or hinged[i, 1 - reverse[i]]
+            or hinged[j, reverse[j]]
+            or (mirrored and reverse[i] != reverse[j])
+            or not (np.abs(offset[[i, j]] - offset[i, 0]) <= 1e-9).all()
+            or not (by_height or by_z)
+        ):
+            yield chain[start:k]
+            start, by_height, by_z = k, True, True
+    yield chain[start:]
+
+
+def _alike(vectors: NDArray[np.float64]) -> bool:
+    """Return whether vectors have one direction; NaN, the default, is like NaN alone."""
+    absent = np.isnan(vectors[:, 0])
+    if absent.any():
+        return bool(absent.all())
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return bool((np.abs(unit - unit[0]) <= SAME).all())
+
+
+class _Properties:
+    """Properties of members; those that are alike share one object, which elements treat together."""
+
+    def __init__(self, deck: FrameDeck, z: NDArray[np.float64]) -> None:
+        self.deck, self.z = deck, z
+        self.known: dict[tuple[object, ...], MemberProperties] = {}
+
+    def of(self, rows: NDArray[np.int64], lines: NDArray[np.int64], nodes: Nodes) -> MemberProperties:
+        """Return the properties of a member by its bars and their lines in the mesh."""
+        bars = self.deck.bars
+        turned = nodes.point[bars.ends[rows, 0]] != lines[:, 0]
+        first, last = int(turned[0]), 1 - int(turned[-1])  # the bars' ends at those of the member
+        height = bars.height[rows]
+        up = height[0] if _alike(height) else self.z[rows[0]]
+        up = None if np.isnan(up).any() else up
+        offsets = bars.offsets[rows[0], first], bars.offsets[rows[-1], last]
+        ends = bars.stiffness[rows[0], first], bars.stiffness[rows[-1], last]
+        kind = int(bars.properties[rows[0]])
+        arrays = (*offsets, *ends, *(() if up is None else (up,)))
+        key = (kind, bool(turned[0]), *(a.tobytes() for a in arrays))
+        if key not in self.known:
+            self.known[key] = self._new(kind, bool(turned[0]), up, offsets, ends, int(rows[0]))
+        return self.known[key]
+
+    def _new(
+        self,
+        kind: int,
+        turned: bool,
+        up: NDArray[np.float64] | None,
+        offsets: Sequence[NDArray[np.float64]],
+        ends: Sequence[NDArray[np.float64]],
+        row: int,
+    ) -> MemberProperties:
+        p = self.deck.properties[kind]
+        section, section2 = p.section, p.section2
+        if section2 is not None and turned:
+            section, section2 = section2, section
+        free = [tuple(d for d, k in zip(DIRECTIONS, end, strict=True) if k == 0) for end in ends]
+        springs = [
+            {d: float(k) for d, k in zip(DIRECTIONS, end, strict=True) if 0 < k < np.inf} for end in ends
+        ]
+        try:
+            return MemberProperties(
+                p.material, section, up, offsets[0], offsets[1],
+                theory=p.theory, section2=section2, mass=p.mass,
+                release1=free[0], release2=free[1], spring1=springs[0], spring2=springs[1],
+            )  # fmt: skip
+        except (ModelError, PropertyError) as reason:
+            msg = f"element {self.deck.bars.numbers[row]}: {reason}"
+            raise ModelError(msg) from reason
+
+
+# Effects ----------------------------------------------------------------------------------------------------
+
+
+def _effects(
+    deck: FrameDeck, nodes: Nodes, mesh: Mesh, members: Mapping[str, MemberProperties]
+) -> Iterator[Effect]:
+    """Yield the effects beside the frame."""
+    yield from _supports(deck, nodes)
+    yield from _links(deck, nodes)
+    for equation in deck.equations:
+        if terms := _carried_terms(equation.terms, nodes):
+            yield MultiPointConstraint(name=equation.name, terms=terms)
+    for c in deck.connections:
+        yield from _joint(deck, nodes, c)
+    for body in deck.bodies:
+        row = nodes.carrier(body.node)
+        if row is not None:
+            arm = body.arm + deck.points[body.node] - deck.points[row]
+            yield AddedMass(
+                name=body.name, point=nodes.index(row), mass=body.mass, inertia=body.inertia, arm=arm
+            )
+    for name, rows in mesh.members.items():
+        if layer := deck.properties[deck.bars.properties[rows[0]]].mass_per_length:
+            yield DistributedMass.over(mesh, name, members[name], layer)
+
+
+def _supports(deck: FrameDeck, nodes: Nodes) -> Iterator[Effect]:
+    for row in nodes.grounded:
+        yield Support(name=f"node {deck.nodes[row]}", point=nodes.index(row))
+    for row, fixed in deck.supports.items():
+        carrier = nodes.carrier(row)
+        if carrier is None or carrier in nodes.grounded or not fixed:
+            continue
+        name = f"node {deck.nodes[row]}"
+        if carrier == row:
+            yield Support(name=name, point=nodes.index(row), fixed=tuple(fixed))
+        else:
+            yield Joint(name=name, point1=nodes.index(carrier), location=deck.points[row], rigid=tuple(fixed))
+    for row, free in nodes.void.items():
+        yield Support(name=f"node {deck.nodes[row]}, no stiffness", point=nodes.index(row), fixed=free)
+
+
+def _links(deck: FrameDeck, nodes: Nodes) -> Iterator[Effect]:
+    """Yield links of rigid bodies, and those in some directions: rigid joints where the dependent node is."""
+    for name, leader, others in nodes.bodies:
+        yield RigidLink(
+            name=name, point=nodes.index(leader), dependents=tuple(nodes.index(row) for row in others)
+        )
+    for link in deck.links:
+        lead, points = nodes.carrier(link.node), []
+        for row in link.dependents:
+            follow = nodes.carrier(row)
+            if nodes.body[row] == nodes.body[link.node]:
+                continue
+            if lead is not None and follow == row:
+                points.append(nodes.index(row))
+                continue
+            first, second = (follow, lead) if follow is not None else (lead, None)
+            assert first is not None  # two grounded nodes are one body
+            yield Joint(
+                name=link.name, point1=nodes.index(first), point2=_index(nodes, second),
+                location=deck.points[row], rigid=link.directions,
+            )  # fmt: skip
+        if points and lead is not None:
+            yield RigidLink(
+                name=link.name, point=nodes.index(lead), dependents=tuple(points), directions=link.directions
+            )
+
+
+def _index(nodes: Nodes, row: int | None) -> int | None:
+    return None if row is None else nodes.index(row)
+
+
+def _carried_terms(
+    terms: Sequence[tuple[int, str, float]], nodes: Nodes
+) -> tuple[tuple[int, str, float], ...]:
+    """Return the terms of an equation at points of the mesh."""
+    out: dict[tuple[int, str], float] = {}
+    for row, direction, coefficient in terms:
+        carrier = nodes.carrier(row)
+        if carrier is None:
+            continue
+        lever = lever_matrix(nodes.deck.points[row] - nodes.deck.points[carrier])
+        for d, factor in zip(DIRECTIONS, lever[DIRECTIONS.index(direction)], strict=True):
+            if factor:
+                key = (nodes.index(carrier), d)
+                out[key] = out.get(key, 0.0) + coefficient * float(factor)
+    largest = max((abs(v) for v in out.values()), default=0.0)
+    return tuple((p, d, v) for (p, d), v in out.items() if abs(v) > 1e-12 * largest)
+
+
+def _joint(deck: FrameDeck, nodes: Nodes, c: Connection) -> Iterator[Joint]:
+    """Yield the joint of a connection; none between places without relative motion."""
+    first, second = (None if row is None else nodes.carrier(row) for row in c.nodes)
+    if first is None:
+        first, second = second, None
+    acts = c.rigid or any(X.any() for X in (c.K, c.C, c.D))
+    if acts and first is not None and first != second:
+        yield Joint(
+            name=c.name, point1=nodes.index(first), point2=_index(nodes, second),
+            location=nodes.place_of(c), axes=c.axes, K=c.K, C=c.C, D=c.D, rigid=c.rigid,
+        )  # fmt: skip
+
+
+def _with_own_names(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return effects of which later ones have other names than earlier ones: ``name.2`` …."""
+    out: dict[str, Effect] = {}
+    for e in effects:
+        name = free_name(e.name, e.name, out)
+        out[name] = e if name == e.name else replace(e, name=name)
+    return tuple(out.values())
