@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.report import words
 from dovetail.result import program_version
-from dovetail.study import Study
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
 from fem.io.abaqus_write import abaqus_text

@@ -9,9 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fem.io.deck_nodes import (
-    all_matrices,
     bar_axes,
-    matrix_entries,
     matrix_scale,
     plain,
     scale_of,
@@ -25,7 +23,6 @@ from fem.io.frame_of_model import ModelDeck
 from fem.model import DIRECTIONS
 
 DOF = {d: i for i, d in enumerate(DIRECTIONS, 1)}
-MATRICES = {"K": "STIFFNESS", "M": "MASS", "C": "VISCOUS DAMPING", "D": "STRUCTURAL DAMPING"}
 SAME_AXES = 7
 """Decimals to which bars of one section have the same axes."""
 
@@ -46,11 +43,11 @@ def abaqus_text(
         Number of modes that the deck asks for.
     """
     u = Units.of(units)
-    deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True)
+    deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True, springs=plain)
     lines = [line for text in heading for line in wrapped("**", text)]
     lines += [] if deck.part else ["*HEADING", deck.file[:70]]
     lines += [*_nodes(deck, u), *_bars(deck, u), *_bodies(deck, u), *_springs(deck, u), *_equations(deck, u)]
-    lines += [*_matrices(deck, u), *_supports(deck)]
+    lines += _supports(deck)
     if not deck.part:
         lines += ["*STEP", "*FREQUENCY", f"{modes},", *_damping(deck), "*END STEP"]
     lines += [t for text in deck.notes for t in wrapped("**", f"NOT IN THIS FILE OR IN PART: {text}")]
@@ -150,8 +147,9 @@ def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
     n = _first(deck) + 2 * len(deck.bodies) + 2
     for k, c in enumerate(deck.connections, 1):
         yield from wrapped("**", c.name)
-        if not _springy(c):
-            continue
+        if c.D.any():
+            loss = max(d / k for d, k in zip(np.diag(c.D), np.diag(c.K), strict=True) if k)
+            yield from wrapped("**", f"NOT IN THIS FILE: its loss factor, {loss:.4g}")
         turn = ""
         if not np.array_equal(c.axes, np.eye(3)):
             yield from (f"*ORIENTATION, NAME=AXES{k}", _row(*map(float, c.axes[:2].ravel())))
@@ -164,11 +162,6 @@ def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
                 yield from (f"*ELEMENT, TYPE={kind}{len(nodes)}, ELSET={name}", _row(n, *nodes))
                 yield from (f"*{kind}, ELSET={name}{turn}", _row(*[j + 1] * len(nodes)), _row(float(X[j])))
                 n += 1
-
-
-def _springy(c: Connection) -> bool:
-    """Whether springs and dashpots stand for a connection: they have no structural damping."""
-    return plain(c) and not c.D.any()
 
 
 def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
@@ -187,23 +180,6 @@ def _supports(deck: ModelDeck) -> Iterator[str]:
         yield "*BOUNDARY"
     for row, fixed in deck.supports.items():
         yield from (_row(deck.nodes[row], DOF[d], DOF[d]) for d in fixed)
-
-
-def _matrices(deck: ModelDeck, u: Units) -> Iterator[str]:
-    used = []
-    for key in "KMCD":
-        matrices = all_matrices(deck, _springy)
-        columns = matrix_entries(deck, key, u, matrices)
-        if columns:
-            used.append(f"{MATRICES[key]}={key}EFF")
-            yield from wrapped(
-                "**", ", ".join(dict.fromkeys(m.name for m in matrices if getattr(m, key).any()))
-            )
-            yield f"*MATRIX INPUT, NAME={key}EFF, TYPE=SYMMETRIC"
-        for (n, d), column in columns.items():
-            yield from (_row(i, e, n, d, value) for (i, e), value in column.items())
-    if used:
-        yield f"*MATRIX ASSEMBLE, {', '.join(used)}"
 
 
 def _damping(deck: ModelDeck) -> Iterator[str]:

@@ -1,12 +1,13 @@
 """ANSYS commands: a model, or commands for one."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck_nodes import (
-    all_matrices,
+    Term,
     bar_axes,
     matrix_scale,
     plain,
@@ -16,14 +17,13 @@ from fem.io.deck_nodes import (
     wrapped,
 )
 from fem.io.deck_units import Units
-from fem.io.frame_deck import BarProperty, Connection
+from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.materials import Material
 from fem.model import DIRECTIONS
 
 LABEL = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
-MATRIX_OF = {"M": 2, "K": 4, "C": 5}
-"""KEYOPT(3) of MATRIX27."""
+Equations = list[tuple[str, tuple[Term, ...]]]
 PART = 9001
 """First number of types, materials, sections and real constants of commands for a model that has others."""
 
@@ -58,15 +58,22 @@ def ansys_text(
         Number of modes that the commands ask for.
     """
     u = Units.of(units)
-    deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True)
+    deck = with_nodes(deck, bodies=True)
+    deck = replace(
+        deck,
+        matrices=(*deck.matrices, *(_inertia_of(b) for b in deck.bodies if _skew(b.inertia))),
+        bodies=tuple(replace(b, inertia=np.zeros((3, 3))) if _skew(b.inertia) else b for b in deck.bodies),
+    )
+    deck = with_nodes(deck, offsets=True, releases=True, arms=True, springs=_springy)
     numbers, ground = _Numbers(deck), []
     lines = [line for text in heading for line in wrapped("!", text)]
     lines += ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
     lines += [_command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
               for k in range(len(deck.nodes)) if k not in deck.known]  # fmt: skip
     lines += [*_bars(deck, u, numbers), *_bodies(deck, u, numbers)]
-    lines += [*_springs(deck, u, numbers, ground), *_matrices(deck, u, numbers, ground)]
-    lines += _equations(deck, u)
+    lines += _springs(deck, u, numbers, ground)
+    equations = solved_equations(deck, links=True)
+    lines += [*_bare_nodes(deck, equations, numbers), *_equations(deck, equations, u)]
     lines += [_command("D", deck.nodes[k], LABEL[d], 0) for k, fixed in deck.supports.items() for d in fixed]
     lines += [_command("D", n, "ALL", 0) for n in ground]
     if not deck.part:
@@ -141,14 +148,16 @@ def _section(p: BarProperty, n: int, u: Units) -> Iterator[str]:
     I = [float(x / u.second_moment) for x in (s.Iy, 0.0, s.Iz, 0.0, s.J)]
     yield from (f"SECTYPE,{n},BEAM,ASEC", _command("SECDATA", float(s.A / u.area), *I, 0.0, 0.0, 0.0, 0.0))
     # no shear deformation: a thousand times as stiff as the area
+    if p.theory == "euler-bernoulli":
+        yield from wrapped("!", f"{p.name} has no rotary inertia in the study; BEAM188 has it")
     slender = p.theory != "timoshenko"
     xz, xy = (float((1e3 if slender or not k else k) * s.A * p.material.G / u.force) for k in (s.kz, s.ky))
     yield _command("SECCONTROL", xz, 0, xy, line)
 
 
 def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
-    """Yield MASS21; bodies with products of inertia are among the matrices."""
-    for b in (b for b in deck.bodies if not _skew(b.inertia)):
+    """Yield MASS21, which has no products of inertia."""
+    for b in deck.bodies:
         t, e = numbers.next("table"), numbers.next("element")
         yield from wrapped("!", b.name)
         values = [float(b.mass / u.mass)] * 3 + [float(x / u.inertia) for x in np.diag(b.inertia)]
@@ -158,6 +167,13 @@ def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
 
 def _skew(inertia: NDArray[np.float64]) -> bool:
     return bool((inertia - np.diag(np.diag(inertia))).any())
+
+
+def _inertia_of(b: Body) -> NodeMatrices:
+    """Return the inertia of a body about its centre, as matrices of its node."""
+    M, zero = np.zeros((6, 6)), np.zeros((6, 6))
+    M[3:, 3:] = b.inertia
+    return NodeMatrices(name=b.name, nodes=(b.node,), K=zero, M=M, C=zero, D=zero)
 
 
 def _springy(c: Connection) -> bool:
@@ -174,7 +190,7 @@ def _grounded(deck: ModelDeck, node: int, numbers: _Numbers, ground: list[int], 
 def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
     for c in deck.connections:
         yield from wrapped("!", c.name)
-        if not (_springy(c) and (c.K.any() or c.C.any())):
+        if not (c.K.any() or c.C.any()):
             continue
         one, two = c.nodes
         if two is None:
@@ -195,72 +211,27 @@ def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) ->
             )
 
 
-def _matrices(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
-    """Yield MATRIX27 for matrices of nodes: one for each pair, each with an upper triangle by rows."""
-    bodies = [_mass_of(b.name, b.node, b.mass, b.inertia) for b in deck.bodies if _skew(b.inertia)]
-    for m in [*all_matrices(deck, _springy), *bodies]:
-        yield from wrapped("!", m.name)
-        if m.D.any():
-            yield from wrapped("!", "NOT IN THIS FILE: structural damping, which MATRIX27 does not have")
-        for key in "KMC":
-            X = getattr(m, key) / matrix_scale(len(m.nodes), key, u)
-            if X.any():
-                yield from _pairs(deck, m, X, key, u, numbers, ground)
+def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Iterator[str]:
+    """Yield masses of 0 at nodes of equations without beams and bodies: ANSYS gives these no DOFs otherwise."""
+    rods = np.array([p.theory == "bar" for p in deck.properties], dtype=bool)
+    beams = deck.bars.ends[~rods[deck.bars.properties]]
+    there = {*beams.ravel().tolist(), *(b.node for b in deck.bodies)}
+    bare = sorted({n for _, terms in equations for n, _, _ in terms} - there - deck.known)
+    if bare:
+        t = numbers.next("table")
+        yield from (f"ET,{t},MASS21", _command("R", t, *[0.0] * 6), f"TYPE,{t}", f"REAL,{t}")
+        yield from (_command("EN", numbers.next("element"), deck.nodes[n]) for n in bare)
 
 
-def _mass_of(name: str, node: int, mass: float, inertia: NDArray[np.float64]) -> NodeMatrices:
-    M = np.zeros((6, 6))
-    M[:3, :3], M[3:, 3:] = mass * np.eye(3), inertia
-    zero = np.zeros((6, 6))
-    return NodeMatrices(name=name, nodes=(node,), K=zero, M=M, C=zero, D=zero)
-
-
-def _pairs(
-    deck: ModelDeck,
-    m: NodeMatrices,
-    X: NDArray[np.float64],
-    key: str,
-    u: Units,
-    numbers: _Numbers,
-    ground: list[int],
-) -> Iterator[str]:
-    n, nodes = len(m.nodes), [int(deck.nodes[k]) for k in m.nodes]
-    if n == 1:
-        yield from _grounded(deck, m.nodes[0], numbers, ground, u)
-        X, nodes = np.pad(X, (0, 6)), [nodes[0], ground[-1]]
-    t = numbers.next("table")
-    yield from (f"ET,{t},MATRIX27", f"KEYOPT,{t},3,{MATRIX_OF[key]}")
-    count = len(nodes)
-    for i in range(count):
-        for j in range(i + 1, count):
-            rows = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
-            Y = X[np.ix_(rows, rows)].copy()
-            # the block of a node belongs to its pair with the next one, that of the last to the last pair
-            if j != i + 1:
-                Y[:6, :6] = 0.0
-            if j != count - 1 or i != count - 2:
-                Y[6:, 6:] = 0.0
-            if Y.any():
-                yield from _matrix27(t, Y, nodes[i], nodes[j], numbers)
-
-
-def _matrix27(t: int, Y: NDArray[np.float64], one: int, two: int, numbers: _Numbers) -> Iterator[str]:
-    real, values = numbers.next("table"), [float(x) for x in Y[np.triu_indices(12)]]
-    for k in range(0, len(values), 6):
-        head = ("R", real) if k == 0 else ("RMORE",)
-        yield _command(str(head[0]), *head[1:], *values[k : k + 6])
-    yield from (f"TYPE,{t}", f"REAL,{real}", _command("EN", numbers.next("element"), one, two))
-
-
-def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _equations(deck: ModelDeck, equations: Equations, u: Units) -> Iterator[str]:
     before = ""
     first = PART if deck.part else 1
-    for number, (name, terms) in enumerate(solved_equations(deck, links=True), first):
+    for number, (name, terms) in enumerate(equations, first):
         yield from wrapped("!", name) if name != before else ()
         before = name
         cells = [(deck.nodes[n], LABEL[d], a * scale_of(d, u)) for n, d, a in terms]
         for i in range(0, len(cells), 3):
-            yield _command("CE", number, 0, *(x for cell in cells[i : i + 3] for x in cell))
+            yield _command("CE", "HIGH" if i else number, 0, *(x for cell in cells[i : i + 3] for x in cell))
 
 
 def _damping(deck: ModelDeck) -> Iterator[str]:

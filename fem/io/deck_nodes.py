@@ -33,6 +33,11 @@ class _More:
     points: list[Floats]
     links: list[Link] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
+    springs: list[Connection] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
+    equations: list[Equation] = field(default_factory=list)
+    supports: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def node(self, place: Floats) -> int:
         """Add a node."""
@@ -48,6 +53,30 @@ class _More:
         self.links.append(Link(name=f"arm of {name}", node=node, dependents=(new,), directions=DIRECTIONS))
         return new
 
+    def split(self, m: NodeMatrices) -> None:
+        """Add springs, dashpots and masses that stand for matrices."""
+        if m.D.any():
+            self.notes.append(f"{m.name}: its loss factor")
+        for key in "KCM":
+            values, vectors = np.linalg.eigh(getattr(m, key))
+            some = np.abs(values) > INDEPENDENT * np.abs(values).max(initial=0.0)
+            if key == "M" and (values[some] < 0).any():
+                self.notes.append(f"{m.name}: masses that it takes away, {values[some].min():.3g} kg")
+                some &= values > 0
+            for value, vector in zip(values[some], vectors.T[some], strict=True):
+                self._scalar(m, key, float(value), np.where(np.abs(vector) > INDEPENDENT, vector, 0.0))
+
+    def _scalar(self, m: NodeMatrices, key: str, value: float, vector: Floats) -> None:
+        node = self.node(self.points[m.nodes[0]])
+        self.supports[node] = DIRECTIONS[1:]
+        terms = ((node, "x", -1.0), *_terms(m.nodes, vector))
+        self.equations.append(Equation(name=m.name, terms=terms))
+        if key == "M":
+            self.bodies.append(Body(name=m.name, node=node, mass=value))
+        else:
+            X: Any = {key: np.diag([value, 0.0, 0.0, 0.0, 0.0, 0.0])}
+            self.springs.append(Connection(name=m.name, nodes=(node, None), **X))
+
 
 def bar_axes(deck: FrameDeck) -> Floats:
     """Return the local axes of the bars as rows, (n, 3, 3)."""
@@ -62,6 +91,7 @@ def with_nodes(
     releases: bool = False,
     arms: bool | None = False,
     bodies: bool = False,
+    springs: Callable[[Connection], bool] | None = None,
 ) -> ModelDeck:
     """Return a deck of the same structure with nodes in place of what a program has no card for.
 
@@ -73,21 +103,36 @@ def with_nodes(
     offsets, releases : bool
         Whether those of bars become nodes too.
     arms : bool or None
-        Whether the arms of connections become nodes; None for those to the ground alone.
+        Whether the arms of connections become nodes; None: unless they act midway between two nodes.
     bodies : bool
         Whether the arms of bodies become nodes.
+    springs : callable, optional
+        Which connections the program has springs for. The others, and matrices, become springs, dashpots and
+        masses of nodes that move along x by a combination of the motions of others: X = Σ λ v vᵀ.
     """
     more = _More(list(deck.points))
     bars = _with_ends(deck, more, offsets, releases)
     connections = [*deck.connections, *more.connections]
     if arms is not False:
-        connections = [_at_place(c, more) if arms or c.nodes[1] is None else c for c in connections]
+        connections = [_at_place(c, more) if arms or not _midway(more.points, c) else c for c in connections]
+    matrices = deck.matrices
+    if springs is not None:
+        coupled = [c for c in connections if not springs(c)]
+        at = replace(deck, points=np.array(more.points))
+        for m in (*matrices, *(connection_matrices(at, c) for c in coupled)):
+            more.split(m)
+        # rigid directions stay
+        zero = np.zeros((6, 6))
+        connections = [replace(c, K=zero, C=zero, D=zero) if c in coupled else c for c in connections]
+        connections, matrices = [*connections, *more.springs], ()
     masses = [_at_centre(b, more) for b in deck.bodies] if bodies else deck.bodies
     first = int(deck.nodes.max(initial=0)) + 1
     numbers = np.concatenate([deck.nodes, np.arange(first, first + len(more.points) - len(deck.nodes))])
     return replace(
         deck, nodes=numbers, points=np.array(more.points), bars=bars, connections=tuple(connections),
-        bodies=tuple(masses), links=(*deck.links, *more.links),
+        bodies=(*masses, *more.bodies), links=(*deck.links, *more.links), matrices=tuple(matrices),
+        equations=(*deck.equations, *more.equations), supports={**deck.supports, **more.supports},
+        notes=(*deck.notes, *more.notes),
     )  # fmt: skip
 
 
@@ -124,6 +169,14 @@ def place_of(c: Connection, points: Any) -> Floats:
         return c.place
     one, two = c.nodes
     return np.asarray(points[one] if two is None else (points[one] + points[two]) / 2)
+
+
+def _midway(points: list[Floats], c: Connection) -> bool:
+    one, two = c.nodes
+    if two is None or c.place is None:
+        return two is not None
+    size = float(np.ptp(np.array(points), axis=0).max())
+    return bool(np.abs((points[one] + points[two]) / 2 - c.place).max() <= COINCIDENT * size)
 
 
 def _at_place(c: Connection, more: _More) -> Connection:
@@ -236,9 +289,9 @@ def plain(c: Connection) -> bool:
     return not coupled and not ((np.diag(c.D) != 0) & (np.diag(c.K) == 0)).any()
 
 
-def all_matrices(deck: ModelDeck, springs: Callable[[Connection], bool] = plain) -> list[NodeMatrices]:
+def all_matrices(deck: ModelDeck) -> list[NodeMatrices]:
     """Return the matrices of a deck with those of connections that no springs stand for."""
-    return [*deck.matrices, *(connection_matrices(deck, c) for c in deck.connections if not springs(c))]
+    return [*deck.matrices, *(connection_matrices(deck, c) for c in deck.connections if not plain(c))]
 
 
 def connection_matrices(deck: FrameDeck, c: Connection) -> NodeMatrices:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.crack import Crack, EndRelease
+from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.effects.member_change import MemberDensity, MemberStiffness
@@ -209,7 +210,15 @@ def _property(model: Model, frame: Frame, g: Lines, line: int, member: str, alon
         section2=None if sections[1] is None else _section(sections[1], factor, {}),
         theory=p.theory,
         mass=p.mass,
+        mass_per_length=sum(float(e.mass) for e in model.of_kind(DistributedMass) if _along(e, member)),
     )
+
+
+def _along(e: Effect, member: str = "") -> bool:
+    """Whether an effect is a mass per length on the whole of a member, or of this one."""
+    if not isinstance(e, DistributedMass) or type(e) is not DistributedMass or member not in ("", e.member):
+        return False
+    return abs(e.position - e.length / 2) <= ROUNDING * e.length and e.width >= (1 - ROUNDING) * e.length
 
 
 def _section(section: Any, factor: dict[str, float], shear: dict[str, float]) -> Section:
@@ -275,7 +284,7 @@ def _joins(joint: Joint, model: Model) -> bool:
 
 def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
     """Add one effect to the parts of a deck."""
-    if isinstance(effect, (*FOLDED, SectionShear, Crack, EndRelease)):
+    if isinstance(effect, (*FOLDED, SectionShear, Crack, EndRelease)) or _along(effect):
         return
     if isinstance(effect, GLOBAL):
         parts.notes.append(f"{effect.name}: {effect.where}: no card stands for {effect.kind}")

@@ -21,6 +21,8 @@ from fem.io.frame_of_model import ModelDeck
 from fem.model import DIRECTIONS
 
 COMPONENT = {d: str(i) for i, d in enumerate(DIRECTIONS, 1)}
+PIN = dict(zip(("x", "z", "y", "rx", "rz", "ry"), "123456", strict=True))
+"""Numbers of local directions: y of Nastran is along the height, local z, and z the other way round."""
 WIDTH = 16
 MATRICES = {"K": "K2GG", "M": "M2GG", "C": "B2GG", "D": "K42GG"}
 """Requests of the case control for matrices."""
@@ -122,7 +124,7 @@ def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
             yield from card("CROD", *head)
             continue
         free = [
-            "".join(COMPONENT[d] for d, s in zip(DIRECTIONS, row, strict=True) if s == 0) or None
+            "".join(sorted(PIN[d] for d, value in zip(DIRECTIONS, row, strict=True) if value == 0)) or None
             for row in b.stiffness[k]
         ]
         arms = [float(x) / u.length if b.offsets[k].any() else None for x in b.offsets[k].ravel()]
@@ -208,21 +210,8 @@ def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
     system = 0 if np.array_equal(c.axes, np.eye(3)) else n
     if system:
         yield from card("CORD2R", n, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
-    place = (
-        [None] * 5 if c.place is None or two is None else [None, 0, *(float(x) / u.length for x in c.place)]
-    )
-    yield from card(
-        "CBUSH",
-        n,
-        n,
-        deck.nodes[one],
-        None if two is None else deck.nodes[two],
-        None,
-        None,
-        None,
-        system,
-        *place,
-    )
+    nodes = deck.nodes[one], None if two is None else deck.nodes[two]
+    yield from card("CBUSH", n, n, *nodes, None, None, None, system)
     K, C, D = (np.diag(X) for X in (c.K, c.C, c.D))
     fields = [n, "K", *map(float, K / np.diag(matrix_scale(1, "K", u)))]
     if C.any():
