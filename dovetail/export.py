@@ -41,10 +41,13 @@ class Found:
         Of the effect.
     text : str
         Values with standard deviations and units.
+    sure : bool
+        Whether a value is farther from none than its standard deviation.
     """
 
     name: str
     text: str
+    sure: bool = True
 
 
 def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
@@ -61,16 +64,25 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     if whole:
         return _titled(deck_of(study.model, study.name), found), (f"model of {head}", *_lines(found))
     if not found and not nominal:
-        msg = f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is beside it; --whole exports the model"
+        msg = (
+            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is beside it; --whole "
+            "exports the model"
+        )
         raise StudyError(msg)
-    test = {e.name for e in study.model.effects if isinstance(e, OF_THE_TEST)}
-    model = study.model.without_effect(*test)
-    before = model.without_effect(*(name for name in found if name not in test)).with_values(
+    out = {
+        e.name: "it belongs to the test, not to the structure"
+        if isinstance(e, OF_THE_TEST)
+        else "uncertain form that is zero within its standard deviation"
+        for e in study.model.effects
+        if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in found and not found[e.name].sure)
+    }
+    model = study.model.without_effect(*out)
+    before = model.without_effect(*(name for name in found if name not in out)).with_values(
         {ref: value for ref, (value, _) in nominal.items() if ref[0] not in found}
     )
     more = {ref: Found(ref[0], text) for ref, (_, text) in nominal.items() if ref[0] not in found}
     deck = _titled(changed_deck(deck_of(model, study.name), deck_of(before, study.name)), found)
-    notes = [f"{name}: it belongs to the test, not to the structure" for name in test if name in found]
+    notes = [f"{name}: not in this file: {why}" for name, why in out.items() if name in found]
     lines = (f"found by {head}", *_lines(found), *(f"{f.name}: {f.text}" for f in more.values()))
     return replace(deck, notes=(*notes, *deck.notes)), lines
 
@@ -83,9 +95,7 @@ def _titled(deck: ModelDeck, found: Mapping[str, Found]) -> ModelDeck:
     """Return a deck whose cards are commented with the values of the effects that they are of."""
 
     def named(item: Any) -> Any:
-        texts = [
-            f.text for f in found.values() if item.name == f.name or item.name.endswith(f" with {f.name}")
-        ]
+        texts = [f.text for f in found.values() if f.name in item.name.split(" with ")]
         return replace(item, name=": ".join([item.name, *texts]))
 
     keys = ("bodies", "connections", "links", "equations", "matrices")
@@ -104,7 +114,7 @@ def _result(study: Study) -> dict[str, Any]:
 
 
 def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
-    """Return the effects that a study has as [[effects]], with standard deviations where a result has them."""
+    """Return the [[effects]] of a study, with standard deviations where a result has them."""
     std = {
         (e["name"], p["name"]): p["std"]
         for e in result.get("effects", [])
@@ -116,13 +126,15 @@ def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
     for table in tomllib.loads(study.text).get("effects", []):
         name, candidate = table.get("name", f"known {table['candidate']}"), table["candidate"]
         effect = study.model.effect(name)
-        values = [
-            words.parameter_text(
-                EffectParameter(p.name, p.value, p.unit, std.get((candidate, p.name), math.nan)), p
-            )
+        given = [
+            EffectParameter(p.name, p.value, p.unit, std.get((candidate, p.name), math.nan))
             for p in effect.parameters()
         ]
-        out[name] = Found(name, f"{effect.where}: {', '.join(values)}")
+        values = map(words.parameter_text, given, effect.parameters())
+        sure = any(
+            not abs(g.value - p.absent) <= g.std for g, p in zip(given, effect.parameters(), strict=True)
+        )
+        out[name] = Found(name, f"{effect.where}: {', '.join(values)}", sure)
     return out
 
 

@@ -67,9 +67,16 @@ def run(options: Options, progress: Progress) -> None:
     }
     write_json(
         options.json,
-        {"study": study.name, "files": files, "units": options.units, "whole": options.whole, "exported": lines,
-         "notes": notes, "warnings": study.warnings},
-    )  # fmt: skip
+        {
+            "study": study.name,
+            "files": files,
+            "units": options.units,
+            "whole": options.whole,
+            "exported": lines,
+            "notes": notes,
+            "warnings": study.warnings,
+        },
+    )
     say(
         options,
         *lines,

@@ -10,6 +10,7 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     bar_axes,
+    first_element,
     matrix_scale,
     plain,
     scale_of,
@@ -18,7 +19,7 @@ from fem.io.deck_nodes import (
     wrapped,
 )
 from fem.io.deck_units import Units
-from fem.io.frame_deck import BarProperty, Connection
+from fem.io.frame_deck import BarProperty
 from fem.io.frame_of_model import ModelDeck
 from fem.model import DIRECTIONS
 
@@ -50,7 +51,7 @@ def abaqus_text(
     lines += _supports(deck)
     if not deck.part:
         lines += ["*STEP", "*FREQUENCY", f"{modes},", *_damping(deck), "*END STEP"]
-    lines += [t for text in deck.notes for t in wrapped("**", f"NOT IN THIS FILE OR IN PART: {text}")]
+    lines += [t for text in deck.notes for t in wrapped("**", f"NOTE: {text}")]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -123,13 +124,8 @@ def _section(p: BarProperty, name: str, y: np.ndarray, material: int, u: Units) 
         yield from wrapped("**", f"loss factor of {m.name}: {m.loss_factor:g}")
 
 
-def _first(deck: ModelDeck) -> int:
-    """Return the number of the first element that is no bar."""
-    return max(int(deck.bars.numbers.max(initial=0)) + 1, 900001 if deck.part else 1)
-
-
 def _bodies(deck: ModelDeck, u: Units) -> Iterator[str]:
-    n = _first(deck)
+    n = first_element(deck)
     for k, b in enumerate(deck.bodies, 1):
         yield from wrapped("**", b.name)
         if b.mass:
@@ -144,12 +140,12 @@ def _bodies(deck: ModelDeck, u: Units) -> Iterator[str]:
 
 def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
     """Yield springs and dashpots between coincident nodes, or to the ground."""
-    n = _first(deck) + 2 * len(deck.bodies) + 2
+    n = first_element(deck) + 2 * len(deck.bodies) + 2
     for k, c in enumerate(deck.connections, 1):
         yield from wrapped("**", c.name)
         if c.D.any():
             loss = max(d / k for d, k in zip(np.diag(c.D), np.diag(c.K), strict=True) if k)
-            yield from wrapped("**", f"NOT IN THIS FILE: its loss factor, {loss:.4g}")
+            yield from wrapped("**", f"not in this file: its loss factor, {loss:.4g}")
         turn = ""
         if not np.array_equal(c.axes, np.eye(3)):
             yield from (f"*ORIENTATION, NAME=AXES{k}", _row(*map(float, c.axes[:2].ravel())))

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck_nodes import (
+    FIRST_OF_PART,
     Term,
     bar_axes,
+    first_element,
     matrix_scale,
     plain,
     scale_of,
@@ -22,7 +24,7 @@ from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.materials import Material
 from fem.model import DIRECTIONS
 
-LABEL = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
+LABEL: dict[str, str] = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
 Equations = list[tuple[str, tuple[Term, ...]]]
 PART = 9001
 """First number of types, materials, sections and real constants of commands for a model that has others."""
@@ -32,8 +34,8 @@ class _Numbers:
     """Numbers of nodes, elements and tables that are given out in their order."""
 
     def __init__(self, deck: ModelDeck) -> None:
-        self.node = int(deck.nodes.max(initial=0))
-        self.element = max(int(deck.bars.numbers.max(initial=0)), 900000 if deck.part else 0)
+        self.node = max(int(deck.nodes.max(initial=0)), FIRST_OF_PART - 1 if deck.part else 0)
+        self.element = first_element(deck) - 1
         self.table = PART - 1 if deck.part else 0
 
     def next(self, of: str) -> int:
@@ -78,16 +80,10 @@ def ansys_text(
     lines += [_command("D", n, "ALL", 0) for n in ground]
     if not deck.part:
         lines += [
-            *_damping(deck),
-            "FINISH",
-            "/SOLU",
-            "ANTYPE,MODAL",
-            f"MODOPT,LANB,{modes}",
-            f"MXPAND,{modes}",
-            "SOLVE",
-            "FINISH",
-        ]
-    lines += [t for text in deck.notes for t in wrapped("!", f"NOT IN THIS FILE OR IN PART: {text}")]
+            *_damping(deck), "FINISH", "/SOLU", "ANTYPE,MODAL", f"MODOPT,LANB,{modes}", f"MXPAND,{modes}",
+            "SOLVE", "FINISH",
+        ]  # fmt: skip
+    lines += [t for text in deck.notes for t in wrapped("!", f"NOTE: {text}")]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -104,7 +100,7 @@ def _material(m: Material, n: int, u: Units) -> Iterator[str]:
 
 
 def _bars(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
-    """Yield materials, sections and bars: cubic BEAM188 with a node in the direction of the height, LINK180."""
+    """Yield materials, sections and bars: LINK180, and cubic BEAM188 with a node towards the height."""
     if not deck.properties:
         return
     beam, rod = numbers.next("table"), numbers.next("table")
@@ -212,7 +208,7 @@ def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) ->
 
 
 def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Iterator[str]:
-    """Yield masses of 0 at nodes of equations without beams and bodies: ANSYS gives these no DOFs otherwise."""
+    """Yield masses of 0 at nodes of equations without beams and bodies: others have no DOFs in ANSYS."""
     rods = np.array([p.theory == "bar" for p in deck.properties], dtype=bool)
     beams = deck.bars.ends[~rods[deck.bars.properties]]
     there = {*beams.ravel().tolist(), *(b.node for b in deck.bodies)}

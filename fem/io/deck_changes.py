@@ -1,11 +1,14 @@
 """The part of a deck in which it differs from another one: cards that turn one model into another."""
 
+from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
 
+from fem.io.deck_nodes import FIRST_OF_PART
 from fem.io.frame_of_model import ModelDeck
 from fem.summary import listed
 
@@ -13,11 +16,14 @@ from fem.summary import listed
 def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
     """Return the part of a deck that another deck of the same structure has not, or has otherwise.
 
-    Nodes are the same if they have one place and number. Of bars whose properties alone differ, the properties
-    are written. The notes name what the cards replace, and supports that no longer are.
+    Nodes are the same if they have one place, and keep their number. Of bars whose properties alone differ, these are
+    written. The notes name what the cards replace, and supports that no longer are.
     """
-    known = {(int(n), *p) for n, p in zip(before.nodes, before.points.tolist(), strict=True)}
-    rows = (k for k, n in enumerate(deck.nodes) if (int(n), *deck.points[k].tolist()) in known)
+    number = dict(zip(_places(before), before.nodes.tolist(), strict=True))
+    free = count(max([FIRST_OF_PART, *(n + 1 for n in number.values())]))
+    numbers = [number[place] if place in number else next(free) for place in _places(deck)]
+    rows = (k for k, n in enumerate(numbers) if n < FIRST_OF_PART or n in number.values())
+    deck = replace(deck, nodes=np.array(numbers, dtype=np.int64))
     items = ("bodies", "connections", "links", "equations", "matrices")
     parts: dict[str, Any] = {
         name: _new(deck, before, getattr(deck, name), getattr(before, name)) for name in items
@@ -29,12 +35,23 @@ def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
     bars, properties, known_bars = _bars(deck, before)
     return replace(
         deck, bars=bars, properties=properties, supports=supports, part=True, known=frozenset(rows),
-        known_bars=known_bars, notes=(*_replaced(deck, before, items), *_freed(deck, before), *deck.notes), **parts,
+        known_bars=known_bars, **parts,
+        notes=(*_replaced(deck, before, items), *_freed(deck, before), *deck.notes),
     )  # fmt: skip
 
 
 def _without(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
     return tuple(d for d in some if d not in others)
+
+
+def _places(deck: ModelDeck) -> list[tuple[float, ...]]:
+    """Return the places of nodes, each with its rank among nodes at one place."""
+    seen: Counter[tuple[float, ...]] = Counter()
+    out = []
+    for p in map(tuple, deck.points.tolist()):
+        out.append((*p, seen[p]))
+        seen[p] += 1
+    return out
 
 
 def _place(deck: ModelDeck, row: int) -> tuple[float, ...]:

@@ -1,5 +1,7 @@
 """Decks for programs with fewer kinds of card: nodes for rigid arms and end springs, equations by DOF."""
 
+import re
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,8 +22,12 @@ from fem.model import DIRECTIONS, lever_matrix
 Floats = NDArray[np.float64]
 Term = tuple[int, str, float]
 """Row of a node, direction and coefficient."""
+FIRST_OF_PART = 900_001
+"""First number of nodes and elements of cards for a model that has others."""
 COINCIDENT = 1e-9
 """Length of an arm below which there is none, in parts of the structure's size [-]."""
+DECIMALS = 12
+"""Of the coefficients of equations, without rounding of the solution."""
 INDEPENDENT = 1e-9
 """Part of the largest pivot below which an equation follows from others [-]."""
 
@@ -38,6 +44,7 @@ class _More:
     equations: list[Equation] = field(default_factory=list)
     supports: dict[int, tuple[str, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    followers: dict[tuple[float, ...], int] = field(default_factory=dict)
 
     def node(self, place: Floats) -> int:
         """Add a node."""
@@ -49,19 +56,24 @@ class _More:
         size = max(float(np.ptp(np.array(self.points), axis=0).max()), 1e-300)
         if np.abs(place - self.points[node]).max() <= COINCIDENT * size:
             return node
-        new = self.node(place)
+        key = (node, *np.round(place / size, 9).tolist())
+        if key in self.followers:
+            return self.followers[key]
+        new = self.followers[key] = self.node(place)
         self.links.append(Link(name=f"arm of {name}", node=node, dependents=(new,), directions=DIRECTIONS))
         return new
 
     def split(self, m: NodeMatrices) -> None:
         """Add springs, dashpots and masses that stand for matrices."""
         if m.D.any():
-            self.notes.append(f"{m.name}: its loss factor")
+            self.notes.append(f"{m.name}: not in this file: its loss factor")
         for key in "KCM":
             values, vectors = np.linalg.eigh(getattr(m, key))
             some = np.abs(values) > INDEPENDENT * np.abs(values).max(initial=0.0)
             if key == "M" and (values[some] < 0).any():
-                self.notes.append(f"{m.name}: masses that it takes away, {values[some].min():.3g} kg")
+                self.notes.append(
+                    f"{m.name}: not in this file: masses that it takes away, {values[some].min():.3g} kg"
+                )
                 some &= values > 0
             for value, vector in zip(values[some], vectors.T[some], strict=True):
                 self._scalar(m, key, float(value), np.where(np.abs(vector) > INDEPENDENT, vector, 0.0))
@@ -76,6 +88,11 @@ class _More:
         else:
             X: Any = {key: np.diag([value, 0.0, 0.0, 0.0, 0.0, 0.0])}
             self.springs.append(Connection(name=m.name, nodes=(node, None), **X))
+
+
+def first_element(deck: ModelDeck) -> int:
+    """Return the number of the first element that is no bar."""
+    return max(int(deck.bars.numbers.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1)
 
 
 def bar_axes(deck: FrameDeck) -> Floats:
@@ -103,7 +120,8 @@ def with_nodes(
     offsets, releases : bool
         Whether those of bars become nodes too.
     arms : bool or None
-        Whether the arms of connections become nodes; None: unless they act midway between two nodes.
+        Whether the arms of connections become nodes; None: those of
+        uncoupled ones that do not act midway between two nodes.
     bodies : bool
         Whether the arms of bodies become nodes.
     springs : callable, optional
@@ -114,7 +132,10 @@ def with_nodes(
     bars = _with_ends(deck, more, offsets, releases)
     connections = [*deck.connections, *more.connections]
     if arms is not False:
-        connections = [_at_place(c, more) if arms or not _midway(more.points, c) else c for c in connections]
+        connections = [
+            _at_place(c, more) if arms or (plain(c) and not _midway(more.points, c)) else c
+            for c in connections
+        ]
     matrices = deck.matrices
     if springs is not None:
         coupled = [c for c in connections if not springs(c)]
@@ -126,7 +147,7 @@ def with_nodes(
         connections = [replace(c, K=zero, C=zero, D=zero) if c in coupled else c for c in connections]
         connections, matrices = [*connections, *more.springs], ()
     masses = [_at_centre(b, more) for b in deck.bodies] if bodies else deck.bodies
-    first = int(deck.nodes.max(initial=0)) + 1
+    first = max(int(deck.nodes.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1)
     numbers = np.concatenate([deck.nodes, np.arange(first, first + len(more.points) - len(deck.nodes))])
     return replace(
         deck, nodes=numbers, points=np.array(more.points), bars=bars, connections=tuple(connections),
@@ -255,7 +276,7 @@ def _solved(
         raise MeshError(msg)
     pivots = np.flatnonzero(free)[order[:rank]]
     rows = np.linalg.solve(R[:rank, :rank], turned[:rank])
-    rows[np.abs(rows) < INDEPENDENT] = 0.0
+    rows = np.round(rows, DECIMALS)
     for p, row in zip(pivots, rows, strict=True):
         others = [j for j in np.flatnonzero(row) if j != p]
         yield ((*keys[p], 1.0), *((*keys[j], float(row[j])) for j in others))
@@ -331,12 +352,13 @@ def matrix_scale(n: int, quantity: str, units: Units) -> Floats:
     return units.mass / per_time * np.outer(arm, arm)
 
 
+_ASCII = str.maketrans({"±": "+-", "·": " ", "−": "-", "\u00a0": " ", "²": "^2", "³": "^3", "⁴": "^4"})
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
+
+
 def wrapped(mark: str, text: str, width: int = 78) -> list[str]:
     """Return a text as lines of comment in ASCII."""
-    plain = text.replace("±", "+-").replace("·", " ").replace("²", "^2").replace("³", "^3").replace("⁴", "^4")
-    words, lines = plain.encode("ascii", "replace").decode().split(), [""]
-    for word in words:
-        if len(lines[-1]) + len(word) > width:
-            lines.append("")
-        lines[-1] += f" {word}"
-    return [f"{mark}{line}" for line in lines if line]
+    plain = _POWER.sub(lambda found: f"e{found[1].translate(_RAISED)}", text).translate(_ASCII)
+    lines = textwrap.wrap(plain.encode("ascii", "replace").decode(), width, break_on_hyphens=False)
+    return [f"{mark} {line}" for line in lines]

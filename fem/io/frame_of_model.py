@@ -79,7 +79,7 @@ class ModelDeck(FrameDeck):
     part : bool
         Whether these are cards for a model that has others already, and not all of one.
     known, known_bars : frozenset of int
-        Rows of nodes and bars that this model has already: they are not written, but the bars' properties are.
+        Rows of nodes and bars that this model has already: of these the bars' properties alone are written.
     """
 
     matrices: tuple[NodeMatrices, ...] = ()
@@ -90,10 +90,11 @@ class ModelDeck(FrameDeck):
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What has been found of a model so far."""
+    """What has been found of a model so far; ``joints`` are the rows of connections by name."""
 
     bodies: list[Body] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
+    joints: dict[str, int] = field(default_factory=dict)
     links: list[Link] = field(default_factory=list)
     equations: list[Equation] = field(default_factory=list)
     matrices: list[NodeMatrices] = field(default_factory=list)
@@ -113,8 +114,8 @@ class _Parts:
 def deck_of(model: Model, file: str = "model") -> ModelDeck:
     """Return the deck of a model; its notes name the effects that are not in it, and why.
 
-    Bars are numbered as lines of the mesh, from 1, and nodes as points; a model of a deck has names of points such
-    as ``"node 12"``, which give the numbers. Masses and cracks within a line get a
+    Bars are numbered as lines of the mesh, from 1, and nodes as points; a model of a deck has names of points
+    such as ``"node 12"``, which give the numbers. Masses and cracks within a line get a
     node. Changes of sections that a fit has found to first order are changes of the constants.
 
     Parameters
@@ -251,6 +252,8 @@ def _factors(model: Model, member: str) -> dict[str, float]:
         elif isinstance(e, SectionForm) and member in e.members:
             more = {key: 1 + getattr(e, key) for key in ("Iy", "Iz", "J")} | {"rho": 1 + e.A}
             more |= dict.fromkeys(("ky", "kz"), 1 / (1 + e.shear))
+            s = frame.members[member].section
+            more["Ip"] = (more["Iy"] * s.Iy + more["Iz"] * s.Iz) / (s.Iy + s.Iz)
         out |= {key: out[key] * float(np.real(value)) for key, value in more.items()}
     return out
 
@@ -287,7 +290,9 @@ def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
     if isinstance(effect, (*FOLDED, SectionShear, Crack, EndRelease)) or _along(effect):
         return
     if isinstance(effect, GLOBAL):
-        parts.notes.append(f"{effect.name}: {effect.where}: no card stands for {effect.kind}")
+        parts.notes.append(
+            f"{effect.name}: {effect.where}: not in this file: no card stands for {effect.kind}"
+        )
     elif isinstance(effect, RigidLink):
         parts.links.append(
             Link(
@@ -318,6 +323,7 @@ def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
         _add_sprung_mass(effect, model, parts)
     else:
         if isinstance(effect, Joint) and _joins(effect, model):
+            parts.joints[effect.name] = len(parts.connections)
             parts.connections.append(_of_joint(effect, model))
         _add_contributions(effect, model, parts)
 
@@ -329,8 +335,8 @@ def _of_joint(joint: Joint, model: Model) -> Connection:
         np.where(rigid[:, None] | rigid, 0.0, X) for X in (joint.K, joint.C, joint.D + joint.eta * joint.K)
     )
     return Connection(
-        name=joint.name, nodes=(joint.point1, joint.point2), K=K, C=C, D=D, axes=joint.axes, place=joint.location,
-        rigid=tuple(d for d in joint.rigid if d in held),
+        name=joint.name, nodes=(joint.point1, joint.point2), K=K, C=C, D=D, axes=joint.axes,
+        place=joint.location, rigid=tuple(d for d in joint.rigid if d in held),
     )  # fmt: skip
 
 
@@ -369,10 +375,10 @@ def _add_contributions(effect: Effect, model: Model, parts: _Parts) -> None:
         for nodes, X in _elements(c, node_of):
             if any(np.abs(Y - Y.T).max() > ROUNDING * np.abs(Y).max() for Y in X.values()):
                 parts.notes.append(
-                    f"{effect.name}: {effect.where}: its matrices are not symmetric and are not in the deck"
+                    f"{effect.name}: {effect.where}: not in this file: its matrices are not symmetric"
                 )
                 break
-            _add_matrices(effect, model, parts, nodes, X)
+            _add_matrices(effect, parts, nodes, X)
 
 
 def _internal_nodes(effect: Effect, model: Model, parts: _Parts) -> dict[int, tuple[int, int]]:
@@ -403,14 +409,12 @@ def _elements(
         yield nodes, out
 
 
-def _add_matrices(
-    effect: Effect, model: Model, parts: _Parts, nodes: tuple[int, ...], X: dict[str, Floats]
-) -> None:
+def _add_matrices(effect: Effect, parts: _Parts, nodes: tuple[int, ...], X: dict[str, Floats]) -> None:
     """Add matrices of nodes as a connection and a body where they are those of one, else as they are."""
     points, zero = np.array([parts.points[n] for n in nodes]), np.zeros_like(X["K"])
     springs = {key: X[key] for key in "KCD" if X[key].any()}
     if springs and (len(nodes) == 1 or (len(nodes) == 2 and _costs_nothing(points, springs))):
-        _add_connection(effect, model, parts, nodes, {key: Y[:6, :6] for key, Y in springs.items()})
+        _add_connection(effect, parts, nodes, {key: Y[:6, :6] for key, Y in springs.items()})
         X |= dict.fromkeys("KCD", zero)
     if len(nodes) == 1 and X["M"].any() and (body := _body(effect.name, nodes[0], X["M"])) is not None:
         parts.bodies.append(body)
@@ -428,21 +432,19 @@ def _costs_nothing(points: Floats, springs: dict[str, Floats]) -> bool:
     )
 
 
-def _add_connection(
-    effect: Effect, model: Model, parts: _Parts, nodes: tuple[int, ...], springs: dict[str, Floats]
-) -> None:
+def _add_connection(effect: Effect, parts: _Parts, nodes: tuple[int, ...], springs: Any) -> None:
     """Add matrices (6, 6) at the first node to the effect's joint, if it has one there, else a connection."""
-    pair = nodes[0], nodes[1] if len(nodes) > 1 else None
-    place = parts.points[nodes[0]]
+    place, second = parts.points[nodes[0]], nodes[-1] if len(nodes) > 1 else None
     names = getattr(effect, "joints", (getattr(effect, "joint", effect.name),))
-    for k, c in enumerate(parts.connections):
-        if c.name.split(" with ")[0] in names and c.nodes == pair and c.place is not None:
+    for k in (parts.joints[name] for name in names if name in parts.joints):
+        c = parts.connections[k]
+        if c.nodes == (nodes[0], second) and c.place is not None:
             # (6, 6) of the relative motion at the connection's place and in its axes
             T = lever_matrix(place - c.place) @ np.kron(np.eye(2), c.axes.T)
-            more = {key: getattr(c, key) + _clean(T.T @ Y @ T) for key, Y in springs.items()}
+            more: Any = {key: getattr(c, key) + _clean(T.T @ Y @ T) for key, Y in springs.items()}
             parts.connections[k] = replace(c, name=f"{c.name} with {effect.name}", **more)
             return
-    parts.connections.append(Connection(name=effect.name, nodes=pair, place=place, **springs))
+    parts.connections.append(Connection(name=effect.name, nodes=(nodes[0], second), place=place, **springs))
 
 
 def _clean(X: Floats) -> Floats:

@@ -1,5 +1,6 @@
 """Nastran decks: a model, or cards for one, in large fields of 16 columns."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     all_matrices,
+    first_element,
     matrix_entries,
     matrix_scale,
     plain,
@@ -18,6 +20,7 @@ from fem.io.deck_nodes import (
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck
+from fem.mesh import MeshError
 from fem.model import DIRECTIONS
 
 COMPONENT = {d: str(i) for i, d in enumerate(DIRECTIONS, 1)}
@@ -46,7 +49,7 @@ def nastran_text(
     u, deck = Units.of(units), with_nodes(deck, arms=None)
     bulk = [*_nodes(deck, u), *_bars(deck, u), *_others(deck, u)]
     head = [line for text in heading for line in wrapped("$", text)]
-    notes = [line for text in deck.notes for line in wrapped("$", f"NOT IN THIS FILE OR IN PART: {text}")]
+    notes = [line for text in deck.notes for line in wrapped("$", f"NOTE: {text}")]
     used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
     requests = [f"{MATRICES[key]} = {key}EFF" for key in used]
     if deck.part:
@@ -66,6 +69,9 @@ def number(value: float, letter: str = "") -> str:
 
     ``letter`` is that of the exponent; Nastran needs none.
     """
+    if not math.isfinite(value):
+        msg = f"{value} is no number that a deck can have"
+        raise MeshError(msg)
     if not letter and (value == 0 or 1e-2 <= abs(value) < 1e7):
         point = f"{value:.0f}".lstrip("-")
         return f"{value:.{WIDTH - 2 - len(point)}f}".rstrip("0")
@@ -75,7 +81,7 @@ def number(value: float, letter: str = "") -> str:
         if len(plain) <= WIDTH:
             return plain
     msg = f"{value} does not fit into {WIDTH} columns"
-    raise ValueError(msg)
+    raise MeshError(msg)
 
 
 def card(name: str, *fields: Any) -> list[str]:
@@ -169,16 +175,14 @@ def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
 
 def _others(deck: ModelDeck, u: Units) -> Iterator[str]:
     """Yield bodies, connections, links, equations and matrices; elements are numbered behind the bars."""
-    first = int(deck.bars.numbers.max(initial=0)) + 1
-    if deck.part:
-        first = max(first, 900001)
+    first = first_element(deck)
     for k, b in enumerate(deck.bodies):
         yield from wrapped("$", b.name)
         yield from _body(deck, b, first + k, u)
     first += len(deck.bodies)
     for k, c in enumerate(deck.connections):
-        yield from wrapped("$", c.name)
         if plain(c) and any(X.any() for X in (c.K, c.C, c.D)):
+            yield from wrapped("$", c.name)
             yield from _bush(deck, c, first + k, u)
     first += len(deck.connections)
     for k, link in enumerate(deck.links):
