@@ -1,8 +1,8 @@
 """Frame models of Abaqus and CalculiX input files: beams, trusses, masses, springs, supports, constraints.
 
-The mesh is read by :mod:`fem.io.abaqus`. Abaqus' B31 and B32 have shear deformation and rotary inertia, and so
-have bars here; B33 has neither. Abaqus lumps the masses of B31, which are consistent here: that differs by the
-square of the element's length, and not at all in the limit of short elements.
+The mesh is read by :mod:`fem.io.abaqus`. Abaqus' B31 and B32 have shear deformation and rotary inertia, and
+so have bars here; B33 has neither. Abaqus lumps the masses of B31, which are consistent here: frequencies
+differ by the square of the element's length, and not at all in the limit of short elements.
 """
 
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus_bars import BarBuilder
+from fem.io.abaqus_beams import BeamReader
 from fem.io.abaqus_constraints import ConstraintBuilder
 from fem.io.abaqus_content import Content, read_content
 from fem.io.abaqus_materials import Materials
@@ -42,7 +43,7 @@ def read_abaqus_frame(path: Path, units: Units) -> FrameDeck:
     """
     content = read_content(path, units)
     systems, materials = Systems(content), Materials(content)
-    bars, properties = BarBuilder(content, materials).build()
+    bars, properties = BarBuilder(content, BeamReader(content, materials)).build()
     points = PointBuilder(content, systems)
     links, equations = ConstraintBuilder(content, systems).build()
     fixed = fixed_of(content)
@@ -79,8 +80,8 @@ def _fix_plane(content: Content, fixed: dict) -> None:
     if len(planar) < len(lines):
         other = next(kind for kind in lines if kind.name not in known.PLANAR)
         msg = (
-            f"{other.place}: *ELEMENT of type {other.name} is in space, and those of type {planar[0].name} are in "
-            "the plane; give all elements one or the other"
+            f"{other.place}: *ELEMENT of type {other.name} is in space, and those of type {planar[0].name} are "
+            "in the plane; give all elements one or the other"
         )
         raise MeshError(msg)
     for row in range(len(content.points)):
