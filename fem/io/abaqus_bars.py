@@ -74,7 +74,7 @@ class BarBuilder:
         if before is not None:
             old = before[0].block
             words = (
-                f"gives element {self.content.number(row)} a second section after *{old.name} at {old.place}; "
+                f"gives element {self.content.number(row)} another section than *{old.name} at {old.place}; "
                 "take it out of one of the sets"
             )
             raise fault(beam.block, words)
@@ -178,7 +178,7 @@ class BarBuilder:
         if beam.shape.section.Iy == beam.shape.section.Iz and not any(beam.offset):
             return np.full(3, np.nan), np.full(3, np.nan)
         words = (
-            f": n1 is along element {self.content.number(row)}, so that its section has no direction; give n1 "
+            f": n1 is along element {self.content.number(row)}, so its section has no direction; give n1 "
             "on the line after the dimensions (without it n1 is 0, 0, -1)"
         )
         raise fault(beam.block, words)

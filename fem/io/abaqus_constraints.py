@@ -56,7 +56,7 @@ class ConstraintBuilder:
             kind, *labels = (cell.upper() if k == 0 else name_of(cell) for k, cell in enumerate(cells))
             if kind not in ("BEAM", "PIN", "TIE", "LINK") or len(labels) != 2:
                 msg = (
-                    f"{place}: *MPC {kind[:20]} with {len(labels)} nodes is not read; read are BEAM, PIN, TIE "
+                    f"{place}: *MPC {kind[:20]} with {len(labels)} nodes is not read, but BEAM, PIN, TIE "
                     "and LINK, each with two nodes or sets"
                 )
                 raise MeshError(msg)

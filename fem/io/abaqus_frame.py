@@ -14,6 +14,7 @@ from fem.io.abaqus_bars import BarBuilder
 from fem.io.abaqus_beams import BeamReader
 from fem.io.abaqus_constraints import ConstraintBuilder
 from fem.io.abaqus_content import Content, read_content
+from fem.io.abaqus_deck import Block
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_points import PointBuilder
 from fem.io.abaqus_supports import fixed_of, supports_of
@@ -65,7 +66,7 @@ def read_abaqus_frame(path: Path, units: Units) -> FrameDeck:
     )
 
 
-def _fix_plane(content: Content, fixed: dict) -> None:
+def _fix_plane(content: Content, fixed: dict[int, dict[int, Block]]) -> None:
     """Fix z, rx and ry of all nodes where the elements are planar.
 
     Raises
@@ -80,7 +81,7 @@ def _fix_plane(content: Content, fixed: dict) -> None:
     if len(planar) < len(lines):
         other = next(kind for kind in lines if kind.name not in known.PLANAR)
         msg = (
-            f"{other.place}: *ELEMENT of type {other.name} is in space, and those of type {planar[0].name} are "
+            f"{other.place}: *ELEMENT of type {other.name} is in space, those of type {planar[0].name} are "
             "in the plane; give all elements one or the other"
         )
         raise MeshError(msg)
