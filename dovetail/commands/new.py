@@ -1,7 +1,9 @@
 """``dovetail new``: a study to start from."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dovetail.commands.argument_types import positive
 from dovetail.commands.common import (
@@ -11,8 +13,14 @@ from dovetail.commands.common import (
 )
 from dovetail.disk.output import OutputError, Progress, result_folder
 
+if TYPE_CHECKING:
+    from fem.io.uff_types import Points
+
 HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
+
+_MESHES = (".bdf", ".nas", ".dat", ".fem", ".inp", ".cdb", ".msh", ".vtu", ".vtk", ".xdmf", ".med")
+"""Suffixes of files that are a mesh or a deck where two are given; universal files may be either."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -22,9 +30,15 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
     p.add_argument(
-        "--from", dest="test", type=Path, nargs=2, metavar=("FRFS", "MESH"),
-        help="make the study of a test's FRFs with geometry (.uff) and a mesh; sensors are put on members",
+        "--from", dest="test", type=Path, nargs="+", metavar="FILE",
+        help="make the study of a Nastran, Abaqus or ANSYS deck or a mesh, with the FRFs and geometry of a "
+        "test (.uff) if given; sensors are put on members",
     )  # fmt: skip
+    p.add_argument(
+        "--units",
+        default="SI",
+        help="of a deck with sections, such as mm-t-s, or length,mass,time in m, kg and s (default SI)",
+    )
     p.add_argument(
         "--geometry", type=Path, metavar="FILE", help="of the test: a universal file, where FRFS has none"
     )
@@ -86,39 +100,76 @@ def _refuse_existing(options: Options, folder: Path, names: tuple[str, ...]) -> 
 
 
 def _from_test(options: Options, progress: Progress) -> None:
-    """Write a study of a test and a mesh, with tables of sensors and excitations."""
-    from dovetail.file.from_test import EXCITATIONS, SENSORS, STUDY, Placing, draft_study
+    """Write a study of a deck or a mesh, and of a test with tables of sensors and excitations."""
+    from dovetail.file.from_deck import MESH, read_structure, study_text
+    from dovetail.file.from_test import EXCITATIONS, SENSORS, STUDY, Draft, Placing, draft_study
     from dovetail.study import load_study
-    from fem.io import read_uff
 
     folder = options.folder or Path("study")
-    _refuse_existing(options, folder, (STUDY, SENSORS, EXCITATIONS))
-    points = None
-    if options.geometry is not None:
-        points = read_uff(options.geometry).points
-        if points is None:
-            msg = f"{options.geometry}: it has no points (dataset 15 or 2411)"
-            raise OutputError(msg)
-    progress("matching")
-    placing = Placing(options.tolerance, options.unit, options.same_axes, options.alternative)
-    measured, mesh = options.test
-    draft = draft_study(
-        measured, mesh, folder, kind=options.kind, mesh_scale=options.mesh_scale, points=points,
-        placing=placing,
+    measured, mesh = _files_of(options.test)
+    _refuse_existing(options, folder, (STUDY, MESH, SENSORS, EXCITATIONS))
+    progress("reading")
+    structure = read_structure(
+        mesh, folder, scale=options.mesh_scale, units=_units(options.units),
+        mesh_will_do=measured is not None,
     )  # fmt: skip
+    if measured is None:
+        draft = Draft({STUDY: study_text(structure, mesh.name), **structure.files}, structure.notes)
+    else:
+        draft = draft_study(
+            measured, structure, folder, kind=options.kind, points=_geometry(options),
+            placing=Placing(options.tolerance, options.unit, options.same_axes, options.alternative),
+        )  # fmt: skip
     with result_folder(folder, options.force) as scratch:
         for name, text in draft.files.items():
             (scratch / name).write_text(text, encoding="utf-8")
     (folder / ".dovetail").unlink(missing_ok=True)  # from now on it is the user's
     progress.close()
     try:
-        load_study(folder / STUDY, ("sensors",))
+        load_study(folder / STUDY, () if measured is None else ("sensors",))
     except ValueError as reason:
         warn([f"the study needs a change before it can be used: {reason}"])
+    others = [name for name in draft.files if name != STUDY]
+    with_others = f", with {' and '.join(others)}" if others else ""
+    change = "" if structure.complete else "Material, sections, supports and damping are placeholders. "
     say(
         options,
-        f"{folder / STUDY} is written, with {SENSORS} and {EXCITATIONS}.",
+        f"{folder / STUDY} is written{with_others}.",
         *(f"note: {note}" for note in draft.notes),
-        "Material, sections, supports and damping are placeholders. Next:",
+        f"{change}Next:",
         f"  dovetail check {folder / STUDY}",
     )
+
+
+def _files_of(given: Sequence[Path]) -> tuple[Path | None, Path]:
+    """Return the FRFs, None without any, and the mesh or deck, in whatever order they are given."""
+    if len(given) == 1:
+        return None, given[0]
+    if len(given) > 2:
+        msg = f"--from takes a deck or a mesh, and FRFs if there are some; found {len(given)} files"
+        raise OutputError(msg)
+    one, other = given
+    if one.suffix.lower() in _MESHES and other.suffix.lower() not in _MESHES:
+        one, other = other, one
+    return one, other
+
+
+def _units(text: str) -> str | tuple[float, ...]:
+    """Return the name of units, or their three sizes."""
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        return text
+
+
+def _geometry(options: Options) -> "Points | None":
+    """Return the geometry of the test where it has a file of its own."""
+    from fem.io import read_uff
+
+    if options.geometry is None:
+        return None
+    points = read_uff(options.geometry).points
+    if points is None:
+        msg = f"{options.geometry}: it has no points (dataset 15 or 2411)"
+        raise OutputError(msg)
+    return points

@@ -513,7 +513,7 @@ class _Reader:
         top = self.top
         inline = "file" not in top.table("mesh").values
         materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
-        properties, sizes = read_members(top, geometry.mesh, inline, materials, known_sections)
+        properties, sizes, layers = read_members(top, geometry.mesh, inline, materials, known_sections)
         notes.extend((*note_shear_centres(properties, known_candidates(top)), *note_one_sided(properties)))
         supports, joints = read_supports(top, geometry), read_joints(top, geometry)
         connections = (
@@ -522,7 +522,8 @@ class _Reader:
             *read_constraints(top, geometry),
             *read_sprung_masses(top, geometry),
         )
-        masses, loads = read_masses(top, geometry), read_loads(top, geometry, (*supports, *joints))
+        masses = (*read_masses(top, geometry), *layers)
+        loads = read_loads(top, geometry, (*supports, *joints))
         unbalances = read_unbalances(top, geometry)
         return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances)
 
@@ -543,7 +544,7 @@ class _Reader:
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
         most = table.whole("max_elements", MOST_ELEMENTS)
-        for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane"):
+        for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane", "free_points"):
             table.get(key, None)
         table.finish()
         try:

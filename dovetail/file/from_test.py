@@ -1,8 +1,7 @@
-"""A study to start from, made of a test's FRFs with its geometry, and a mesh."""
+"""A study to start from, made of a test's FRFs with its geometry, and a mesh or a deck."""
 
 import csv
 import io
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.file.from_deck import Structure, named_from
 from dovetail.file.table import StudyError
 from dovetail.file.toml import toml_table, toml_value
 from fem.analysis.frf import FRF
 from fem.io.frf_files import read_frfs
-from fem.io.frf_reading import Asked, Reading
-from fem.io.meshfile import read_mesh
+from fem.io.frf_reading import Asked
 from fem.io.uff_format import UffError, parse_label
 from fem.io.uff_types import Points
 from fem.mesh import Mesh
@@ -73,27 +72,25 @@ class Draft:
 
 def draft_study(
     measured: Path,
-    mesh_file: Path,
+    structure: Structure,
     folder: Path,
     *,
     kind: str | None = None,
-    mesh_scale: float = 1.0,
     points: Points | None = None,
     placing: Placing | None = None,
 ) -> Draft:
-    """Return a study of a mesh and a test, with a sensor for each response and an excitation for each force.
+    """Return a study of a structure and a test, with a sensor and an excitation for each response and force.
 
     Parameters
     ----------
     measured : Path
         FRFs whose labels are degrees of freedom, such as ``12Z+``.
-    mesh_file : Path
+    structure : Structure
+        Of a deck or a mesh.
     folder : Path
         Where the study will lie; the files are named from there.
     kind : str, optional
         Kind of the FRFs, where the file does not say it.
-    mesh_scale : float
-        Metres in the mesh's unit of length.
     points : Points, optional
         Geometry of the test; that of the measured file unless given.
     placing : Placing, optional
@@ -103,17 +100,17 @@ def draft_study(
     StudyError
         If the test has no geometry, its labels are no degrees of freedom, or none of its points is on the
         mesh.
-    UffError, TableError, MeshError, GeometryMatchError
+    UffError, TableError, GeometryMatchError
         If a file cannot be read, or the points fit nowhere.
     """
     placing = placing or Placing()
     reading = read_frfs(measured, Asked(kind))
-    mesh = read_mesh(mesh_file, mesh_scale)
+    mesh = structure.mesh
     points = reading.points if points is None else points
     if points is None:
         msg = f"{measured}: it has no coordinates of nodes (dataset 15 or 2411); give --geometry"
         raise StudyError(msg)
-    notes = [f"{measured.name}: {note}" for note in reading.notes]
+    notes = [*structure.notes, *(f"{measured.name}: {note}" for note in reading.notes)]
     ends = _ends(measured, reading.frfs, notes)
     nodes = sorted({node for part in ends.values() for node, _ in part.values()})
     missing = [n for n in nodes if n not in points.labels]
@@ -136,10 +133,11 @@ def draft_study(
         if not n:
             msg = f"{measured}: none of its {'responses' if name == SENSORS else 'forces'} is on the mesh"
             raise StudyError(msg)
-    text = _text(measured, mesh_file, folder, mesh_scale, kind, reading)
+    text = _text(structure, measured, folder, kind)
     counts = f"{tables[SENSORS][1]} sensors and {tables[EXCITATIONS][1]} excitations"
     notes.insert(0, f"{counts}: {found.describe()}")
-    return Draft({STUDY: text, **{name: table for name, (table, _) in tables.items()}}, tuple(notes))
+    files = {name: table for name, (table, _) in tables.items()}
+    return Draft({STUDY: text, **structure.files, **files}, tuple(notes))
 
 
 def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, dict[str, tuple[int, int]]]:
@@ -219,21 +217,16 @@ def _table(
     return out.getvalue(), len(rows)
 
 
-def _text(
-    measured: Path, mesh_file: Path, folder: Path, scale: float, kind: str | None, reading: Reading
-) -> str:
-    """Return the text of a study."""
-
-    def named(path: Path) -> str:
-        try:
-            return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-        except ValueError:  # another drive
-            return path.resolve().as_posix()
-
-    mesh = {"file": named(mesh_file), **({"scale": scale} if scale != 1 else {})}
+def _text(structure: Structure, measured: Path, folder: Path, kind: str | None) -> str:
+    """Return the text of a study of a structure and a test."""
     stated = {} if kind is None else {"kind": kind}
+    change = (
+        ", to be completed"
+        if structure.complete
+        else ", to be completed: material, sections, supports and damping are placeholders"
+    )
     return f"""\
-# A study of a mesh and a test, to be completed: material, sections, supports and damping are placeholders.
+# A study of a mesh and a test{change}.
 #
 #   dovetail check study.toml      what is wrong or missing
 #   dovetail compare study.toml    the model beside the measurement
@@ -246,28 +239,8 @@ excitations = {toml_value(EXCITATIONS)}
 [study]
 name = {toml_value(measured.stem)}
 
-{toml_table("[mesh]", mesh)}
-[materials.steel] # change
-E = 210e9
-rho = 7850.0
-
-[sections.flat] # change; circle (d), tube (d, t), hollow_rectangle (b, h, t), i_section (b, h, tf, tw), ...
-shape = "rectangle"
-b = 0.030
-h = 0.010
-
-[defaults] # for every member that does not say otherwise, under [members.NAME]
-material = "steel"
-section = "flat"
-
-# [[supports]] # without any the structure is free
-# point = [0.0, 0.0, 0.0]
-# fixed = "all"
-
-[damping]
-modal = 0.01 # change
-
-{toml_table("[[measurements]]", {"file": named(measured), **stated})}
+{structure.text}
+{toml_table("[[measurements]]", {"file": named_from(folder, measured), **stated})}
 [uncertain] # relative standard deviations
 E = 0.02
 rho = 0.01

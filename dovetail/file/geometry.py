@@ -184,7 +184,7 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
     file = mesh.text("file", "")
     scale = mesh.number("scale", 1.0, above=0.0)
     tolerance = mesh.number("merge_tolerance", None, least=0.0, unit="m")
-    connect = mesh.flag("connect", True)
+    connect, free = mesh.flag("connect", True), mesh.flag("free_points", False)
     if file:
         if points.values:
             points.refuse(
@@ -195,10 +195,11 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
             mesh.refuse("file", f"there is no file '{os.fspath(path)}'")
         with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            read = read_mesh(path, scale=scale, merge_tolerance=tolerance, sets=mesh.text("sets", None))
+            sets = mesh.text("sets", None)
+            read = read_mesh(path, scale, tolerance, sets, free_points=free)
         notes.extend(str(w.message) for w in caught if w.category is not MeshWarning)  # the mesh keeps those
         return Geometry(read)
-    for key in ("scale", "merge_tolerance", "sets"):
+    for key in ("scale", "merge_tolerance", "sets", "free_points"):
         if key in mesh:
             mesh.refuse(key, "it belongs to a mesh file, and [mesh] gives no file")
     places = {key: points.vector(key) for key in points.values}

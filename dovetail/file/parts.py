@@ -13,6 +13,7 @@ from dovetail.file.section_table import Sections, section_rows
 from dovetail.file.table import Table, as_vector, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
+from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
 from fem.effects.shear_centre import ShearCentre, is_eccentric
 from fem.effects.support import Support
@@ -85,7 +86,12 @@ def read_section(t: Table, label: str = "") -> Section:
         values: dict[str, Any] = {key: _constant(t, key) for key in constants}
         with t.at():
             section = Section(
-                **values, ky=t.number("ky", 0.0, least=0), kz=t.number("kz", 0.0, least=0), label=label
+                **values,
+                ky=t.number("ky", 0.0, least=0),
+                kz=t.number("kz", 0.0, least=0),
+                label=label,
+                Ip=t.number("Ip", 0.0, least=0, unit="m⁴"),
+                angle=t.number("angle", 0.0, unit="rad"),
             )
         t.finish()
         return section
@@ -188,8 +194,10 @@ class MemberTables:
 
 def read_members(
     top: Table, mesh: Mesh, inline: bool, materials: Mapping[str, Material], sections: Mapping[str, Section]
-) -> tuple[dict[str, MemberProperties], dict[str, tuple[float | None, int | None]]]:
-    """Read the properties of every member of the mesh, and the element sizes and counts that some have."""
+) -> tuple[
+    dict[str, MemberProperties], dict[str, tuple[float | None, int | None]], tuple[DistributedMass, ...]
+]:
+    """Read the properties of every member of the mesh, element sizes and counts, and masses per length."""
     members, defaults = top.table("members"), top.table("defaults")
     tables = dict(members.named())
     for name, table in tables.items():
@@ -201,7 +209,7 @@ def read_members(
             unnamed = all(NUMBERED.fullmatch(one) for one in mesh.members)
             hint = "; the mesh has no named physical group of curves: is one missing?" if unnamed else ""
             members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}{hint}")
-    out, sizes = {}, {}
+    out, sizes, layers = {}, {}, []
     for name in mesh.members:
         own = tables.get(name, members)
         groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
@@ -218,9 +226,13 @@ def read_members(
                 f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m",
             )
         sizes[name] = _element_size(chain)
+        layer = chain.holder("mass_per_length")
+        mass = 0.0 if layer is None else layer.number("mass_per_length", least=0, unit="kg/m")
+        if mass:
+            layers.append(DistributedMass.over(mesh, name, out[name], mass))
     for table in (*tables.values(), defaults):
         table.finish()
-    return out, sizes
+    return out, sizes, tuple(layers)
 
 
 def _properties(
@@ -340,7 +352,8 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
             inertia = (
                 t.matrix("inertia", 3) if isinstance(rows, list) else t.number("inertia", least=0) * np.eye(3)
             )
-            if np.linalg.eigvalsh((inertia + inertia.T) / 2)[0] < 0 or not np.allclose(inertia, inertia.T):
+            least = np.linalg.eigvalsh((inertia + inertia.T) / 2)[0]
+            if least < -1e-9 * np.abs(inertia).max() or not np.allclose(inertia, inertia.T):
                 t.refuse(
                     "inertia", "the tensor must be symmetric and have no negative principal value [kg·m²]"
                 )

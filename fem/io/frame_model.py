@@ -196,7 +196,7 @@ def _cut(
     sections = [p.section] if p.section2 is None else [p.section, p.section2]
     mirrored = any(s.angle or s.shear_centre[0] for s in sections)  # seen from its other end
     alone = p.section2 is not None or (p.theory == "bar" and bool(offset[chain].any()))
-    hinged: NDArray[np.bool_] = np.isfinite(bars.stiffness).any(axis=2)
+    hinged = np.asarray(np.isfinite(bars.stiffness).any(axis=2))
     reverse = turned.astype(np.int64)
     start, by_height, by_z = 0, True, True
     for k, (i, j) in enumerate(pairwise(chain), start=1):

@@ -30,6 +30,8 @@ def read_mesh(
     scale: float = 1.0,
     merge_tolerance: float | None = None,
     sets: str | None = None,
+    *,
+    free_points: bool = False,
 ) -> Mesh:
     """Read a line mesh.
 
@@ -53,6 +55,8 @@ def read_mesh(
         Distance within which points become one [m]. Nothing is merged unless it is given.
     sets : str, optional
         Name of the integer cell array whose values are the members, for files that meshio reads.
+    free_points : bool
+        Whether to keep points on no line that have a name: masses, joints and links may act there.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def read_mesh(
         raise MeshError(msg)
     suffix = file.suffix.lower()
     if suffix in _UNIVERSAL:
-        return mesh_of(_universal(file), file.name, scale, merge_tolerance)
+        return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
     if suffix == ".inp":
         raw = read_abaqus(file)
     elif suffix in _NASTRAN:
@@ -74,7 +78,7 @@ def read_mesh(
         raw = read_gmsh(file)
     else:
         raw = read_by_meshio(file, sets)
-    return mesh_of(raw, file.name, scale, merge_tolerance)
+    return mesh_of(raw, file.name, scale, merge_tolerance, free_points)
 
 
 def _universal(file: Path) -> RawMesh:
@@ -122,7 +126,7 @@ def write_mesh(
         msg = f"{file.name}: a '{suffix}' file keeps no {'point' if point_data else 'line'} data; write .vtu"
         raise MeshError(msg)
     if suffix in (".inp", ".msh"):
-        _check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
+        check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
         text = abaqus_text(mesh) if suffix == ".inp" else gmsh_text(mesh)
         with replacing(file) as scratch:
             scratch.write_text(text, encoding="utf-8", newline="\n")
@@ -139,7 +143,8 @@ def _no_blanks(name: str) -> str:
     return "_".join(name.split())
 
 
-def _check_names(names: Iterable[str], file: str) -> None:
+def check_names(names: Iterable[str], file: str) -> None:
+    """Refuse names that ``.inp`` and ``.msh`` files cannot have."""
     bad = next((name for name in names if '"' in name or "," in name or "\n" in name), None)
     if bad is not None:
         msg = f"{file}: the name {bad!r} cannot be written; quotes, commas and line ends are not allowed"

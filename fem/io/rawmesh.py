@@ -64,8 +64,12 @@ class RawMesh:
         return f"line {row + 1}" if self.line_numbers is None else f"element {int(self.line_numbers[row])}"
 
 
-def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None) -> Mesh:
+def mesh_of(
+    raw: RawMesh, file: str, scale: float, merge_tolerance: float | None, free_points: bool = False
+) -> Mesh:
     """Make a mesh of a file's content; one warning lists data that were left out or look wrong.
+
+    Points on no line are left out; with ``free_points``, those that have a name are kept.
 
     The sentences of the warning are the mesh's ``notes``.
 
@@ -101,7 +105,8 @@ def mesh_of(raw: RawMesh, file: str, scale: float, merge_tolerance: float | None
         sets = sets.over(*_first_and_count(kept, len(origin)))
         origin = origin[kept]
     _check_lengths(raw, points, lines, origin, file)
-    points, lines, names = _used(points, lines, names, notes)
+    free = list(names.values()) if free_points else []
+    points, lines, names = _used(points, lines, names, notes, free)
     notes += _doubles(lines)
     mesh = _built(points, lines, sets, names, file, notes)
     if notes:
@@ -302,10 +307,14 @@ def _merged(
 
 
 def _used(
-    points: NDArray[np.float64], lines: NDArray[np.int64], names: dict[str, int], notes: list[str]
+    points: NDArray[np.float64],
+    lines: NDArray[np.int64],
+    names: dict[str, int],
+    notes: list[str],
+    free: Sequence[int],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, int]]:
-    """Leave out points on no line; the others keep their order."""
-    used = distinct(lines.ravel())
+    """Leave out points on no line but for some that are free; the others keep their order."""
+    used = distinct(np.append(lines.ravel(), np.array(free, dtype=np.int64)))
     to = np.full(len(points), -1)
     to[used] = np.arange(used.size)
     lost = [name for name, k in names.items() if to[k] < 0]
