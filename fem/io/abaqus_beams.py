@@ -76,10 +76,7 @@ class BeamReader:
         n = self._section_lines(block, kind, rows)
         factor, mat = self._material(placed, rows[n + 1 :])
         shape = self._shape(block, kind, rows[:n], mat.nu)
-        s = shape.section
-        if factor != 1.0:
-            s = replace(s, J=s.J * factor, ky=s.ky * factor, kz=s.kz * factor, shape="", dimensions={})
-        shape = shape._replace(section=self._with_shear(placed, s, mat))
+        shape = shape._replace(section=self._with_shear(placed, shape.section, mat, factor))
         self._note(placed, kind, shape.section)
         return Beam(block, shape, mat, self._n1(block, rows[n : n + 1]), self._offset(placed, kind, shape))
 
@@ -148,21 +145,25 @@ class BeamReader:
         nu = E / (2 * G) - 1
         kept = float(np.clip(nu, -0.9, 0.5))
         name = block.option("ELSET", "ELSET=")
-        return (1 + kept) / (1 + nu), material(block, name, E * units.stress, density, kept)
+        return (1 + kept) * 2 * G / E, material(block, name, E * units.stress, density, kept)
 
-    def _with_shear(self, placed: Placed, section: Section, mat: Material) -> Section:
-        """Return a section with the shear areas of *TRANSVERSE SHEAR STIFFNESS."""
+    def _with_shear(self, placed: Placed, section: Section, mat: Material, factor: float) -> Section:
+        """Return a section with another G, by a factor, and the areas of *TRANSVERSE SHEAR STIFFNESS."""
         block = placed.subs.get("TRANSVERSESHEARSTIFFNESS")
-        if block is None:
+        ky, kz = section.ky * factor, section.kz * factor
+        if block is not None:
+            K23, K13 = [*data(block, 0, 1, 2, "K23 and K13", 2), 0.0][:2]
+            ky, kz = (K * self.content.units.force / (mat.G * section.A) for K in (K13 or K23, K23))
+            if section.angle and ky != kz:
+                raise fault(block, "differs along 1 and 2, which are no principal axes of the section")
+        elif factor == 1.0:
             return section
-        K23, K13 = [*data(block, 0, 1, 2, "K23 and K13", 2), 0.0][:2]
-        ky, kz = (K * self.content.units.force / (mat.G * section.A) for K in (K13 or K23, K23))
-        if section.angle and ky != kz:
-            raise fault(block, "differs along 1 and 2, which are no principal axes of the section")
         try:
-            return replace(section, ky=ky, kz=kz, shape="", dimensions={}, estimated_k=False)
+            return replace(
+                section, J=section.J * factor, ky=ky, kz=kz, shape="", dimensions={}, estimated_k=False
+            )
         except PropertyError as reason:
-            raise fault(block, f": {reason}") from reason
+            raise fault(block or placed.block, f": {reason}") from reason
 
     def _offset(self, placed: Placed, kind: str, shape: Shape) -> tuple[float, float]:
         """Return the centroid of the shape or of *CENTROID, and what OFFSET1 and OFFSET2 of CalculiX add.

@@ -22,8 +22,11 @@ from fem.mesh import MeshError
 
 Rows = NDArray[np.int64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-LINEAR = 1e-9
+SAME_PLACE = 1e-9
 """Distance, relative to the size of the deck, within which nodes are at one place."""
+
+LARGEST = 1e50
+"""Numbers beyond this, whose powers overflow, are typing errors."""
 
 
 class Kind(NamedTuple):
@@ -225,7 +228,7 @@ class Content:
 
     def near(self, a: int, b: int) -> bool:
         """Return whether two nodes are at one place."""
-        return bool(np.linalg.norm(self.points[a] - self.points[b]) <= LINEAR * self.size)
+        return bool(np.linalg.norm(self.points[a] - self.points[b]) <= SAME_PLACE * self.size)
 
 
 def read_content(path: Path, units: Units) -> Content:
@@ -251,9 +254,9 @@ def read_content(path: Path, units: Units) -> Content:
         kinds += [types[number] for number in numbers]
         owners += [owner] * len(numbers)
     points = np.asarray(mesh.points, dtype=float).reshape(-1, 3) * units.length
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(points) < LARGEST).all(axis=1))
     if bad.size:
-        msg = f"{path.name}: {mesh.point(int(bad[0]))} has coordinates that are no finite numbers"
+        msg = f"{path.name}: {mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m"
         raise MeshError(msg)
     return Content(
         path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners, mesh.notes
@@ -278,9 +281,13 @@ def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int
         count = f"{least}" if least == most else f"{least} to {most}"
         raise fault(block, f"has {len(cells)} numbers on this line; {count} are expected: {what}", place)
     try:
-        return [real(cell) for cell in cells]
+        values = [real(cell) for cell in cells]
     except ValueError as reason:
         raise fault(block, f"takes {what}, but {reason}", place) from reason
+    strange = [v for v in values if v and not 1 / LARGEST < abs(v) < LARGEST]
+    if strange:
+        raise fault(block, f"takes {what}, but {strange[0]:g} is out of range", place)
+    return values
 
 
 def data(block: Block, k: int, least: int, most: int, what: str, taken: int | None = None) -> list[float]:

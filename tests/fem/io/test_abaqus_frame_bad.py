@@ -16,8 +16,8 @@ NODE = "*NODE\n9, 0, 0, 1\n"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (line(2, "B31") + STEEL, "line 6: *ELEMENT 1 of type B31 has no *BEAM SECTION"),
-        (line(2, "T3D2") + STEEL, "line 6: *ELEMENT 1 of type T3D2 has no *SOLID SECTION"),
+        (BEAM + "*ELEMENT, TYPE=B31\n9, 1, 3\n", "line 17: *ELEMENT 9 of type B31 has no *BEAM SECTION"),
+        (BEAM + "*ELEMENT, TYPE=T3D2\n9, 1, 3\n", "line 17: *ELEMENT 9 of type T3D2 has no *SOLID SECTION"),
         (line(2, "T3D2") + STEEL + RECT, "line 13: *BEAM SECTION is given for the element 1 of type T3D2"),
         (line(2, "B31") + RECT, "line 8: *BEAM SECTION refers to the material STEEL, which the file does no"),
         (line(2, "B31") + STEEL.replace("*DENSITY\n7800.0\n", "") + RECT, "line 8: *MATERIAL STEEL has no *"),
@@ -69,7 +69,7 @@ NODE = "*NODE\n9, 0, 0, 1\n"
             BEAM + "*ELEMENT, TYPE=ROTARYI, ELSET=R\n9, 1\n*ROTARY INERTIA, ELSET=R, ORIENTATION=O\n1\n",
             "line 18: *ROTARY INERTIA refers to the orientation O",
         ),
-        ("*NODE\n1, 0\n" + STEEL, "a.inp: the deck has no elements"),
+        ("*NODE\n1, 0\n" + STEEL + RECT, "a.inp: the deck has no elements"),
         (
             BEAM.replace("BEAM SECT", "BEAM GENERAL SECT").replace(", MATERIAL=STEEL", "") + "2e11, 8e10\n",
             "line 13: *BEAM GENERAL SECTION has no density",
@@ -83,6 +83,14 @@ def test_one_line_names_file_line_and_keyword(tmp_path, text, words):
     assert words in message, message
     assert message.startswith("a.inp")
     assert "\n" not in message
+
+
+def test_a_deck_without_sections_is_a_mesh(tmp_path):
+    solids = "*NODE\n5, 0, 1, 1\n*ELEMENT, TYPE=C3D4\n9, 1, 2, 3, 5\n*SOLID SECTION, ELSET=E\n"
+    deck = deck_of(tmp_path, line(2, "B31") + solids)
+    assert (deck.bars.ends.tolist(), deck.properties) == ([[0, 1], [1, 2]], ())
+    with pytest.raises(MeshError, match=r"a\.inp: it has bars without sections"):
+        model_of(deck)
 
 
 ALL = (
