@@ -70,6 +70,7 @@ class BeamReader:
             "ROTARYINERTIA", "DENSITY", "ZERO", "ORIENTATION",
         )  # fmt: skip
         kind = "".join(block.option("SECTION", "SECTION=").upper().split())
+        kind = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}.get(kind, kind)  # CalculiX compares four letters
         if block.options.get("ROTARYINERTIA", "EXACT") != "EXACT":
             self.content.notes.append(f"*{block.name} at line {block.line}: rotary inertia is not isotropic")
         rows = lines_of(block)
