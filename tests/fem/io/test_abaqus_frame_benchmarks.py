@@ -92,6 +92,27 @@ def test_fv5_deep_beam(tmp_path):
     np.testing.assert_allclose(f, published, rtol=6e-3)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("axis", "n1", "diagonal"),
+    [
+        ((1, 0, 0), (0, 1, 0), (250, 18, 12, 0.24, 4, 6)),
+        ((1, 0, 0), (0, 0, 1), (250, 12, 18, 0.24, 6, 4)),
+        ((0, 1, 0), (1, 0, 0), (18, 250, 12, 4, 0.24, 6)),
+        ((0, 1, 0), (0, 0, 1), (12, 250, 18, 6, 0.24, 4)),
+        ((0, 0, 1), (1, 0, 0), (18, 12, 250, 4, 6, 0.24)),
+        ((0, 0, 1), (0, 1, 0), (12, 18, 250, 6, 4, 0.24)),
+    ],
+)
+def test_stiffness_of_abaqus_b33(tmp_path, axis, n1, diagonal, sign):
+    """Stiffness that Abaqus wrote for this element (tests of FEMBeam.jl), its inner nodes condensed."""
+    x, y = (", ".join(map(str, v)) for v in (axis, [sign * c for c in n1]))
+    text = f"*NODE\n1, 0, 0, 0\n2, {x}\n*ELEMENT, TYPE=B33, ELSET=E\n1, 1, 2\n"
+    text += "*BEAM GENERAL SECTION, ELSET=E, DENSITY=100., SECTION=GENERAL\n2.5e-2, 1e-4, 0., 1.5e-4, 3e-5\n"
+    K = assemble(model_of(deck_of(tmp_path, text + f"{y}\n1e4, 8e3\n"))).K.toarray()
+    np.testing.assert_allclose(np.diag(K), diagonal * 2, rtol=1e-12)
+
+
 # CalculiX -----------------------------------------------------------------------------------------------
 
 ALUMINIUM = "*MATERIAL, NAME=AL\n*ELASTIC\n7e10, 0.\n*DENSITY\n2700\n"
