@@ -2,8 +2,8 @@
 
     python -m benchmarks.decks FOLDER [--modes 10] [--csv out.csv]
 
-FOLDER has decks (.bdf .dat .nas .inp) with the program's listing (.f06 .out) of the same name beside them, as
-MSC and Simcenter Nastran, NASTRAN-95 and MYSTRAN write it. Units do not matter, as long as they are consistent.
+FOLDER has decks (.bdf .dat .nas .inp) with the program's listing (.f06 .out) of the same name beside them,
+as MSC and Simcenter Nastran, NASTRAN-95 and MYSTRAN write it. Units do not matter if they are consistent.
 """
 
 import argparse
@@ -26,7 +26,7 @@ DECKS = (".bdf", ".dat", ".nas", ".inp")
 LISTINGS = (".f06", ".out")
 _TABLE = re.compile(r"R\s?E\s?A\s?L\s+E\s?I\s?G\s?E\s?N\s?V\s?A\s?L\s?U\s?E\s?S", re.IGNORECASE)
 _ROW = re.compile(r"^\d?\s*(\d+)\s+(\d+)\s+([-+.\dEeDd]+)\s+([-+.\dEeDd]+)\s+([-+.\dEeDd]+)(\s|$)")
-RIGID = 1e-3
+RIGID = 1e-4
 """Frequencies below this share of the highest one count as those of rigid bodies [-]."""
 
 
@@ -64,7 +64,9 @@ def compare(deck: Path, listing: Path, n: int) -> list[tuple[int, float, float]]
 
 def main() -> None:
     """Print a table of the decks in a folder."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--modes", type=int, default=10)
     parser.add_argument("--csv", type=Path)

@@ -185,10 +185,8 @@ def tables_of(model: Model, damping: Damping | None) -> str:
         + ("\nfree_points = true # nodes on no bar, which masses, joints and links hold" if lone else "")
     ]
     blocks += [
-        toml_table(
-            f"[materials.{toml_key(m.name)}]",
-            {"E": m.E, "rho": m.rho, "nu": m.nu} | ({"loss_factor": m.loss_factor} if m.loss_factor else {}),
-        )
+        f"[materials.{toml_key(m.name)}]\nE = {_in_giga(m.E)}\nrho = {m.rho!r}\nnu = {m.nu!r}"
+        + (f"\nloss_factor = {m.loss_factor!r}" if m.loss_factor else "")
         for m in frame.materials.values()
     ]
     sections, members = _members(mesh, frame.members, layers)
@@ -199,6 +197,12 @@ def tables_of(model: Model, damping: Damping | None) -> str:
         blocks += [toml_table(f"[[{header}]]", values) for header, values in _tables(effect, mesh, names)]
     blocks.append(_damping(damping))
     return "\n".join(block.rstrip("\n") + "\n" for block in blocks)
+
+
+def _in_giga(value: float) -> str:
+    """Return a modulus as 210e9, unless that is another number."""
+    short = f"{value / 1e9:.12g}e9"
+    return short if float(short) == value else repr(value)
 
 
 def _members(

@@ -15,6 +15,7 @@ from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, c
 from fem.elements import tapered
 from fem.elements.frame import Frame
 from fem.elements.layout import axes_and_arms, layout_of
+from fem.elements.properties import LUMPED
 from fem.elements.quadrature import gauss_points
 from fem.mesh import Location
 from fem.model import Model, ModelError
@@ -266,7 +267,7 @@ def with_weights(
             rows.append((at.line, int(c), at.xi, at.xi, weight, weight))
     lumped = np.zeros(mesh.n_lines, dtype=bool)
     for member, chain in mesh.members.items():
-        lumped[chain] = getattr(frame.members[member], "mass", "consistent") == "lumped"
+        lumped[chain] = getattr(frame.members[member], "mass", "consistent") in LUMPED
     a, b = axes.zone[:, 0], 1 - axes.zone[:, 1]
     per_length = force / ((b - a) * axes.span)[:, None, None]
     courses = {

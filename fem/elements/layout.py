@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fem.elements import tapered
 from fem.elements.axes import axes_of, is_parallel, parallel_message, turned
 from fem.elements.by_member import ByMember
-from fem.elements.properties import MemberProperties
+from fem.elements.properties import LUMPED, MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import ModelError
@@ -108,7 +108,8 @@ def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[n
         "rotary": np.array([float(p.theory == "timoshenko") for p, _ in kinds]),
         "bar": np.array([float(p.theory == "bar") for p, _ in kinds]),
         "higher": np.array([float(p.mass == "higher-order") for p, _ in kinds]),
-        "lumped": np.array([float(p.mass == "lumped") for p, _ in kinds]),
+        "lumped": np.array([float(p.mass in LUMPED) for p, _ in kinds]),
+        "turning": np.array([float(p.mass != "lumped-slender") for p, _ in kinds]),
         "tension": np.array([p.pretension for p, _ in kinds]),
         "up": np.array([np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]),
     }

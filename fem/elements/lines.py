@@ -50,6 +50,7 @@ class Lines:
     bar: NDArray[np.float64]  # 1 for bars
     higher: NDArray[np.float64]  # 1 for mass of higher order
     lumped: NDArray[np.float64]  # 1 for lumped mass
+    turning: NDArray[np.float64]  # 0 for mass without rotary inertia of bending
     tension: NDArray[np.float64]
     phi_y: NDArray[np.float64]  # shear parameter for bending in x-y
     phi_z: NDArray[np.float64]
@@ -283,7 +284,8 @@ def rigidities(g: Lines, xi: Array) -> Array:
 def inertias(g: Lines, xi: Array) -> Array:
     """Return mass and rotary inertia per length at places xi (…, b), shape (…, b, 6)."""
     at = constants_along(g, xi)
-    turning = ((1 - g.bar) * at["Ip"], g.rotary * at["Iy"], g.rotary * at["Iz"])
+    rotary = g.turning * g.rotary
+    turning = ((1 - g.bar) * at["Ip"], rotary * at["Iy"], rotary * at["Iz"])
     return g.rho[:, None] * np.stack([at["A"], at["A"], at["A"], *turning], axis=-1)
 
 

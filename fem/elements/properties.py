@@ -12,7 +12,8 @@ from fem.sections.section import Section
 from fem.summary import fields_summary
 
 THEORIES = ("timoshenko", "euler-bernoulli", "bar")
-MASSES = ("consistent", "higher-order", "lumped")
+MASSES = ("consistent", "higher-order", "lumped", "lumped-slender")
+LUMPED = ("lumped", "lumped-slender")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,8 @@ class MemberProperties:
         motion within an element that its own inertia makes in stretching, torsion and shear, and so removes
         most of the mesh's error; or ``"lumped"``: at each node half of an element's mass, of its rotary
         inertia about x and, with the Timoshenko theory, of that of bending. No inertia m L² comes with it:
-        without one, bending frequencies err by order h⁴ instead of h².
+        without one, bending frequencies err by order h⁴ instead of h². ``"lumped-slender"`` leaves
+        out the rotary inertia of bending, also with the Timoshenko theory, as Nastran's bars do.
     release1, release2 : tuple of str
         Local directions (x y z rx ry rz) in which the first and second end is free: hinges and sliders.
     spring1, spring2 : mapping of str to float

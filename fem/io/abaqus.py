@@ -156,6 +156,7 @@ class DeckReader:
     # Nodes and elements -------------------------------------------------------------------------------------
 
     def parts_of(self, block: Block) -> list[Rows]:
+        """Return the data lines of a block, with those of its INPUT file before them."""
         return [self.deck.data_file(block), *block.parts] if "INPUT" in block.options else block.parts
 
     def _nodes(self, block: Block) -> None:
@@ -194,7 +195,7 @@ class DeckReader:
                 self.part.sets["ELSET"].add(name, Entry(block.place, numbers=numbers))
 
     def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
-        """Return the number of nodes of a type that is read as lines, 0 of another, and of nodes that may follow."""
+        """Return the number of nodes of a type, 0 if it is not read, and of those that may follow."""
         return nodes_of(kind)
 
     def _keep_kind(

@@ -133,7 +133,7 @@ class Assembly:
             return None
         if isinstance(found[1], int):
             return self.rows_of(keyword, found[0], str(found[1]))
-        return resolver.members(*found)
+        return resolver.members(found[0], found[1])
 
     def node_sets(self) -> tuple[dict[str, NDArray[np.int64]], list[str]]:
         """Return the node numbers of the sets outside of parts, and notes on missing nodes that they name."""

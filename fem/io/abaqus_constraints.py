@@ -1,4 +1,4 @@
-"""Constraints of Abaqus' and CalculiX' decks: *MPC, *EQUATION, *COUPLING, *KINEMATIC COUPLING, *RIGID BODY."""
+"""Constraints of Abaqus' and CalculiX' decks: *MPC, *EQUATION, *COUPLING, *RIGID BODY."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, lines_of, numbers_of, whole
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, fault, lines_of, numbers_of, whole
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
 from fem.io.frame_deck import Equation, Link
@@ -56,8 +56,8 @@ class ConstraintBuilder:
             kind, *labels = (cell.upper() if k == 0 else name_of(cell) for k, cell in enumerate(cells))
             if kind not in ("BEAM", "PIN", "TIE", "LINK") or len(labels) != 2:
                 msg = (
-                    f"{place}: *MPC {kind[:20]} with {len(labels)} nodes is not read; read are BEAM, PIN, TIE and "
-                    "LINK, each with two nodes or sets"
+                    f"{place}: *MPC {kind[:20]} with {len(labels)} nodes is not read, but BEAM, PIN, TIE "
+                    "and LINK, each with two nodes or sets"
                 )
                 raise MeshError(msg)
             sets = [self.content.rows("NSET", label, instance.name, f"{place}: *MPC") for label in labels]
@@ -89,7 +89,7 @@ class ConstraintBuilder:
                 self._add(name, [(a, d, 1.0), (b, d, -1.0)])
 
     def _add(self, name: str, terms: Iterable[Term]) -> None:
-        """Add an equation, with the terms of one degree of freedom summed and those of rounding size left out."""
+        """Add an equation; terms of one degree of freedom are summed, those of rounding size left out."""
         total: dict[tuple[int, str], float] = {}
         for node, direction, value in terms:
             total[node, direction] = total.get((node, direction), 0.0) + float(value)
@@ -112,11 +112,10 @@ class ConstraintBuilder:
                 given += rows[k][1]
                 k += 1
             if count < 1 or len(given) != 3 * count:
-                msg = (
-                    f"{place}: *EQUATION of {count} terms has {len(given)} cells after it; three for each term are "
-                    "expected: node, degree of freedom, coefficient"
+                words = (
+                    f"of {count} terms has {len(given)} cells after it; each has node, dof and coefficient"
                 )
-                raise MeshError(msg)
+                raise fault(block, words, place)
             self._one_equation(block, place, instance, [given[3 * j : 3 * j + 3] for j in range(count)])
 
     def _one_equation(self, block: Block, place: str, instance: Instance, terms: list[list[str]]) -> None:
@@ -133,8 +132,8 @@ class ConstraintBuilder:
             factors.append((d, coefficient * (self.content.units.length if d > 2 else 1.0)))
         most = max(map(len, sets))
         if any(len(found) not in (1, most) for found in sets):
-            msg = f"{place}: *EQUATION has sets of {', '.join(str(len(s)) for s in sets)} nodes; give equal ones"
-            raise MeshError(msg)
+            counts = ", ".join(str(len(nodes)) for nodes in sets)
+            raise fault(block, f"has sets of {counts} nodes; give sets of equal numbers", place)
         for j in range(most):
             found: list[Term] = []
             for nodes, (d, c) in zip(sets, factors, strict=True):
@@ -201,10 +200,7 @@ class ConstraintBuilder:
                 whole(block, place, cells[1], "degrees of freedom") if len(cells) > 1 and cells[1] else first
             )
             if not 1 <= first <= last <= 6:
-                msg = (
-                    f"{place}: *{block.name} has the degrees of freedom {first} to {last}; 1 to 6 are allowed"
-                )
-                raise MeshError(msg)
+                raise fault(block, f"has the degrees of freedom {first} to {last}; 1 to 6 are allowed", place)
             dofs |= set(range(first - 1, last))
         return dofs or set(range(6))
 
@@ -225,8 +221,7 @@ class ConstraintBuilder:
                 rows = self.content.rows("NSET", name_of(cells[0]), owner.name, where)
                 found += [(row, weight) for row in rows]
             return found
-        msg = f"{block.place}: *{block.name} refers to the surface {name[:60]}, which the file does not have"
-        raise MeshError(msg)
+        raise fault(block, f"refers to the surface {name[:60]}, which the file does not have")
 
     def _distribute(
         self, block: Block, name: str, node: int, members: list[tuple[int, float]], axes: Floats
@@ -234,13 +229,11 @@ class ConstraintBuilder:
         """Let a node follow the weighted mean motion of others: u = ū + θ x r, θ = T⁻¹ Σ w r x u."""
         check(block, "COUPLING", "WEIGHTINGMETHOD")
         if block.options.get("WEIGHTINGMETHOD", "UNIFORM").upper() != "UNIFORM":
-            msg = f"{block.place}: *{block.name} has weights other than UNIFORM, which are not read"
-            raise MeshError(msg)
+            raise fault(block, "has weights other than UNIFORM, which are not read")
         rows = [row for row, _ in members]
         w = np.array([weight for _, weight in members])
         if not (w > 0).all():
-            msg = f"{block.place}: *{block.name} has a weight that is not positive"
-            raise MeshError(msg)
+            raise fault(block, "has a weight that is not positive")
         w = w / w.sum()
         centre = w @ self.content.points[rows]
         arms = self.content.points[rows] - centre
@@ -248,11 +241,11 @@ class ConstraintBuilder:
         rotations = self._ranges(block) & {3, 4, 5} if lines_of(block) else {3, 4, 5}
         far = float(np.linalg.norm(self.content.points[node] - centre)) > 1e-9 * self.content.size
         if np.linalg.matrix_rank(T, tol=1e-12 * self.content.size**2) < 3 and (rotations or far):
-            msg = (
-                f"{block.place}: *{block.name}: the nodes lie on one line, so that their mean rotation about it has "
-                "no meaning; write *KINEMATIC"
+            raise fault(
+                block,
+                ": the nodes lie on one line, so that their mean rotation about it has "
+                "no meaning; write *KINEMATIC",
             )
-            raise MeshError(msg)
         cross = np.array([_cross_matrix(arm) for arm in arms])
         turn = (
             np.linalg.solve(T, np.concatenate(list(w[:, None, None] * cross), axis=1))
@@ -281,18 +274,14 @@ class ConstraintBuilder:
             numbers = [whole(block, place, cell, "degrees of freedom") for cell in cells[1:3] if cell]
             first, last = (numbers[0], numbers[-1]) if numbers else (1, 6)
             if not 1 <= first <= last <= 6:
-                msg = (
-                    f"{place}: *{block.name} has the degrees of freedom {first} to {last}; 1 to 6 are allowed"
-                )
-                raise MeshError(msg)
+                raise fault(block, f"has the degrees of freedom {first} to {last}; 1 to 6 are allowed", place)
             self._follow(f"KINEMATIC COUPLING ({place})", node, rows, set(range(first - 1, last)), axes)
 
     def _rigid_body(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
         check(block, "REFNODE", "NSET", "ELSET", "PINNSET", "TIENSET", "POSITION", "ROTNODE", "ISOTHERMAL")
         if block.options.get("POSITION", "INPUT").upper() != "INPUT":
-            msg = f"{block.place}: *{block.name} moves its node to the centre of mass; give POSITION=INPUT"
-            raise MeshError(msg)
+            raise fault(block, "moves its node to the centre of mass; give POSITION=INPUT")
         where = f"{block.place}: *{block.name}"
         node = self.content.node(block.option("REFNODE", "REF NODE="), instance.name, where)
         found: dict[str, list[int]] = {}

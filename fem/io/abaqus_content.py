@@ -1,4 +1,4 @@
-"""The content of an Abaqus or CalculiX deck that a frame model is made of: elements by type, and keyword blocks."""
+"""What an Abaqus or CalculiX deck has for a frame model: elements with their types, and keyword blocks."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io import abaqus_frame_keywords as known
-from fem.io.abaqus import DeckReader, element_rows
+from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
-from fem.io.abaqus_deck import Block, left_out_sentence
+from fem.io.abaqus_deck import Block
 from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
 from fem.io.abaqus_parts import Part
 from fem.io.deck import integer, named, real
@@ -22,8 +22,11 @@ from fem.mesh import MeshError
 
 Rows = NDArray[np.int64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-LINEAR = 1e-9
+SAME_PLACE = 1e-9
 """Distance, relative to the size of the deck, within which nodes are at one place."""
+
+LARGEST = 1e50
+"""Numbers beyond this, whose powers overflow, are typing errors."""
 
 
 class Kind(NamedTuple):
@@ -36,7 +39,7 @@ class Kind(NamedTuple):
 
 @dataclass(slots=True)
 class Placed:
-    """A keyword block: the part that it is in, its step (0 is model data), and the blocks that belong to it."""
+    """A keyword block: its part, its step (0 is model data), and the blocks that belong to it."""
 
     block: Block
     part: Part
@@ -51,7 +54,7 @@ class Placed:
 
 @dataclass(slots=True)
 class FrameReader(DeckReader):
-    """The state while a deck is read for a frame model: also types of elements, and keywords besides the mesh."""
+    """The state while a deck is read for a frame model: the mesh, types of elements, and other keywords."""
 
     step: int = 0
     procedures: dict[int, Block] = field(default_factory=dict)
@@ -68,8 +71,7 @@ class FrameReader(DeckReader):
         if key in READ or key in REFUSED:
             DeckReader._block(self, block)
         elif key in known.NOT_A_FRAME:
-            msg = f"{block.place}: *{block.name} {known.NOT_A_FRAME[key]}"
-            raise MeshError(msg)
+            raise fault(block, f"{known.NOT_A_FRAME[key]}")
         elif key == "STEP":
             self.step += 1
             self.placed.append(Placed(block, self.part, self.step))
@@ -88,11 +90,7 @@ class FrameReader(DeckReader):
     def _add_to_last(self, block: Block) -> None:
         subs = self.placed[-1].subs
         if block.keyword in subs:
-            msg = (
-                f"{block.place}: *{block.name} comes a second time, after {subs[block.keyword].place}; "
-                "delete one of them"
-            )
-            raise MeshError(msg)
+            raise fault(block, f"comes a second time, after {subs[block.keyword].place}; delete one of them")
         subs[block.keyword] = block
 
     def _nodes(self, block: Block) -> None:
@@ -108,8 +106,8 @@ class FrameReader(DeckReader):
         count, more = nodes_of(kind) if kind in known.LINES else (known.POINTS.get(kind, 0), 0)
         if not count:
             msg = (
-                f"{block.place}: *ELEMENT has the type {kind[:40]}, which is no part of a frame; read are beams "
-                f"(B31, B32, B33, B21, PIPE31), trusses (T3D2), {', '.join(known.POINTS)}"
+                f"{block.place}: *ELEMENT has the type {kind[:40]}, which is no part of a frame; read are "
+                f"beams (B31, B32, B33, B21, PIPE31), trusses (T3D2), {', '.join(known.POINTS)}"
             )
             raise MeshError(msg)
         return count, more
@@ -124,11 +122,11 @@ class FrameReader(DeckReader):
         kinds = self.kinds.setdefault(id(self.part), {})
         types = {kind.name for kind in kinds.values() if kind.name in known.LINES}
         if len(types) != 1 or any(kind.extra for kind in kinds.values()):
-            msg = (
-                f"{block.place}: *{block.name} copies elements where the part has {named(sorted(types)) or 'none'}"
-                " before it; it is read after lines of one type without nodes of orientation"
+            raise fault(
+                block,
+                f"copies elements where the part has {named(sorted(types)) or 'none'}"
+                " before it; it is read after lines of one type without nodes of orientation",
             )
-            raise MeshError(msg)
         before = self.part.elements.size
         copy(block)
         for number in self.part.elements.numbers()[before:].tolist():
@@ -213,11 +211,11 @@ class Content:
         found = self.rows("ELSET", label, owner, f"{block.place}: *{block.name}")
         for row in found if types is not None else []:
             if types is not None and self.kinds[row].name not in types:
-                msg = (
-                    f"{block.place}: *{block.name} is given for the element {self.number(row)} of type "
-                    f"{self.kinds[row].name}; allowed are {', '.join(sorted(types))}"
+                raise fault(
+                    block,
+                    f"is given for the element {self.number(row)} of type "
+                    f"{self.kinds[row].name}; allowed are {', '.join(sorted(types))}",
                 )
-                raise MeshError(msg)
         return found
 
     def number(self, row: int) -> int:
@@ -230,7 +228,7 @@ class Content:
 
     def near(self, a: int, b: int) -> bool:
         """Return whether two nodes are at one place."""
-        return bool(np.linalg.norm(self.points[a] - self.points[b]) <= LINEAR * self.size)
+        return bool(np.linalg.norm(self.points[a] - self.points[b]) <= SAME_PLACE * self.size)
 
 
 def read_content(path: Path, units: Units) -> Content:
@@ -256,13 +254,19 @@ def read_content(path: Path, units: Units) -> Content:
         kinds += [types[number] for number in numbers]
         owners += [owner] * len(numbers)
     points = np.asarray(mesh.points, dtype=float).reshape(-1, 3) * units.length
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(points) < LARGEST).all(axis=1))
     if bad.size:
-        msg = f"{path.name}: {mesh.point(int(bad[0]))} has coordinates that are no finite numbers"
+        msg = f"{path.name}: {mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m"
         raise MeshError(msg)
     return Content(
         path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners, mesh.notes
     )
+
+
+def fault(block: Block, words: str, place: str = "") -> MeshError:
+    """Return an error of a keyword, at its line or that of its data."""
+    between = "" if words.startswith(":") else " "
+    return MeshError(f"{place or block.place}: *{block.name}{between}{words}")
 
 
 def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int, what: str) -> list[float]:
@@ -275,13 +279,30 @@ def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int
     """
     if not least <= len(cells) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"
-        msg = f"{place}: *{block.name} has {len(cells)} numbers on this line; {count} are expected: {what}"
-        raise MeshError(msg)
+        raise fault(block, f"has {len(cells)} numbers on this line; {count} are expected: {what}", place)
     try:
-        return [real(cell) for cell in cells]
+        values = [real(cell) for cell in cells]
     except ValueError as reason:
-        msg = f"{place}: *{block.name} takes {what}, but {reason}"
-        raise MeshError(msg) from reason
+        raise fault(block, f"takes {what}, but {reason}", place) from reason
+    strange = [v for v in values if v and not 1 / LARGEST < abs(v) < LARGEST]
+    if strange:
+        raise fault(block, f"takes {what}, but {strange[0]:g} is out of range", place)
+    return values
+
+
+def data(block: Block, k: int, least: int, most: int, what: str, taken: int | None = None) -> list[float]:
+    """Return the numbers of the k-th data line that is not empty, or the first ones of them.
+
+    Raises
+    ------
+    MeshError
+        If there is no such line, and as :func:`numbers_of`.
+    """
+    rows = lines_of(block)
+    if len(rows) <= k:
+        raise fault(block, f"has {len(rows)} data line(s); {k + 1} are expected, the last with {what}")
+    place, cells = rows[k]
+    return numbers_of(block, place, cells[:taken], least, most, what)
 
 
 def whole(block: Block, place: str, cell: str, what: str) -> int:
@@ -289,8 +310,7 @@ def whole(block: Block, place: str, cell: str, what: str) -> int:
     try:
         return integer(cell)
     except ValueError as reason:
-        msg = f"{place}: *{block.name} takes {what}, but {reason}"
-        raise MeshError(msg) from reason
+        raise fault(block, f"takes {what}, but {reason}", place) from reason
 
 
 def check(block: Block, *allowed: str) -> None:
@@ -303,21 +323,11 @@ def check(block: Block, *allowed: str) -> None:
     """
     for key in block.options:
         if key not in allowed:
-            msg = (
-                f"{block.place}: *{block.name} has the parameter {key[:40]}, which is not read; "
-                f"read are {', '.join(allowed)}"
+            raise fault(
+                block, f"has the parameter {key[:40]}, which is not read; read are {', '.join(allowed)}"
             )
-            raise MeshError(msg)
 
 
 def lines_of(block: Block) -> list[tuple[str, list[str]]]:
     """Return place and cells of the data lines that are not empty."""
     return [(place, cells) for place, cells in block.rows() if any(cells)]
-
-
-def left_out(words: str, blocks: list[Block]) -> list[str]:
-    """Return a note of keywords that are left out."""
-    found: dict[str, list[str]] = {}
-    for block in blocks:
-        found.setdefault(f"*{block.name}", []).append(f"line {block.line}")
-    return left_out_sentence(words, found)

@@ -1,4 +1,4 @@
-"""Keywords of Abaqus and CalculiX that a frame model needs: what each adds to, is refused for, or leaves out."""
+"""Keywords of Abaqus and CalculiX for frame models: those that are read, refused or left out."""
 
 from typing import Final
 

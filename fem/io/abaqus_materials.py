@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from fem.io.abaqus_content import Content, check, lines_of, numbers_of
+from fem.io.abaqus_content import Content, check, data, fault, lines_of
 from fem.io.abaqus_deck import Block
 from fem.io.deck import named, real
 from fem.materials import Material, PropertyError
-from fem.mesh import MeshError
 from fem.model import Damping
 
 
@@ -30,11 +29,9 @@ class Materials:
             if placed.keyword == "MATERIAL" and not placed.step:
                 name = placed.block.option("NAME", "NAME=")
                 if name in self._blocks:
-                    msg = (
-                        f"{placed.block.place}: *MATERIAL {name} is defined a second time, after "
-                        f"{self._blocks[name][0].place}; give it another name"
+                    raise fault(
+                        placed.block, f"{name} comes a second time, after {self._blocks[name][0].place}"
                     )
-                    raise MeshError(msg)
                 self._blocks[name] = (placed.block, placed.subs)
 
     def find(self, name: str, user: Block, density: float | None = None) -> Material:
@@ -47,17 +44,15 @@ class Materials:
         """
         if name not in self._blocks:
             has = named(sorted(self._blocks)) or "none"
-            msg = (
-                f"{user.place}: *{user.name} refers to the material {name[:60]}, which the file does not have; "
-                f"it has {has}"
+            raise fault(
+                user, f"refers to the material {name[:60]}, which the file does not have; it has {has}"
             )
-            raise MeshError(msg)
         block, subs = self._blocks[name]
         units = self.content.units
         elastic = self._of(block, subs, "ELASTIC")
         if elastic.options.get("TYPE", "ISOTROPIC") not in ("ISO", "ISOTROPIC"):
-            msg = f"{elastic.place}: *ELASTIC of {name} is of type {elastic.options['TYPE']}; only ISOTROPIC is read"
-            raise MeshError(msg)
+            kind = elastic.options["TYPE"]
+            raise fault(elastic, f"of {name[:60]} is of type {kind[:40]}; only ISOTROPIC is read")
         E, nu = self._first(elastic, 2, "Young's modulus and Poisson's ratio")
         if density is None:
             density = self._first(self._of(block, subs, "DENSITY"), 1, "a density")[0] * units.density
@@ -66,29 +61,17 @@ class Materials:
 
     def _of(self, block: Block, subs: dict[str, Block], keyword: str) -> Block:
         if keyword not in subs:
-            msg = (
-                f"{block.place}: *MATERIAL {block.options['NAME']} has no *{keyword}, which natural frequencies "
-                "need"
-            )
-            raise MeshError(msg)
+            raise fault(block, f"{block.options['NAME']} has no *{keyword}, which natural frequencies need")
         return subs[keyword]
 
     def _first(self, block: Block, count: int, what: str) -> list[float]:
-        rows = lines_of(block)
-        if not rows:
-            msg = f"{block.place}: *{block.name} has no data line; {what} are expected"
-            raise MeshError(msg)
-        place, cells = rows[0]
-        if len(rows) > 1 and block.place not in self._noted:
+        """Return the first numbers of the first line: later ones depend on temperature or the like."""
+        if len(lines_of(block)) > 1 and block.place not in self._noted:
             self._noted.add(block.place)
             self.content.notes.append(
-                f"*{block.name} at line {block.line} has {len(rows)} lines, of temperatures or the like; the "
-                "first is taken"
+                f"*{block.name} at line {block.line} has several lines; the first is taken"
             )
-        if len(cells) < count:
-            msg = f"{place}: *{block.name} has {len(cells)} numbers; {what} are expected"
-            raise MeshError(msg)
-        return numbers_of(block, place, cells[:count], count, count, what)
+        return data(block, 0, count, count, what, count)
 
     def _damping(self, name: str, block: Block | None) -> float:
         if block is None:
@@ -128,11 +111,9 @@ def damping_of(block: Block) -> tuple[float, float, float]:
     try:
         alpha, beta, loss = (real(block.options.get(key, "")) for key in ("ALPHA", "BETA", "STRUCTURAL"))
     except ValueError as reason:
-        msg = f"{block.place}: *{block.name} cannot be read: {reason}"
-        raise MeshError(msg) from reason
+        raise fault(block, f"cannot be read: {reason}") from reason
     if min(alpha, beta, loss) < 0:
-        msg = f"{block.place}: *{block.name} has a negative number; damping is 0 or more"
-        raise MeshError(msg)
+        raise fault(block, "has a negative number; damping is 0 or more")
     return alpha, beta, loss
 
 
@@ -147,5 +128,4 @@ def material(user: Block, name: str, E: float, rho: float, nu: float, loss: floa
     try:
         return Material(name, E, rho, nu, loss)
     except PropertyError as reason:
-        msg = f"{user.place}: *{user.name}: {reason}"
-        raise MeshError(msg) from reason
+        raise fault(user, f": {reason}") from reason

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, lines_of, numbers_of, whole
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, fault, lines_of
 from fem.io.abaqus_deck import Block
 from fem.io.abaqus_systems import Systems
 from fem.io.frame_deck import Body, Connection, Link
@@ -35,10 +35,7 @@ class PointBuilder:
             check(block, "ELSET", "ORIENTATION", "ALPHA", "COMPOSITE", "TYPE")
             types = frozenset({"MASS"} if placed.keyword == "MASS" else {"ROTARYI"})
             if block.options.get("TYPE", "ISOTROPIC") != "ISOTROPIC":
-                msg = (
-                    f"{block.place}: *{block.name} is of type {block.options['TYPE']}; only ISOTROPIC is read"
-                )
-                raise MeshError(msg)
+                raise fault(block, f"is of type {block.options['TYPE']}; only ISOTROPIC is read")
             if "ALPHA" in block.options or "COMPOSITE" in block.options:
                 self.content.notes.append(f"*{block.name} at line {block.line}: its damping is left out")
             mass, inertia = self._of_body(placed, instance)
@@ -51,18 +48,15 @@ class PointBuilder:
 
     def _of_body(self, placed: Placed, instance: Instance) -> tuple[float, NDArray[np.float64]]:
         block, units = placed.block, self.content.units
-        place, cells = self._line(block, 0)
         if placed.keyword == "MASS":
-            mass = numbers_of(block, place, cells, 1, 1, "a mass")[0] * units.mass
-            if not mass >= 0:
-                msg = f"{place}: *{block.name} is {mass:g} kg; it cannot be negative"
-                raise MeshError(msg)
+            mass = data(block, 0, 1, 1, "a mass")[0] * units.mass
+            if mass < 0:
+                raise fault(block, f"is {mass:g} kg; it cannot be negative")
             return mass, np.zeros((3, 3))
-        v = [*numbers_of(block, place, cells, 1, 6, "I11, I22, I33, I12, I13, I23"), *[0.0] * 5]
+        v = [*data(block, 0, 1, 6, "I11, I22, I33, I12, I13, I23"), *[0.0] * 5]
         local = np.array([[v[0], v[3], v[4]], [v[3], v[1], v[5]], [v[4], v[5], v[2]]]) * units.inertia
         if np.linalg.eigvalsh(local)[0] < -1e-9 * np.abs(local).max():
-            msg = f"{place}: *{block.name} has a negative principal moment of inertia; check its products"
-            raise MeshError(msg)
+            raise fault(block, "has a negative principal moment of inertia; check its products")
         axes = self.systems.orientation(placed, instance)
         return 0.0, axes.T @ local @ axes
 
@@ -96,14 +90,15 @@ class PointBuilder:
             d = self._direction(block, kind)
             for node in nodes:
                 if node in self.systems.nodal and "ORIENTATION" not in block.options:
-                    msg = f"{block.place}: *{block.name} is at a node with *TRANSFORM; give it an ORIENTATION"
-                    raise MeshError(msg)
+                    raise fault(block, "is at a node with *TRANSFORM; give it an ORIENTATION")
             axes = self.systems.orientation(placed, instance)
-        place, cells = self._line(block, 0 if axial else 1)
-        value = numbers_of(block, place, cells[:1], 1, 1, "a constant")[0]
-        if len(lines_of(block)) > (1 if axial else 2) or any(cells[1:]):
+        line = 0 if axial else 1
+        value = data(block, line, 1, 1, "a constant", 1)[0]
+        if axial and len(lines_of(block)) > 1:
+            raise fault(block, f"of {kind} takes an empty line and then one line with its constant")
+        if len(lines_of(block)) > line + 1 or any(lines_of(block)[line][1][1:]):
             self.content.notes.append(
-                f"*{block.name} at line {block.line} depends on frequency or temperature; its first value is taken"
+                f"*{block.name} at line {block.line} has several values; the first one is taken"
             )
         spring = placed.keyword == "SPRING"
         forces = (units.stiffness, units.damping), (units.moment, units.rotational_damping)
@@ -121,7 +116,7 @@ class PointBuilder:
         x = self.content.points[nodes[1]] - self.content.points[nodes[0]]
         if self.content.near(*nodes):
             kind = self.content.kinds[row]
-            msg = f"{kind.place}: *ELEMENT {self.content.number(row)} of type {kind.name} has no length and so no direction"
+            msg = f"{kind.place}: *ELEMENT {self.content.number(row)} of type {kind.name} has no length"
             raise MeshError(msg)
         x = x / np.linalg.norm(x)
         y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
@@ -129,38 +124,30 @@ class PointBuilder:
         return np.array([x, y, np.cross(x, y)])
 
     def _direction(self, block: Block, kind: str) -> int:
-        place, cells = self._line(block, 0)
-        found = [whole(block, place, cell, "the numbers of degrees of freedom") for cell in cells if cell]
-        if len(found) != int(kind[-1]) or any(not 1 <= d <= 6 for d in found):
-            msg = f"{place}: *{block.name} of {kind} takes {kind[-1]} degree(s) of freedom of 1 to 6, found {found}"
-            raise MeshError(msg)
-        if len(set(found)) > 1:
-            msg = f"{place}: *{block.name} joins the degrees of freedom {found[0]} and {found[1]}; read are equal ones"
-            raise MeshError(msg)
-        return found[0] - 1
+        """Return the direction of a spring, counted from 0."""
+        found = data(block, 0, int(kind[-1]), int(kind[-1]), f"the degrees of freedom of {kind}")
+        if found[0] not in range(1, 7) or len(set(found)) > 1:
+            raise fault(
+                block, f"acts on {found}; read is one degree of freedom of 1 to 6, the same at both nodes"
+            )
+        return int(found[0]) - 1
 
     def _check_arm(self, row: int, block: Block, nodes: list[int], axis: NDArray[np.float64]) -> None:
         """Refuse a spring across a distance: it would make moments that no arm takes up."""
         arm = self.content.points[nodes[1]] - self.content.points[nodes[0]]
         across = float(np.linalg.norm(np.cross(arm, axis)))
         if across > 1e-6 * self.content.size:
-            msg = (
-                f"{block.place}: *{block.name}: element {self.content.number(row)} acts along a direction in which "
-                f"its nodes are {across:.3g} m beside each other; move the nodes to one line or place"
+            raise fault(
+                block,
+                f": element {self.content.number(row)} acts along a direction in which "
+                f"its nodes are {across:.3g} m beside each other; move the nodes to one line or place",
             )
-            raise MeshError(msg)
-
-    def _line(self, block: Block, k: int) -> tuple[str, list[str]]:
-        rows = lines_of(block)
-        if len(rows) <= k:
-            msg = f"{block.place}: *{block.name} has {len(rows)} data line(s); {k + 1} are expected"
-            raise MeshError(msg)
-        return rows[k]
 
     def _all_seen(self, seen: set[int], keywords: dict[str, str]) -> None:
         for row, kind in enumerate(self.content.kinds):
             if kind.name in keywords and row not in seen:
-                msg = f"{kind.place}: *ELEMENT {self.content.number(row)} of type {kind.name} has no {keywords[kind.name]}"
+                number, keyword = self.content.number(row), keywords[kind.name]
+                msg = f"{kind.place}: *ELEMENT {number} of type {kind.name} has no {keyword}"
                 raise MeshError(msg)
 
     def connectors(self) -> tuple[Link, ...]:
@@ -177,22 +164,19 @@ class PointBuilder:
             block = placed.block
             rows = lines_of(block)
             kinds = [cell.upper() for cell in rows[0][1] if cell] if rows else []
-            directions = {("BEAM",): DIRECTIONS, ("WELD",): DIRECTIONS, ("JOIN",): DIRECTIONS[:3]}
-            if tuple(kinds) not in directions:
-                msg = (
-                    f"{block.place}: *{block.name} is {', '.join(kinds)[:60] or 'empty'}; read are BEAM, WELD and "
-                    "JOIN; write *SPRING for others"
+            directions = {"BEAM": DIRECTIONS, "WELD": DIRECTIONS, "JOIN": DIRECTIONS[:3]}
+            if len(kinds) != 1 or kinds[0] not in directions:
+                raise fault(
+                    block,
+                    f"is {', '.join(kinds)[:60] or 'empty'}; read are BEAM, WELD and "
+                    "JOIN; write *SPRING for others",
                 )
-                raise MeshError(msg)
             for row in self.content.elements(placed, instance.name, frozenset({"CONN3D2"})):
                 a, b = self.content.nodes_of(row)
                 if kinds != ["BEAM"] and not self.content.near(a, b):
-                    msg = (
-                        f"{block.place}: *{block.name} {kinds[0]} joins nodes at different places; write BEAM"
-                    )
-                    raise MeshError(msg)
+                    raise fault(block, f"{kinds[0]} joins nodes at different places; write BEAM")
                 name = f"CONN3D2 {self.content.number(row)}"
-                found.append(Link(name=name, node=a, dependents=(b,), directions=directions[tuple(kinds)]))
+                found.append(Link(name=name, node=a, dependents=(b,), directions=directions[kinds[0]]))
                 seen.add(row)
         self._all_seen(seen, {"CONN3D2": "*CONNECTOR SECTION"})
         return tuple(found)

@@ -1,10 +1,11 @@
 """Sections of Abaqus' and CalculiX' beams: shapes of their library, thin walls and given constants.
 
-Abaqus' local axes 1 (n1) and 2 (n2 = t x n1) are y and z here: I11 is bending about 1, so Iy, and b is along 2.
+Abaqus' local axes 1 (n1) and 2 (n2 = t x n1) are y and z here: I11, bending about 1, is Iy, and b is along 2.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from fem.sections.section import Section
 from fem.sections.walls import Walls, wall_constants
 
 ABAQUS_K: Final = {
-    "RECT": 0.85, "CIRC": 0.89, "PIPE": 0.53, "THICKPIPE": 0.89, "BOX": 0.44, "I": 0.44, "L": 1.0, "HEX": 0.53,
-    "TRAPEZOID": 0.822, "ARBITRARY": 1.0, "GENERAL": 1.0,
+    "RECT": 0.85, "CIRC": 0.89, "PIPE": 0.53, "THICKPIPE": 0.89, "BOX": 0.44, "I": 0.44, "L": 1.0,
+    "HEX": 0.53, "TRAPEZOID": 0.822, "ARBITRARY": 1.0, "GENERAL": 1.0,
 }  # fmt: skip
 """Shear coefficients of Abaqus, the same in both directions (Abaqus Analysis User's Guide, "Choosing a beam
 element"); a thick pipe has 0.53 to 0.89."""
@@ -152,7 +153,7 @@ def arbitrary(rows: list[list[float]]) -> Shape:
     ends = [tuple(rows[0][:2]), tuple(rows[0][2:4]), *(tuple(row[:2]) for row in rows[1:])]
     t = np.array([rows[0][4], *(row[2] for row in rows[1:])])
     places = list(dict.fromkeys(ends))
-    pairs = [(places.index(a), places.index(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    pairs = [(places.index(a), places.index(b)) for a, b in pairwise(ends)]
     points = np.array(places)
     a, b = points[[p for p, _ in pairs]], points[[q for _, q in pairs]]
     area = np.linalg.norm(b - a, axis=1) * t
@@ -162,10 +163,7 @@ def arbitrary(rows: list[list[float]]) -> Shape:
     centroid = (area[:, None] * (a + b) / 2).sum(axis=0) / area.sum()
     a, b = a - centroid, b - centroid
     # ∫ s sᵀ dA along a straight segment from a to b is A (a aᵀ + b bᵀ + (a bᵀ + b aᵀ)/2) / 3
-    second = sum(
-        A * (np.outer(p, p) + np.outer(q, q) + (np.outer(p, q) + np.outer(q, p)) / 2) / 3
-        for A, p, q in zip(area, a, b, strict=True)
-    )
+    second = (a.T * area) @ (a + b / 2) / 3 + (b.T * area) @ (b + a / 2) / 3
     flat = general(float(area.sum()), second[1, 1], second[0, 1], second[0, 0], 1.0, label="ARBITRARY")
     section = _with_walls(flat, turned(points, centroid, flat.angle), pairs, t)
     return Shape(replace(section, label="ARBITRARY"), (float(centroid[0]), float(centroid[1])))

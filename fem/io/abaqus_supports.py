@@ -4,12 +4,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, lines_of, whole
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, fault, lines_of, numbers_of, whole
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
-from fem.io.deck import real
 from fem.io.frame_deck import Connection
-from fem.mesh import MeshError
 
 TYPES = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -80,26 +78,17 @@ def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, Block]]) 
 
 
 def _dofs(content: Content, block: Block, place: str, cells: list[str]) -> Iterable[int]:
-    if not cells:
-        msg = f"{place}: *BOUNDARY has no degrees of freedom; give the first and the last one, or a type"
-        raise MeshError(msg)
-    word = cells[0].upper()
-    if word and word[0].isalpha():
-        if word not in TYPES:
-            msg = f"{place}: *BOUNDARY has the type {word[:40]}; allowed are {', '.join(TYPES)}"
-            raise MeshError(msg)
+    word = cells[0].upper() if cells else ""
+    if word in TYPES:
         return TYPES[word]
-    what = "degrees of freedom 1 to 6"
-    first = whole(block, place, cells[0], what)
-    last = whole(block, place, cells[1], what) if len(cells) > 1 and cells[1] else first
+    if not word or word[0].isalpha():
+        allowed = f"degrees of freedom, or one of {', '.join(TYPES)}"
+        raise fault(block, f"has {word[:40] or 'nothing'} after the nodes; allowed are {allowed}", place)
+    first = whole(block, place, cells[0], "degrees of freedom")
+    last = whole(block, place, cells[1], "degrees of freedom") if len(cells) > 1 and cells[1] else first
     if not 1 <= first <= last:
-        msg = f"{place}: *BOUNDARY has the degrees of freedom {first} to {last}; they run from 1 to 6"
-        raise MeshError(msg)
-    try:
-        moves = len(cells) > 2 and real(cells[2]) != 0.0
-    except ValueError as reason:
-        msg = f"{place}: *BOUNDARY takes a value in its fourth place, but {reason}"
-        raise MeshError(msg) from reason
+        raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)
+    moves = len(cells) > 2 and numbers_of(block, place, cells[2:3], 1, 1, "a displacement") != [0.0]
     if moves:
         content.notes.append(f"*BOUNDARY at line {block.line} moves nodes; they are taken to be fixed")
     return range(first - 1, min(last, 6))

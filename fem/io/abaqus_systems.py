@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import Content, Placed, check, lines_of, numbers_of
+from fem.io.abaqus_content import Content, Placed, check, fault, lines_of, numbers_of
 from fem.io.abaqus_deck import Block
 from fem.io.abaqus_generate import rotation
-from fem.mesh import MeshError
 
 Floats = NDArray[np.float64]
 
@@ -46,8 +45,7 @@ class Systems:
     def _points(self, block: Block) -> tuple[Floats, Floats]:
         rows = lines_of(block)
         if not rows:
-            msg = f"{block.place}: *{block.name} has no data line; two points are expected"
-            raise MeshError(msg)
+            raise fault(block, "has no data line; two points are expected")
         values = numbers_of(block, *rows[0], 4, 9, "the points a and b")
         given = np.array([*values, 0.0, 0.0][:6]).reshape(2, 3)
         return given[0], given[1]
@@ -56,16 +54,14 @@ class Systems:
         if kind == "R":
             return axes_of(block, a, b)
         if kind != "C":
-            msg = f"{block.place}: *{block.name} is of type {kind}; R and C are read"
-            raise MeshError(msg)
+            raise fault(block, f"is of type {kind}; R and C are read")
         z = (b - a) * 1.0
         scale = self.content.units.length
         radial = at - a * scale
         z = z / np.linalg.norm(z) if z.any() else z
         radial = radial - (radial @ z) * z
         if not np.linalg.norm(radial) > 1e-9 * self.content.size:
-            msg = f"{block.place}: *{block.name} of type C: a node is on its axis, or a and b are one point"
-            raise MeshError(msg)
+            raise fault(block, "of type C: a node is on its axis, or a and b are one point")
         radial = radial / np.linalg.norm(radial)
         return np.array([radial, np.cross(z, radial), z])
 
@@ -85,8 +81,7 @@ class Systems:
             if other.keyword == "ORIENTATION" and other.block.options.get("NAME") == name:
                 same = other.part is placed.part
                 return _orientation(other.block) @ (instance.turn.T if same else np.eye(3))
-        msg = f"{block.place}: *{block.name} refers to the orientation {name[:60]}, which the file does not have"
-        raise MeshError(msg)
+        raise fault(block, f"refers to the orientation {name[:60]}, which the file does not have")
 
 
 def _orientation(block: Block) -> Floats:
@@ -94,12 +89,10 @@ def _orientation(block: Block) -> Floats:
     kind = block.options.get("SYSTEM", "RECTANGULAR").upper()
     definition = block.options.get("DEFINITION", "COORDINATES").upper()
     if kind not in ("R", "RECTANGULAR") or definition != "COORDINATES":
-        msg = f"{block.place}: *{block.name} is {kind} by {definition}; RECTANGULAR by COORDINATES is read"
-        raise MeshError(msg)
+        raise fault(block, f"is {kind} by {definition}; RECTANGULAR by COORDINATES is read")
     rows = lines_of(block)
     if not rows:
-        msg = f"{block.place}: *{block.name} has no data line; two points are expected"
-        raise MeshError(msg)
+        raise fault(block, "has no data line; two points are expected")
     values = np.array([*numbers_of(block, *rows[0], 4, 9, "the points a, b and c"), *[0.0] * 5][:9])
     a, b, c = values.reshape(3, 3)
     axes = axes_of(block, a - c, b - c)
@@ -107,8 +100,7 @@ def _orientation(block: Block) -> Floats:
         axis, angle = [*numbers_of(block, *rows[1], 1, 2, "an axis and an angle"), 0.0][:2]
         if angle:
             if axis not in (1, 2, 3):
-                msg = f"{rows[1][0]}: *{block.name} turns about the axis {axis:g}; 1, 2 and 3 are allowed"
-                raise MeshError(msg)
+                raise fault(block, f"turns about the axis {axis:g}; 1, 2 and 3 are allowed", rows[1][0])
             axes = axes @ rotation(axes[int(axis) - 1], np.deg2rad(angle)).T
     return axes
 
@@ -123,7 +115,6 @@ def axes_of(block: Block, a: Floats, b: Floats) -> Floats:
     """
     z = np.cross(a, b)
     if not np.linalg.norm(z) > 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
-        msg = f"{block.place}: *{block.name} defines no axes: its points are on one line with the origin"
-        raise MeshError(msg)
+        raise fault(block, "defines no axes: its points are on one line with the origin")
     x, z = a / np.linalg.norm(a), z / np.linalg.norm(z)
     return np.array([x, np.cross(z, x), z])

@@ -57,7 +57,8 @@ NAMED = {
 _BLOCKS = ("NBLOCK", "EBLOCK", "RLBLOCK", "ETBLOCK", "CMBLOCK")
 _SHORT = {"SECT": "SECTYPE", "SECD": "SECDATA", "SECO": "SECOFFSET", "SECC": "SECCONTROL", "SECN": "SECNUM",
           "KEYO": "KEYOPT", "MPDA": "MPDATA", "RMOD": "RMODIF", "RMOR": "RMORE", "ALPH": "ALPHAD",
-          "BETA": "BETAD", "INIS": "INISTATE", "ISTR": "ISTRESS", "PSTR": "PSTRES", "CORI": "CORIOLIS"}  # fmt: skip
+          "BETA": "BETAD", "INIS": "INISTATE", "ISTR": "ISTRESS", "PSTR": "PSTRES",
+          "CORI": "CORIOLIS"}  # fmt: skip
 LABELS = {"UX": 0, "UY": 1, "UZ": 2, "ROTX": 3, "ROTY": 4, "ROTZ": 5}
 
 
@@ -200,11 +201,14 @@ class _Reader:
         elif name in ("ALPHAD", "BETAD", "DMPRAT", "DMPSTR"):
             self.deck.damping[name] = self._real(name, fields, 0)
         elif name in self.commands:
-            self.commands[name](fields)
+            try:
+                self.commands[name](fields)
+            except IndexError as reason:
+                raise self.deck.error(self.at, f"{name} has too few fields: {text[:60]}") from reason
         elif not (name in ("OMEGA", "LUMPM", "PSTRES", "CORIOLIS") and not _is_on(fields)):
             self.deck.ignored[name] += 1
 
-    # Numbers ------------------------------------------------------------------------------------------------
+    # Numbers -----------------------------------------------------------------------------------------------
 
     def _int(self, name: str, fields: list[str], k: int) -> int:
         return int(self._number(name, fields, k, lambda text: integer(text or "0")))
@@ -221,7 +225,7 @@ class _Reader:
     def _reals(self, name: str, fields: list[str]) -> list[float]:
         return [self._real(name, fields, k) for k in range(len(fields))]
 
-    # Blocks -------------------------------------------------------------------------------------------------
+    # Blocks ------------------------------------------------------------------------------------------------
 
     def _rows(self, name: str, count: int | None = None, stated: int = 0) -> Iterator[list[str]]:
         """Yield the rows of a block, cut as its format says, to -1 or for ``count`` rows.
@@ -399,7 +403,7 @@ class _Reader:
         kind, k = self._int("KEYOPT", fields, 0), self._int("KEYOPT", fields, 1)
         self.deck.keyopts[kind, k] = self._int("KEYOPT", fields, 2)
 
-    # Real constants, materials, sections ---------------------------------------------------------------------
+    # Real constants, materials, sections -------------------------------------------------------------------
 
     def _r(self, fields: list[str]) -> None:
         if fields and fields[0].upper().startswith("R5"):  # R,R5.0,set,LOC,first,values
@@ -455,12 +459,13 @@ class _Reader:
         self._of_section("SECDATA").data.append(self._reals("SECDATA", fields))
 
     def _secoffset(self, fields: list[str]) -> None:
+        self._reals("SECOFFSET", fields[1:])
         self._of_section("SECOFFSET").offset = fields
 
     def _seccontrol(self, fields: list[str]) -> None:
         self._of_section("SECCONTROL").control = self._reals("SECCONTROL", fields)
 
-    # Supports and equations ----------------------------------------------------------------------------------
+    # Supports and equations --------------------------------------------------------------------------------
 
     def _d(self, fields: list[str]) -> None:
         first = fields[0].upper() if fields else ""

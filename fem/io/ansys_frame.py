@@ -29,7 +29,8 @@ _NAMES = {**dict.fromkeys((3, 4, 44, 188, 189), "BEAM"), **dict.fromkeys(_LINKS,
           16: "PIPE", 21: "MASS", 184: "MPC", 288: "PIPE", 289: "PIPE"}  # fmt: skip
 _IGNORED = {200: "MESH200"}
 _UNITS = {"SI": (1.0, 1.0, 1.0), "MKS": (1.0, 1.0, 1.0), "CGS": (0.01, 1e-3, 1.0), "MPA": (1e-3, 1e3, 1.0),
-          "UMKS": (1e-6, 1.0, 1.0), "BFT": (0.3048, 14.59390, 1.0), "BIN": (0.0254, 175.12683, 1.0)}  # fmt: skip
+          "UMKS": (1e-6, 1.0, 1.0), "BFT": (0.3048, 14.59390, 1.0),
+          "BIN": (0.0254, 175.12683, 1.0)}  # fmt: skip
 WAVE_OF_MASSLESS = 1e8
 """Speed of waves in a material without density: members need some [m/s]. Steel has then 2e-5 kg/m³."""
 _RELEASES = ((1, 5), (10, 4), (100, 3), (1000, 0))
@@ -69,19 +70,21 @@ class _Frame:
     connections: list[Connection] = field(default_factory=list)
     equations: list[Equation] = field(default_factory=list)
     rigid: list[Element] = field(default_factory=list)
+    fixed: set[tuple[int, int]] = field(default_factory=set)
     materials: dict[int, Material] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def deck(self) -> FrameDeck:
         """Return the frame."""
         self._check_units()
+        self.fixed = {(n, k) for n, k, _, _ in self.source.supports}
         elements = self._frame_elements()
         for e in elements:
             for node, ks in self._dofs_of(e):
                 self.dofs[node].update(ks)
         for _, terms, _, _ in self.source.equations:
             for node, _, _ in terms:
-                self.dofs[node].update()  # a node of an equation alone is a node of the model
+                self.dofs[node] |= set()  # a node of an equation alone is a node of the model
         numbers = [n for n in self.source.nodes if n in self.dofs]
         self.rows = {n: k for k, n in enumerate(numbers)}
         names = self._component_names()
@@ -109,10 +112,10 @@ class _Frame:
             )
             raise self.source.error(line, text)
         self.notes.append(
-            f"line {line}: /UNITS,{name} is a note of the file; values are taken in the units given"
+            f"line {line}: /UNITS,{name} agrees with the units given, or has none; values are in those"
         )
 
-    # Elements ------------------------------------------------------------------------------------------------
+    # Elements ----------------------------------------------------------------------------------------------
 
     def _kind(self, e: Element) -> int:
         if e.type not in self.source.types:
@@ -195,7 +198,7 @@ class _Frame:
         return np.array(self.source.nodes[node][:3])
 
     def _axes(self, node: int) -> Floats:
-        """Return a node's axes as rows: turned by THXY about z, THYZ about the new x, THZX about the new y."""
+        """Return a node's axes as rows: THXY about z, then THYZ about x, then THZX about y."""
         a, b, c = np.deg2rad(self.source.nodes[node][3:])
         Z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
         X = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
@@ -203,7 +206,7 @@ class _Frame:
         axes = (Z @ X @ Y).T
         return np.where(np.abs(axes) < 1e-12, 0.0, axes)
 
-    # Bars ----------------------------------------------------------------------------------------------------
+    # Bars --------------------------------------------------------------------------------------------------
 
     def _bar(self, e: Element, kind: int, component: str) -> None:
         count = _BEAMS.get(kind, 2)
@@ -395,7 +398,7 @@ class _Frame:
                 names.setdefault(number, name)
         return names
 
-    # Springs and masses --------------------------------------------------------------------------------------
+    # Springs and masses ------------------------------------------------------------------------------------
 
     def _spring(self, e: Element) -> None:
         self._needs_reals(e)
@@ -439,7 +442,7 @@ class _Frame:
             m, inertia = [r(1), r(2), r(3)], np.diag([r(4), r(5), r(6)])
         else:
             m, inertia = [r(1)] * 3, np.diag([0.0, 0.0, r(2) if form == 3 else 0.0])
-        free = [m[k] for k in range(3) if k in self.dofs[node] and (node, k) not in self._fixed]
+        free = [m[k] for k in range(3) if k in self.dofs[node] and (node, k) not in self.fixed]
         if len(set(free)) > 1:
             text = f"element {e.number}: MASS21 has the masses {m}; those of free directions must be equal"
             raise self.source.error(e.line, text)
@@ -452,11 +455,7 @@ class _Frame:
             )
             self.bodies.append(body)
 
-    # Supports, links and equations ---------------------------------------------------------------------------
-
-    @property
-    def _fixed(self) -> set[tuple[int, int]]:
-        return {(n, k) for n, k, _, _ in self.source.supports}
+    # Supports, links and equations -------------------------------------------------------------------------
 
     def _supports(self) -> dict[int, tuple[str, ...]]:
         """Return fixed global directions; those of rotated nodes that are not global become connections."""
@@ -560,8 +559,8 @@ class _Frame:
         kinds = {(self._kind(e), e.type) for e in elements}
         if any(k in (188, 288) and not self.source.keyopt(t, 3) for k, t in kinds):
             self.notes.append(
-                "BEAM188 or PIPE288 with KEYOPT(3) = 0 interpolate linearly: in ANSYS they are stiffer by about "
-                "1/(4 n²) in a cantilever of n elements; here the same beams are exact"
+                "BEAM188 or PIPE288 with KEYOPT(3) = 0 interpolate linearly: in ANSYS a cantilever of n "
+                "elements is stiffer by about 1/(4 n²) under a load at its tip; here it is not"
             )
         if any(k in (188, 189) and self.source.keyopt(t, 1) for k, t in kinds):
             self.notes.append("KEYOPT(1) = 1, warping of open sections, is left out")

@@ -1,8 +1,8 @@
 """Sections of an ANSYS archive, by SECTYPE and SECDATA or by real constants, in SI units.
 
-Element axes are those of Dovetail: x along the element, z in the plane of the orientation node, y = z × x. The
-first dimension of a section is along y, and its height along z. SECOFFSET counts from the centroid of RECT,
-CSOLID and CTUBE, the middle of the flange at -z of I and T, the corner at -y, -z of CHAN, L and HREC.
+Element axes are those of Dovetail: x along the element, z in the plane of the orientation node, y = z × x.
+The first dimension of a section is along y, and its height along z. SECOFFSET counts from the centroid of
+RECT, CSOLID and CTUBE, the middle of the flange at -z of I and T, the corner at -y, -z of CHAN, L and HREC.
 """
 
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units:
         if command.kind == "BEAM" and len(data) >= _NEEDED.get(command.subtype, 99):
             made = _asec(data, command, units) if command.subtype == "ASEC" else _shape(data, command, units)
             return _controlled(made, command, G, units)
-    except PropertyError as reason:
+    except (PropertyError, ArithmeticError) as reason:
         raise deck.error(command.line, f"SECTYPE {number}: {reason}") from reason
     needed = _NEEDED.get(command.subtype)
     if command.kind == "BEAM" and needed:
@@ -71,8 +71,8 @@ def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units:
     else:
         text = (
             f"a section {command.kind},{command.subtype} with {len(data)} data is not read; BEAM with "
-            f"{', '.join(_NEEDED)}, PIPE, LINK and TAPER between those are: ASEC takes the constants that SLIST "
-            "prints of any section"
+            f"{', '.join(_NEEDED)}, PIPE, LINK and TAPER between those are; ASEC takes the constants that "
+            "SLIST prints of any section"
         )
     raise deck.error(command.line, f"SECTYPE {number}: {text}")
 
@@ -135,7 +135,7 @@ def _shape(data: list[float], command: SectionCommand, units: Units) -> PlacedSe
 def _offset(
     section: Section, command: SectionCommand, centre: np.ndarray, shear: np.ndarray, units: Units
 ) -> PlacedSection:
-    """Place a section: its centroid from the origin of its builder, and its shear centre from the centroid [m]."""
+    """Place a section by its centroid from the builder's origin, and its shear centre from that [m]."""
     where = (command.offset[0] if command.offset else "CENT").upper()[:4] or "CENT"
     if where in ("CENT", "SHRC"):
         y, z = -shear if where == "SHRC" else (0.0, 0.0)
@@ -148,7 +148,7 @@ def _offset(
     return PlacedSection(section, (float(y), float(z)))
 
 
-# Shapes: section, and its centroid from the origin of the builder [m] ------------------------------------------
+# Shapes, and their centroids from the origin of the builder [m] -------------------------------------
 
 Made = tuple[Section, np.ndarray]
 
@@ -158,7 +158,8 @@ def _i(d: list[float]) -> Made:
     if (b1, t1) == (b2, t2):
         return Section.i_section(b1, h, t1, tw), np.array([0.0, h / 2])
     outline = [(-b1 / 2, 0), (b1 / 2, 0), (b1 / 2, t1), (tw / 2, t1), (tw / 2, h - t2), (b2 / 2, h - t2),
-               (b2 / 2, h), (-b2 / 2, h), (-b2 / 2, h - t2), (-tw / 2, h - t2), (-tw / 2, t1), (-b1 / 2, t1)]  # fmt: skip
+               (b2 / 2, h), (-b2 / 2, h), (-b2 / 2, h - t2), (-tw / 2, h - t2), (-tw / 2, t1),
+               (-b1 / 2, t1)]  # fmt: skip
     return Section.unequal_i_section(b1, b2, h, t1, t2, tw), integrate([outline]).centroid
 
 

@@ -16,8 +16,8 @@ from fem.summary import listed
 def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
     """Return the part of a deck that another deck of the same structure has not, or has otherwise.
 
-    Nodes are the same if they have one place, and keep their number. Of bars whose properties alone differ, these are
-    written. The notes name what the cards replace, and supports that no longer are.
+    Nodes are the same if they have one place, and keep their number. Of bars whose properties alone differ,
+    these are written. The notes name what the cards replace, and supports that no longer are.
     """
     number = dict(zip(_places(before), before.nodes.tolist(), strict=True))
     free = count(max([FIRST_OF_PART, *(n + 1 for n in number.values())]))

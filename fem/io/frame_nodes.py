@@ -4,6 +4,7 @@ A node on no bar may be part of a rigid body (a rigid link to a mass off the fra
 far end of a spring), or move by itself (a mass on a spring, the reference node of an RBE3).
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -130,7 +131,7 @@ class Nodes:
         if not self.void:
             return ()
         each = ", ".join(f"node {self.deck.nodes[row]} in {' '.join(d)}" for row, d in self.void.items())
-        return (f"nothing resists the motion of {each}: held there, as AUTOSPC does",)
+        return (f"nothing resists the motion of {each}: held there",)
 
     def place_of(self, c: Connection) -> NDArray[np.float64]:
         """Return where a connection acts, (3,) [m]."""
@@ -187,6 +188,11 @@ def _acting(deck: FrameDeck, on_bars: NDArray[np.bool_]) -> dict[int, frozenset[
         row: frozenset(d for d, s in zip(DIRECTIONS, np.diag(X), strict=True) if s > _SMALL)
         for row, X in S.items()
     }
+    follows = Counter(row for link in deck.links for row in link.dependents)
+    for link in deck.links:
+        for row in link.dependents:
+            if follows[row] > 1 and not on_bars[row]:  # what follows two nodes ties them to each other
+                out[row] = out.get(row, frozenset()) | frozenset(link.directions)
     return out | {row: _ALL for row in leading if not on_bars[row]}
 
 

@@ -434,11 +434,12 @@ def _costs_nothing(points: Floats, springs: dict[str, Floats]) -> bool:
 
 def _add_connection(effect: Effect, parts: _Parts, nodes: tuple[int, ...], springs: Any) -> None:
     """Add matrices (6, 6) at the first node to the effect's joint, if it has one there, else a connection."""
-    place, second = parts.points[nodes[0]], nodes[-1] if len(nodes) > 1 else None
+    first, second = (*nodes, None)[:2]
+    place = parts.points[nodes[0]]
     names = getattr(effect, "joints", (getattr(effect, "joint", effect.name),))
     for k in (parts.joints[name] for name in names if name in parts.joints):
         c = parts.connections[k]
-        if c.nodes == (nodes[0], second) and c.place is not None:
+        if c.nodes == (first, second) and c.place is not None:
             # (6, 6) of the relative motion at the connection's place and in its axes
             T = lever_matrix(place - c.place) @ np.kron(np.eye(2), c.axes.T)
             more: Any = {key: getattr(c, key) + _clean(T.T @ Y @ T) for key, Y in springs.items()}

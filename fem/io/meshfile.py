@@ -1,6 +1,6 @@
 """Line meshes from files and to files; the suffix says the format.
 
-Universal files, Gmsh, Abaqus and Nastran are read by Dovetail; everything else, such as
+Universal files, Gmsh, Abaqus, Nastran and ANSYS archives are read by Dovetail; everything else, such as
 ``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fem.io.abaqus import abaqus_text, read_abaqus
+from fem.io.ansys import read_ansys
 from fem.io.atomic import replacing
 from fem.io.gmsh import gmsh_text, read_gmsh
 from fem.io.meshio_mesh import SET_PREFIX, quiet, read_by_meshio
@@ -35,10 +36,10 @@ def read_mesh(
 ) -> Mesh:
     """Read a line mesh.
 
-    Sets of cells name the members: Gmsh's physical groups, Abaqus' element sets, ``property 3`` of a Nastran
-    file, cell sets or an integer cell array of the others. Sets that overlap are cut into parts that do not,
-    and become groups. A three-node line becomes two lines. Sets of points name points: ``base`` for one
-    point, ``base.1``, ``base.2``, … for up to 50.
+    Sets of cells name the members: Gmsh's physical groups, Abaqus' element sets, ANSYS' components,
+    ``property 3`` of a Nastran file, cell sets or an integer cell array of the others. Sets that overlap are
+    cut into parts that do not, and become groups. A three-node line becomes two lines. Sets of points name
+    points: ``base`` for one point, ``base.1``, ``base.2``, … for up to 50.
 
     One :class:`~fem.mesh.MeshWarning` lists data that were left out or look wrong: cells that are not lines,
     points on no line (the others are renumbered in their order), the number of points that coincide without
@@ -76,6 +77,8 @@ def read_mesh(
         raw = read_nastran(file)
     elif suffix == ".msh":
         raw = read_gmsh(file)
+    elif suffix == ".cdb":
+        raw = read_ansys(file)
     else:
         raw = read_by_meshio(file, sets)
     return mesh_of(raw, file.name, scale, merge_tolerance, free_points)

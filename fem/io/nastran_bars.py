@@ -9,10 +9,9 @@ import numpy as np
 from fem.elements.properties import STRAINS
 from fem.io.frame_deck import BarProperty, Bars, Connection
 from fem.io.nastran_deck import Card, Floats, NastranDeck
-from fem.io.nastran_properties import Profile, Properties
+from fem.io.nastran_properties import BEAMS, Profile, Properties
 from fem.model import DIRECTIONS
 
-BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CTUBE", "CONROD")
 
 _DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
@@ -133,7 +132,8 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     place, profile = properties.of(card, card.whole(1, card.whole(0)))
     if card.name == "CBEAM" and not card.blank(16, 18) and card.reals(16, 18).any():
         deck.notes.add("SA and SB, the scalar points of warping, are left out", card)
-    flags = card.text(7) or "GGG"
+    flags = card.text(7)
+    flags = "GGG" if flags in ("", "1", "2") else flags  # 1 and 2: a vector or G0, of older programs
     if len(flags) != 3 or flags[0] not in "GB" or set(flags[1:]) - set("GO"):
         card.refuse(f"has OFFT = {flags[:8]}; GGG is read, with B in the first and O in the other places")
     up = _orientation(deck, card, ends, flags[0])
@@ -147,7 +147,8 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     offsets = offsets + profile.centroid @ _along(axis, up)[1:]
     if profile.centroid.any():
         deck.notes.add(
-            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear centre, which "
+            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear "
+            "centre, which "
             "is elsewhere, needs the effect shear_centre", profile.card)  # fmt: skip
     stiffness = np.stack([_pins(card, 8 + end) for end in (0, 1)])
     return Bar(card, ends, place, profile, up, offsets, _turned(card, _needed(stiffness), profile))

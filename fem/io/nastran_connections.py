@@ -1,7 +1,6 @@
 """Bodies, springs and dashpots of a Nastran deck."""
 
 from collections.abc import Callable
-
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ def bodies_of(deck: NastranDeck, fixed: Fixed) -> list[Body]:
 
 def _conm2(deck: NastranDeck, card: Card) -> Body:
     node, system, units = deck.node(card, 1), card.whole(2, 0), deck.units
-    axes = deck.system_axes(system, node, str(card)) if system > 0 else np.eye(3)
+    axes = deck.system_axes(system, node, f"{card.place}: {card}") if system > 0 else np.eye(3)
     arm = card.reals(4, 7) * units.length
     if system < 0:
         arm = arm - deck.points[node]
@@ -47,7 +46,8 @@ def _body(deck: NastranDeck, card: Card, node: int, mass: float, arm: Floats, in
     """Return a body of a mass and inertia in the deck's units, and an arm in SI."""
     if mass < 0 or np.linalg.eigvalsh(inertia)[0] < -1e-6 * max(np.abs(inertia).max(), 1e-300):
         card.refuse(f"has the mass {mass:g} and an inertia of the principal values "
-                    f"{', '.join(f'{v:g}' for v in np.linalg.eigvalsh(inertia))}; they cannot be negative")  # fmt: skip
+                    f"{', '.join(f'{v:g}' for v in np.linalg.eigvalsh(inertia))}; they cannot be "
+                    f"negative")  # fmt: skip
     factor, units = deck.mass_factor, deck.units
     return Body(
         name=str(card),
@@ -70,7 +70,7 @@ def _conm1(deck: NastranDeck, card: Card) -> Body:
     built = np.block([[m * np.eye(3), -m * lever], [m * lever, M[3:, 3:]]])
     if not np.allclose(built, M, rtol=1e-6, atol=1e-9 * np.abs(M).max()):
         card.refuse("is no rigid body: its matrix is not that of one mass with an arm; CONM2 is read")
-    axes = deck.system_axes(system, node, str(card)) if system > 0 else np.eye(3)
+    axes = deck.system_axes(system, node, f"{card.place}: {card}") if system > 0 else np.eye(3)
     inertia = M[3:, 3:] + m * lever @ lever
     return _body(deck, card, node, m, arm @ axes * deck.units.length, axes.T @ inertia @ axes)
 
@@ -98,7 +98,8 @@ def _scalar_body(
     values = {at.get(k, 0.0) for k in range(3) if DIRECTIONS[k] not in fixed or not _global(axes)}
     if len(values) > 1:
         card.refuse(
-            "is a mass in some directions only, and the grid point is free in others; a body has the same mass "
+            "is a mass in some directions only, and the grid point is free in others; a body has the "
+            "same mass "
             "in all of them"
         )
     turning = np.diag([at.get(k, 0.0) for k in (3, 4, 5)])
@@ -119,7 +120,8 @@ def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
     """
     found: list[Connection] = []
     for names, reader in (
-        (SPRINGS, _spring), (DAMPERS, _damper), (("CVISC",), _viscous), (("CBUSH",), _bush), (("CBUSH1D",), _bush1d),
+        (SPRINGS, _spring), (DAMPERS, _damper), (("CVISC",), _viscous), (("CBUSH",), _bush),
+        (("CBUSH1D",), _bush1d),
     ):  # fmt: skip
         found += [reader(deck, card, fixed) for card in deck.by_number(*names).values()]
     return [c for c in found if c.K.any() or c.C.any() or c.D.any()]
@@ -181,7 +183,8 @@ def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], f
     turning = [n for n in (a, b) if not set(DIRECTIONS[3:]) <= set(fixed.get(n, ()))]
     if component < 3 and turning and np.linalg.norm(np.cross(axis, arm)) > 1e-6 * np.linalg.norm(arm):
         deck.notes.add(
-            "it acts across the line between its grid points, where Nastran leaves the moments unbalanced; here "
+            "it acts across the line between its grid points, where Nastran leaves the moments "
+            "unbalanced; here "
             "rigid arms from the middle balance them", card)  # fmt: skip
 
 
@@ -217,7 +220,9 @@ def _bush1d(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     if source.real(3):
         deck.notes.add("the mass of PBUSH1D is left out", card)
     axes = (
-        deck.system_axes(card.whole(4), ends[0], str(card)) if card.text(4) else _line_axes(deck, card, ends)
+        deck.system_axes(card.whole(4), ends[0], f"{card.place}: {card}")
+        if card.text(4)
+        else _line_axes(deck, card, ends)
     )
     return Connection(
         name=str(card), nodes=ends, axes=axes,
@@ -258,7 +263,7 @@ def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) 
     """Return the axes of a CBUSH: its system CID, or along the line with an orientation, or motions of GA."""
     if card.text(7):
         system = card.whole(7)
-        return deck.system_axes(system, a, str(card)) if system > 0 else np.eye(3)
+        return deck.system_axes(system, a, f"{card.place}: {card}") if system > 0 else np.eye(3)
     if b is None or not np.linalg.norm(deck.points[b] - deck.points[a]) > 0:
         if not card.blank(4, 7):
             card.refuse("has an orientation, but its grid points are at one place; give it a CID")
@@ -284,7 +289,7 @@ def _bush_place(deck: NastranDeck, card: Card, a: int, b: int | None) -> Floats:
     """Return where a CBUSH acts: S of the way to GB, or an offset from GA in the system OCID."""
     system = card.whole(9, -1)
     if system >= 0:
-        axes = deck.system_axes(system, a, str(card)) if system > 0 else np.eye(3)
+        axes = deck.system_axes(system, a, f"{card.place}: {card}") if system > 0 else np.eye(3)
         return deck.points[a] + card.reals(10, 13) * deck.units.length @ axes
     if b is None:
         return deck.points[a]

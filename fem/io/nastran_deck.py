@@ -112,6 +112,8 @@ class NastranDeck:
 
     Attributes
     ----------
+    file : str
+        Its name.
     cards : mapping of str to list of Card
         By name.
     grids : Grids
@@ -125,6 +127,7 @@ class NastranDeck:
         Row of each grid point's number.
     """
 
+    file: str
     cards: Mapping[str, list[Card]]
     grids: Grids
     units: Units
@@ -174,7 +177,10 @@ class NastranDeck:
         cd = int(self.grids.displacement[row])
         if cd <= 0:
             return np.eye(3)
-        return self.system_axes(cd, row, f"grid point {self.grids.numbers[row]}")
+        place = next(
+            (c.place for c in self.of("GRID") if c.text(0) == str(self.grids.numbers[row])), self.file
+        )
+        return self.system_axes(cd, row, f"{place}: grid point {self.grids.numbers[row]}")
 
     def system_axes(self, system: int, row: int, place: str) -> Floats:
         """Return the axes of a coordinate system at a grid point."""
@@ -196,21 +202,24 @@ class NastranDeck:
         values = {one.get(key) for one in self.control or ()}
         if len(values) > 1:
             msg = (
-                f"the subcases select different sets by {key}: "
+                f"{self.file}: the subcases select different sets by {key}: "
                 f"{', '.join(sorted(v or 'none' for v in values))}; write a deck for each of them"
             )
             raise MeshError(msg)
         return values.pop() if values else None
 
-    def parameter(self, name: str, default: str = "") -> str:
-        """Return the value of a PARAM card."""
+    def parameter(self, name: str, default: float) -> float:
+        """Return the number of a PARAM card; YES is 1 and NO is -1."""
         found = [card for card in self.of("PARAM") if card.text(0) == name]
-        return found[-1].text(1) if found else default
+        if not found:
+            return default
+        words = {"YES": 1.0, "Y": 1.0, "NO": -1.0, "N": -1.0}
+        return words[found[-1].text(1)] if found[-1].text(1) in words else found[-1].real(1, default)
 
     @property
     def mass_factor(self) -> float:
         """Factor of all masses, PARAM WTMASS, in SI."""
-        return real(self.parameter("WTMASS", "1.0"))
+        return self.parameter("WTMASS", 1.0)
 
 
 def open_deck(path: Path, units: Units) -> NastranDeck:
@@ -227,6 +236,7 @@ def open_deck(path: Path, units: Units) -> NastranDeck:
         cards.setdefault(name, []).append(Card(name, fields, bulk.place(row)))
     grids = read_grids(path, bulk)
     return NastranDeck(
+        file=path.name,
         cards=cards,
         grids=grids,
         units=units,

@@ -13,44 +13,55 @@ import numpy as np
 from fem.io.deck import named, words
 from fem.io.deck_units import Units
 from fem.io.frame_deck import FrameDeck
-from fem.io.nastran_bars import BEAMS, RODS, bars_of
-from fem.io.nastran_cards import real
+from fem.io.nastran_bars import RODS, bars_of
 from fem.io.nastran_connections import BODIES, bodies_of, connections_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_names import HARMLESS, READ
+from fem.io.nastran_properties import BEAMS
 from fem.io.nastran_rigid import constraints_of, supports_of
-from fem.model import Damping
+from fem.mesh import MeshError
+from fem.model import Damping, ModelError
 
 APPLIED: Final = (
     READ
     | frozenset(BEAMS + RODS + BODIES)
     | words(
         """
-    PBAR PBARL PBEAM PBEAML PROD PTUBE MAT1 CMASS1 PMASS CELAS1 CELAS2 PELAS CDAMP1 CDAMP2 PDAMP CVISC PVISC CBUSH
-    PBUSH CBUSH1D PBUSH1D RBE2 RBE3 RBAR RROD MPC MPCADD SPC SPC1 SPCADD PARAM TABDMP1
+    PBAR PBARL PBEAM PBEAML PROD PTUBE MAT1 CMASS1 PMASS CELAS1 CELAS2 PELAS CDAMP1 CDAMP2 PDAMP CVISC PVISC
+    CBUSH PBUSH CBUSH1D PBUSH1D RBE2 RBE3 RBAR RROD MPC MPCADD SPC SPC1 SPCADD PARAM TABDMP1
     """
     )
 )
 """Cards that are applied, beside those that nothing in a frame model refers to."""
 
-LEFT_OUT: Final[dict[str, str]] = {
-    **dict.fromkeys(("NSM", "NSM1", "NSML", "NSML1", "NSMADD"), "its non-structural mass is left out: "
-                    "frequencies are too high"),
-    **dict.fromkeys(("DMIG", "DMIJ"), "the matrix is left out"),
-    **dict.fromkeys(("ASET", "ASET1", "OMIT", "OMIT1"), "the model is not reduced: Nastran's reduced frequencies "
-                    "lie slightly above those of all coordinates"),
-    **dict.fromkeys(("MATT1", "TEMP", "TEMPD", "TEMPRB"), "temperatures and what depends on them are left out"),
-    **dict.fromkeys(("PBUSHT", "PELAST", "PDAMPT"), "values that depend on frequency or deflection are left out; the "
-                    "nominal ones are taken"),
+_MEANING: Final = {
+    "NSM NSM1 NSML NSML1 NSMADD": "its non-structural mass is left out: frequencies are too high",
+    "DMIG DMIJ": "the matrix is left out",
+    "ASET ASET1 OMIT OMIT1": (
+        "the model is not reduced: Nastran's reduced frequencies lie above those of all coordinates"
+    ),
+    "MATT1 TEMP TEMPD TEMPRB": "temperatures and what depends on them are left out",
+    "PBUSHT PELAST PDAMPT": "values that vary with frequency or deflection are left out",
     "DEFORM": "initial deformations are left out",
-}  # fmt: skip
+}
+LEFT_OUT: Final = {name: meaning for names, meaning in _MEANING.items() for name in names.split()}
 """Cards that are left out, and what that means."""
 
 REFUSED: Final = words(
-    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 CELAS3 CELAS4 CDAMP3 "
+    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 "
+    "CELAS3 CELAS4 CDAMP3 "
     "CDAMP4 CDAMP5"
 )
 """Cards that change the stiffness or the mass, beside other elements, whose names begin with C."""
+
+_SELECTED: Final = {
+    "STATSUB": "prestress by loads",
+    **dict.fromkeys(("K2GG", "K2PP"), "a stiffness matrix"),
+    **dict.fromkeys(("M2GG", "M2PP"), "a mass matrix"),
+    **dict.fromkeys(("B2GG", "B2PP"), "a damping matrix"),
+    "NSM": "a set of non-structural mass",
+}
+"""Commands of case control that change the model, and what they select."""
 
 _SILENT: Final = words("CAERO1 CSET CSET1 CSSCHD SUPORT SUPORT1 EIGRL EIGR EIGC EIGB ENDDATA")
 
@@ -68,8 +79,8 @@ def read_nastran_frame(path: Path, units: Units) -> FrameDeck:
     Raises
     ------
     MeshError
-        For cards that are wrong, refer to what is not there, or have what a frame model cannot have; the message
-        names file, line and card.
+        For cards that are wrong, refer to what is not there, or have what a frame model cannot have; the
+        message names file, line and card.
     """
     deck = open_deck(path, units)
     _check(deck)
@@ -117,14 +128,15 @@ def _check(deck: NastranDeck) -> None:
     first = next(iter(lost.values()))[0]
     counts = named([f"{len(cards)} {name}" for name, cards in lost.items()])
     first.refuse(
-        f"has no place in a frame model, and the frequencies would be wrong without it (the file has {counts}); delete "
+        f"has no place in a frame model, and the frequencies would be wrong without it (the file has "
+        f"{counts}); delete "
         "these cards to read the bars alone, or write them with the cards that are read"
     )
 
 
 def _damping(deck: NastranDeck) -> Damping | None:
     """Return the damping of PARAM G, ALPHA1 and ALPHA2, and of the table that SDAMPING selects."""
-    eta, alpha, beta = (real(deck.parameter(name, "0.0")) for name in ("G", "ALPHA1", "ALPHA2"))
+    eta, alpha, beta = (deck.parameter(name, 0.0) for name in ("G", "ALPHA1", "ALPHA2"))
     frequency, ratio = np.zeros(1), np.zeros(1)
     chosen = deck.setting("SDAMPING") or deck.setting("SDAMP")
     table = next((card for card in deck.of("TABDMP1") if card.text(0) == chosen), None)
@@ -132,13 +144,14 @@ def _damping(deck: NastranDeck) -> Damping | None:
         frequency, ratio = _table(table)
     if not (eta or alpha or beta or ratio.any()):
         return None
-    return Damping(
-        frequency=frequency,
-        ratio=ratio,
-        alpha=alpha / deck.units.time,
-        beta=beta * deck.units.time,
-        loss_factor=eta,
-    )
+    time = deck.units.time
+    try:
+        return Damping(
+            frequency=frequency, ratio=ratio, alpha=alpha / time, beta=beta * time, loss_factor=eta
+        )
+    except ModelError as reason:
+        msg = f"{deck.file}: PARAM G, ALPHA1, ALPHA2 or TABDMP1: {reason}"
+        raise MeshError(msg) from reason
 
 
 def _table(card: Card) -> tuple[np.ndarray, np.ndarray]:
@@ -169,7 +182,6 @@ def _name_others(deck: NastranDeck) -> None:
             unknown.append(f"{name or 'lines that are no cards'} ({len(cards)}, first at {cards[0].place})")
     if unknown:
         deck.notes.plain.append(f"left out, because their meaning is not known: {named(unknown)}")
-    for key, meaning in (("STATSUB", "prestress by loads"), ("K2GG", "a stiffness matrix"), ("M2GG", "a mass matrix"),
-                         ("K2PP", "a stiffness matrix"), ("M2PP", "a mass matrix"), ("B2PP", "a damping matrix")):  # fmt: skip
+    for key, meaning in _SELECTED.items():
         if any(key in one for one in deck.control or ()):
             deck.notes.plain.append(f"case control selects {key}: {meaning}, which is left out")

@@ -19,14 +19,16 @@ from fem.io.nastran_sections import (
 from fem.materials import PropertyError
 from fem.sections.section import Section
 
-NO_DENSITY = 1e-6
-"""Density of a material that has none, because a material needs one [kg/m³]."""
+MASSLESS_SPEED = 1e9
+"""Speed of sound in a material without density, which needs one: so light in any units of the deck [m/s]."""
 
-NO_TWIST_INERTIA = 1e-9
+NO_TWIST_INERTIA = 1e-12
 """Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion."""
 
 STATION_ERROR = 0.02
 """Difference of a section between the ends from that of the taper that is named rather than refused [-]."""
+
+BEAMS = ("CBAR", "CBEAM")
 
 OF_ELEMENT = {
     "CBAR": ("PBAR", "PBARL"),
@@ -71,7 +73,7 @@ class Properties:
         self.deck = deck
         self.materials = deck.by_number("MAT1")
         self.cards = {element: deck.by_number(*names) for element, names in OF_ELEMENT.items()}
-        self.consistent = deck.parameter("COUPMASS", "-1").rstrip(".0") not in ("", "-1", "N", "NO")
+        self.consistent = deck.parameter("COUPMASS", -1.0) > 0
         self.made: dict[tuple, tuple[int, Profile]] = {}
         self.found: list[BarProperty] = []
 
@@ -92,7 +94,7 @@ class Properties:
             try:
                 profile = _READERS[card.name](self, card)
                 self.found.append(self._property(element, profile, number))
-            except PropertyError as reason:
+            except (PropertyError, OverflowError) as reason:
                 card.refuse(f"cannot be used: {reason}")
             self.made[key] = (len(self.found) - 1, profile)
         return self.made[key]
@@ -117,34 +119,36 @@ class Properties:
         deck, units = self.deck, self.deck.units
         card = self.material(profile.card, profile.material)
         E, G, nu = elastic(card)
-        if not (card.text(2) or card.text(3)) and element.name in ("CBAR", "CBEAM"):
+        if not (card.text(2) or card.text(3)) and element.name in BEAMS:
             deck.notes.add("it has neither G nor NU, so that Nastran gives bars no stiffness in torsion; "
                            "NU = 0.3 is taken", card)  # fmt: skip
-        lumped = not self.consistent
-        rod = element.name not in ("CBAR", "CBEAM") or not _bends(profile)
+        if element.name not in BEAMS or profile.section.label == "rod":
+            theory = "bar"
+        else:
+            sections = [one for one in (profile.section, profile.section2) if one is not None]
+            theory = "timoshenko" if any(one.ky or one.kz for one in sections) else "euler-bernoulli"
         rho = card.real(4) * deck.mass_factor * units.density
-        extra, A = profile.mass_per_length, _mean_area(profile)
-        name = f"MAT1 {profile.material}"
-        if lumped and extra:  # lumped as the mass of the material is
-            rho, extra, name = rho + extra / A, 0.0, f"{name} with the NSM of {profile.card}"
-        elif rho <= 0:
-            deck.notes.add(f"it has no density; {NO_DENSITY:g} kg/m³ is taken", card)
+        if rho <= 0:
+            deck.notes.add("it has no density; a negligible one is taken", card)
+            rho = E * units.stress / MASSLESS_SPEED**2
         material, shear = material_of(
-            name, E * units.stress, G * units.stress, nu, max(rho, NO_DENSITY), card.real(7)
+            f"MAT1 {profile.material}", E * units.stress, G * units.stress, nu, rho, card.real(7)
         )
-        ends = [self._end(s, shear, element, lumped) for s in (profile.section, profile.section2) if s]
-        theory = "bar" if rod else "timoshenko" if any(s.ky or s.kz for s in ends) else "euler-bernoulli"
-        label = f"CONROD {element.text(0)}" if number is None else f"property {number}"
         return BarProperty(
-            name=label, material=material, section=ends[0], section2=ends[1] if len(ends) > 1 else None,
-            theory=theory, mass="lumped" if lumped else "consistent", mass_per_length=extra,
-        )  # fmt: skip
+            name=f"CONROD {element.text(0)}" if number is None else f"property {number}",
+            material=material,
+            section=self._end(profile.section, shear, element),
+            section2=None if profile.section2 is None else self._end(profile.section2, shear, element),
+            theory=theory,
+            mass="consistent" if self.consistent and theory != "bar" else "lumped-slender",
+            mass_per_length=profile.mass_per_length,
+        )
 
-    def _end(self, section: Section, shear: Shear, element: Card, lumped: bool) -> Section:
+    def _end(self, section: Section, shear: Shear, element: Card) -> Section:
         scaled = shear.applied(section)
-        if lumped and element.name == "CBAR":
-            return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
-        return scaled
+        if self.consistent or element.name != "CBAR":
+            return scaled
+        return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
 
     def notes(self) -> Iterator[str]:
         """Yield what the mass of these bars is."""
@@ -153,12 +157,15 @@ class Properties:
         kinds = {key[0] for key in self.made}
         if self.consistent:
             yield (
-                "PARAM COUPMASS: bars have the consistent mass of their shape functions; Nastran's coupled mass "
-                "of rods and of the axial motion of bars lies midway between it and lumped mass"
+                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods "
+                "lumped mass, "
+                "which is nearer to Nastran's coupled mass: that of motions along them lies midway "
+                "between the two"
             )
         elif "CBAR" in kinds:
             yield (
-                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for CBAR without "
+                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for "
+                "CBAR without "
                 "inertia of torsion"
             )
         else:
@@ -185,14 +192,6 @@ def elastic(card: Card) -> tuple[float, float, float]:
     return E, G, nu
 
 
-def _bends(profile: Profile) -> bool:
-    return profile.section.label != "rod"
-
-
-def _mean_area(profile: Profile) -> float:
-    return (profile.section.A + (profile.section2 or profile.section).A) / 2
-
-
 def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, float]) -> Section:
     """Return the section of A, I1, I2, I12 and J of a card; one without any moment is a rod."""
     units = reader.deck.units
@@ -210,8 +209,10 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
     zero = [name for name, value in (("I1", I1), ("I2", I2), ("J", J)) if not value]
     if zero:
         reader.deck.notes.add(
-            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a millionth of the others is taken, "
-            "so that motions which Nastran leaves out or constrains may have modes of very low frequency", card,
+            f"{' and '.join(zero)} {'is' if len(zero) == 1 else 'are'} zero; a millionth of the others "
+            f"is taken, "
+            "so that motions which Nastran leaves out or constrains may have modes of very low "
+            "frequency", card,
         )  # fmt: skip
     return section_of_constants(str(card), A, (I1, I2, I12), J, k)
 
@@ -289,7 +290,8 @@ def _tapered(
             error = max(abs(getattr(section, k) / getattr(between, k) - 1) for k in ("A", "Iy", "Iz"))
             if error > STATION_ERROR:
                 card.refuse(
-                    f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a taper; "
+                    f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a "
+                    f"taper; "
                     "divide the beam there"
                 )
             reader.deck.notes.add("stations between the ends are left out; the section tapers evenly", card)

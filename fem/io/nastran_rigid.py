@@ -58,7 +58,8 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
         roots = sorted(set(sums) or numbers - added)
         if len(roots) > 1:
             cards[0].refuse(
-                f"is in one of the sets {', '.join(map(str, roots))}, and there is no case control that selects "
+                f"is in one of the sets {', '.join(map(str, roots))}, and there is no case control that "
+                f"selects "
                 f"one; write {key} = {roots[0]} and BEGIN BULK before the cards, or delete the others"
             )
         chosen = roots[0]

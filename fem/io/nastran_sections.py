@@ -204,8 +204,14 @@ def _check(fits: bool, reason: str) -> None:
         raise PropertyError(reason)
 
 
+def _circle(r: float) -> Section:
+    """Return a circle with the shear coefficient that MSC Nastran lists for ROD, 0.9 for any material."""
+    circle = Section.circle(2 * r)
+    return Section(circle.A, circle.Iy, circle.Iz, circle.J, 0.9, 0.9, circle.outlines, label=circle.label)
+
+
 SHAPES: Final[dict[str, tuple[int, Callable[..., Section]]]] = {
-    "ROD": (1, lambda r: Section.circle(2 * r)),
+    "ROD": (1, _circle),
     "TUBE": (2, lambda r, ri: Section.tube(2 * r, r - ri) if ri else Section.circle(2 * r)),
     "TUBE2": (2, lambda r, t: Section.tube(2 * r, t)),
     "BAR": (2, Section.rectangle),

@@ -69,7 +69,15 @@ ALLOWED = {
         },
     ),
     "dovetail/file/loads.py": ("reads motions of supports and joints", {"Joint", "Support"}),
-    "dovetail/file/parts.py": (BUILDS, {"AddedMass", "Joint", "ShearCentre", "Support"}),
+    "dovetail/file/from_deck.py": (
+        "writes the tables of a deck's model",
+        {"AddedMass", "DistributedMass", "Joint", "MultiPointConstraint", "RigidLink", "Support"},
+    ),
+    "dovetail/file/parts.py": (BUILDS, {"AddedMass", "DistributedMass", "Joint", "ShearCentre", "Support"}),
+    "fem/io/frame_model.py": (
+        "makes the effects of a deck's cards",
+        {"AddedMass", "DistributedMass", "Joint", "MultiPointConstraint", "RigidLink", "Support"},
+    ),
     "dovetail/file/plane.py": (BUILDS, {"Plane"}),
     "dovetail/file/rotation.py": (BUILDS, {"Spin"}),
     "dovetail/file/template.py": ("hides a mass in the example that it writes", {"AddedMass"}),

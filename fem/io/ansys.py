@@ -1,0 +1,59 @@
+"""ANSYS archive files (``.cdb``) as line meshes: nodes, line elements, components."""
+
+from pathlib import Path
+
+from fem.io.ansys_deck import AnsysDeck, Element, read_deck
+from fem.io.rawmesh import RawMesh
+
+_LINES = {1: 2, 3: 2, 4: 2, 8: 2, 10: 2, 16: 2, 44: 2, 180: 2, 188: 2, 189: 3, 288: 2, 289: 3}
+"""Nodes on the axis of beams, pipes and links."""
+
+
+def read_ansys(path: Path) -> RawMesh:
+    """Return the line elements of an archive, in its units.
+
+    Components of elements are sets of lines, those of nodes sets of points; lines in no component are in sets
+    by section (``section 3``) or real constants (``real 3``).
+
+    Raises
+    ------
+    MeshError
+        As :func:`fem.io.ansys_deck.read_deck`, and for elements of an unknown type or node.
+    """
+    deck = read_deck(path)
+    rows = {number: k for k, number in enumerate(deck.nodes)}
+    raw = RawMesh([row[:3] for row in deck.nodes.values()], point_numbers=list(rows))
+    lines: dict[int, int] = {}
+    numbers: list[int] = []
+    sets: dict[str, list[int]] = {}
+    inside = {n for kind, items in deck.components.values() if kind == "ELEM" for n in items}
+    for e in deck.elements:
+        kind = _kind(deck, e)
+        count = _LINES.get(kind, 0)
+        if not count or len(e.nodes) < count:
+            raw.left_out[f"elements of type {kind}"] += 1
+            continue
+        lines[e.number] = len(raw.lines)
+        numbers.append(e.number)
+        raw.lines.append([rows[n] for n in e.nodes[:count]])
+        if e.number not in inside:
+            by_section = e.section in deck.sections and kind >= 180
+            name = f"section {e.section}" if by_section else f"real {e.real}"
+            sets.setdefault(name, []).append(lines[e.number])
+    for name, (kind, items) in deck.components.items():
+        if kind == "ELEM":
+            sets[name] = [lines[n] for n in items if n in lines]
+        else:
+            raw.point_sets[name] = [rows[n] for n in items if n in rows]
+    raw.sets, raw.line_numbers = sets, numbers
+    return raw
+
+
+def _kind(deck: AnsysDeck, e: Element) -> int:
+    """Return the number in the name of an element's type; its nodes are checked, too."""
+    if e.type not in deck.types:
+        raise deck.error(e.line, f"element {e.number} has the type {e.type}, which no ET defines")
+    missing = next((n for n in e.nodes if n not in deck.nodes), None)
+    if missing is not None:
+        raise deck.error(e.line, f"element {e.number} refers to node {missing}, which is not defined")
+    return deck.types[e.type][0]

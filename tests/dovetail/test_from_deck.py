@@ -1,0 +1,130 @@
+"""``dovetail new --from`` a deck: the study is the model of the deck."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from dovetail.cli import main
+from fem import Damping, Section, assemble, solve_modes
+from fem.io import model_of, read_mesh
+from fem.io.frame_deck import BarProperty
+from fem.mesh import MeshError
+from tests.decks import STEEL, deck, everything
+
+
+@pytest.fixture
+def reads(monkeypatch, tmp_path):
+    """Return a function that makes the reader of decks give a deck, and the path of its file."""
+
+    def of(given):
+        def read(path, units="SI"):
+            if isinstance(given, str):
+                raise MeshError(given)
+            return given
+
+        monkeypatch.setattr("dovetail.file.from_deck.read_deck", read)
+        (tmp_path / "frame.bdf").write_text("GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nCBAR,1,3,1,2,0.,0.,1.\n")
+        return tmp_path / "frame.bdf"
+
+    return of
+
+
+def frequencies(model, n):
+    return solve_modes(assemble(model), n).frequency
+
+
+def tapered():
+    """Return a portal of tapered columns and a beam by constants, in decks' words."""
+    points = [[0, 0, 0], [0, 0, 0.5], [0, 0, 1], [1, 0, 1], [1, 0, 0]]
+    column = BarProperty(
+        name="column", material=STEEL, section=Section.i_section(b=0.1, h=0.1, tf=0.01, tw=0.006),
+        section2=Section.i_section(b=0.1, h=0.2, tf=0.01, tw=0.006),
+    )  # fmt: skip
+    beam = BarProperty(name="beam", material=STEEL, section=Section(A=2e-3, Iy=4e-6, Iz=2e-6, J=1e-6))
+    damping = Damping(np.array([1.0, 9.0]), np.array([0.01, 0.02]), 0.1, 1e-5, 0.02)
+    return deck(
+        points, [(0, 1), (2, 1), (2, 3), (4, 3)], column, beam, kinds=[0, 0, 1, 0], damping=damping,
+        supports={0: ("x", "y", "z", "rx", "ry", "rz"), 4: ("x", "y", "z")},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("make", [everything, tapered])
+def test_the_study_is_the_model(make, reads, tmp_path, capsys):
+    d = make()
+    assert main(["new", str(tmp_path / "s"), "--from", str(reads(d))]) == 0
+    out = capsys.readouterr()
+    assert "study.toml is written, with mesh.inp" in out.out
+    assert not out.err
+    for note in d.notes:
+        assert f"note: frame.bdf: {note}" in out.out
+    study, model = load_study(tmp_path / "s" / "study.toml"), model_of(d)
+    assert study.warnings == ()
+    n = 15
+    np.testing.assert_allclose(frequencies(study.model, n), frequencies(model, n), rtol=1e-9)
+    for key in ("frequency", "ratio", "alpha", "beta", "loss_factor"):
+        wanted = getattr(model.damping if d.damping else Damping.modal(0.01), key)
+        np.testing.assert_array_equal(getattr(study.model.damping, key), wanted)
+    assert {e.name for e in study.model.effects} == {e.name for e in model.effects}
+
+
+def test_without_its_element_size_a_study_converges_to_the_same_model(reads, tmp_path):
+    d = tapered()
+    main(["new", str(tmp_path / "s"), "--from", str(reads(d))])
+    file = tmp_path / "s" / "study.toml"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    file.write_text("\n".join(x for x in lines if not x.startswith("element_size")), encoding="utf-8")
+    study, model = load_study(file), model_of(d)
+    assert study.model.mesh.n_lines > 4
+    fine = model.with_mesh(model.mesh.refined(0.01))
+    errors = [frequencies(m, 4) / frequencies(fine, 4) - 1 for m in (model, study.model)]
+    assert errors[0].max() > 1e-3
+    np.testing.assert_allclose(errors[1], 0, atol=1e-4)
+
+
+def test_frfs_and_a_deck_in_any_order(reads, root, tmp_path, capsys):
+    example = root / "examples" / "first-frame"
+    mesh = read_mesh(example / "frame.msh")
+    kinds = np.zeros(mesh.n_lines, dtype=int)
+    d = deck(mesh.points, mesh.lines, kinds=kinds, supports={0: ("x", "y", "z")})
+    for k, files in enumerate(([reads(d), example / "test.uff"], [example / "test.uff", reads(d)])):
+        assert main(["new", str(tmp_path / f"{k}"), "--from", *map(str, files)]) == 0
+        assert "placeholders" not in capsys.readouterr().out
+        study = load_study(tmp_path / f"{k}" / "study.toml")
+        assert len(study.sensors) == 7
+        assert study.model.effect("frame").materials["steel"].E == STEEL.E
+        assert study.model.effect("node 1").fixed == ("x", "y", "z")
+
+
+def test_a_deck_without_sections_is_a_mesh(reads, tmp_path, capsys):
+    bare = replace(everything(), properties=())
+    assert main(["new", str(tmp_path / "s"), "--from", str(reads(bare))]) == 0
+    assert "Material, sections, supports and damping are placeholders" in capsys.readouterr().out
+    study = load_study(tmp_path / "s" / "study.toml")
+    assert list(study.model.mesh.members) == ["property 3"]
+    assert main(["new", str(tmp_path / "t"), "--from", str(reads("line 3: CQUAD4 is no bar"))]) == 2
+    assert "line 3: CQUAD4 is no bar" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "t"), "--from", "a", "b", "c"]) == 2
+    assert "--from takes a deck or a mesh, and FRFs" in capsys.readouterr().err
+
+
+def test_a_deck_that_is_no_model_keeps_its_mesh_beside_a_test(reads, root, tmp_path, capsys):
+    example = root / "examples" / "first-frame"
+    mesh = read_mesh(example / "frame.msh")
+    points = "".join(f"GRID,{k},,{x:.6f},{y:.6f},{z:.6f}\n" for k, (x, y, z) in enumerate(mesh.points, 1))
+    bars = "".join(f"CBAR,{k},3,{a + 1},{b + 1},0.,1.,0.1\n" for k, (a, b) in enumerate(mesh.lines, 1))
+    file = reads("frame.bdf, line 3: CQUAD4 is no bar")
+    file.write_text(points + bars)
+    assert main(["new", str(tmp_path / "s"), "--from", str(example / "test.uff"), str(file)]) == 0
+    out = capsys.readouterr().out
+    assert "note: the deck is read as a mesh: frame.bdf, line 3: CQUAD4 is no bar" in out
+    assert "placeholders" in out
+    assert load_study(tmp_path / "s" / "study.toml").model.mesh.n_points >= mesh.n_points
+
+
+def test_no_file_is_written_over(reads, tmp_path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "mesh.inp").write_text("mine")
+    assert main(["new", str(tmp_path / "s"), "--force", "--from", str(reads(tapered()))]) == 2
+    assert (tmp_path / "s" / "mesh.inp").read_text() == "mine"
