@@ -56,7 +56,13 @@ def nastran_text(
         return _lines(head, *([f"$ case control: {', '.join(requests)}"] if requests else []), *bulk, *notes)
     control = ["SOL 103", "CEND", f"TITLE = {deck.file[:60]}", "SPC = 1", "MPC = 1", "METHOD = 1", *requests]
     damping, more = _damping(deck)
-    solution = ["PARAM,COUPMASS,1", "PARAM,AUTOSPC,YES", *damping, *card("EIGRL", 1, None, None, modes)]
+    coupled = any(p.theory != "bar" and p.mass != "lumped-slender" for p in deck.properties)
+    solution = [
+        *(["PARAM,COUPMASS,1"] if coupled else []),
+        "PARAM,AUTOSPC,YES",
+        *damping,
+        *card("EIGRL", 1, None, None, modes),
+    ]
     return _lines(head, *control, *more, "BEGIN BULK", *solution, *bulk, *notes, "ENDDATA")
 
 
