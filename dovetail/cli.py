@@ -20,6 +20,7 @@ from dovetail.commands import (
     compare,
     diagnose,
     ensemble,
+    export,
     fleet,
     frf,
     frf_estimate,
@@ -48,7 +49,7 @@ from viz.offscreen import DrawingError
 
 COMMANDS = (
     new, check, plan, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
-    buckling, transient, spectrum, psd, open_desk, run, report, compare, candidates, locate, diagnose,
+    buckling, transient, spectrum, psd, open_desk, run, report, export, compare, candidates, locate, diagnose,
     history, identify_modes, match, update, identify_joint, fleet, validate,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""

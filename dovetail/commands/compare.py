@@ -13,6 +13,7 @@ from dovetail.commands.common import (
     loaded,
     say,
 )
+from dovetail.commands.spreadsheet import Sheet, add_xlsx, check_xlsx, write_xlsx
 from dovetail.commands.tables import band_names, cell, width_of
 from dovetail.disk.output import Progress, write_json
 
@@ -62,6 +63,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of equal frequency bands (default 6)",
     )
+    add_xlsx(p)
 
 
 def run(options: Options, progress: Progress) -> None:
@@ -74,7 +76,7 @@ def run(options: Options, progress: Progress) -> None:
     from updating.correlation.frf_correlation import suspected_labels
     from updating.diagnosis.begin import begin_fitted
 
-    check_places(options)
+    check_places(options, check_xlsx(options))
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
@@ -118,6 +120,7 @@ def run(options: Options, progress: Progress) -> None:
         },
         NULLS,
     )
+    write_xlsx(options.xlsx, _sheets(c))
     say(
         options,
         f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
@@ -145,6 +148,18 @@ def _rows(c: "Comparison") -> list[str]:
             for name, total, row, frac in rows
         ),
     ]
+
+
+def _sheets(c: "Comparison") -> dict[str, Sheet]:
+    """Return the errors of sensors, over all lines and by band, for Excel."""
+    from dovetail.result import least_frac
+
+    head = ("sensor", "all lines [dB]", *(f"{band} Hz [dB]" for band in band_names(c.bands)), "least FRAC")
+    rows = [
+        (name, float(total), *map(float, row), float(frac))
+        for name, total, row, frac in zip(c.outputs, c.by_sensor(), c.by_band(), least_frac(c), strict=True)
+    ]
+    return {"sensors": (head, rows)}
 
 
 def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> None:
@@ -177,6 +192,7 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
         },
         NULLS,
     )
+    write_xlsx(options.xlsx, _sheets(c))
     say(
         options,
         f"{study.name}, nominal: error of the amplitude {c.total_db:.2f} dB on all lines of {m.name}, whose "

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.commands.common import Options, say
+from dovetail.commands.spreadsheet import Sheet, write_xlsx
 from dovetail.disk.output import Progress, write_json
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> None:
         },
         NULLS,
     )
+    write_xlsx(options.xlsx, {"modes": _sheet(c)})
     held_out = c.held_out_error
     predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""
     error = f"error of the natural frequencies {100 * c.error:.2g} %"
@@ -98,6 +100,19 @@ def _baseline_note(study: "Study") -> list[str]:
     return [
         "note: the measured modes are without what the model leaves on the baseline once it is calibrated"
     ]
+
+
+def _sheet(c: "ModeComparison") -> Sheet:
+    """Return measured and computed modes for Excel."""
+    head = (
+        "measured [Hz]", "std [%]", "computed [Hz]", "off by [%]", "MAC", "measured zeta [%]",
+        "computed zeta [%]", "held out",
+    )  # fmt: skip
+    columns = (
+        c.measured, 100 * c.std, c.computed, 100 * (c.computed / c.measured - 1), c.mac, 100 * c.zeta,
+        100 * c.zeta_computed, c.held_out,
+    )  # fmt: skip
+    return head, [tuple(x.item() for x in row) for row in zip(*columns, strict=True)]
 
 
 def _rows(c: "ModeComparison") -> list[str]:

@@ -1,4 +1,4 @@
-"""Common parts of the writers of Word and PowerPoint files."""
+"""Common parts of the writers of Word, PowerPoint and Excel files."""
 
 import importlib
 from typing import Any
@@ -6,7 +6,12 @@ from typing import Any
 BLUE = "0B5394"
 """Colour of emphasis."""
 
-PACKAGES = {"docx": "python-docx", "pptx": "python-pptx"}
+PACKAGES = {
+    "docx": ("python-docx", "office"),
+    "pptx": ("python-pptx", "office"),
+    "openpyxl": ("openpyxl", "xlsx"),
+}
+"""Names of packages, and the extras that install them."""
 
 
 class OfficeError(ValueError):
@@ -14,7 +19,7 @@ class OfficeError(ValueError):
 
 
 def office(module: str) -> Any:
-    """Return a module of python-docx or python-pptx.
+    """Return a module of python-docx, python-pptx or openpyxl.
 
     Raises
     ------
@@ -24,6 +29,6 @@ def office(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as reason:
-        package = PACKAGES[module.partition(".")[0]]
-        msg = f"{package} is not installed; install it with: python -m pip install 'dovetail[office]'"
+        package, extra = PACKAGES[module.partition(".")[0]]
+        msg = f"{package} is not installed; install it with: python -m pip install 'dovetail[{extra}]'"
         raise OfficeError(msg) from reason

@@ -36,7 +36,7 @@ from fem.mesh import Mesh, MeshError
 
 
 @dataclass(slots=True)
-class _Reader:
+class DeckReader:
     """The state while a deck is read."""
 
     path: Path
@@ -155,7 +155,8 @@ class _Reader:
 
     # Nodes and elements -------------------------------------------------------------------------------------
 
-    def _parts_of(self, block: Block) -> list[Rows]:
+    def parts_of(self, block: Block) -> list[Rows]:
+        """Return the data lines of a block, with those of its INPUT file before them."""
         return [self.deck.data_file(block), *block.parts] if "INPUT" in block.options else block.parts
 
     def _nodes(self, block: Block) -> None:
@@ -165,7 +166,7 @@ class _Reader:
             self.notes.append(
                 f"spherical coordinates ({place}): φ is measured from the x-y plane, not from z"
             )
-        for rows in self._parts_of(block):
+        for rows in self.parts_of(block):
             table = table_of(rows.texts, float, 4, 4)
             if table is None:
                 numbers, xyz = _node_rows(rows, block)
@@ -181,16 +182,31 @@ class _Reader:
     def _elements(self, block: Block) -> None:
         kind = block.option("TYPE", "TYPE=").upper()
         name = block.options.get("ELSET")
-        count, more = nodes_of(kind)
-        for rows in self._parts_of(block):
+        count, more = self._node_count(kind, block)
+        for rows in self.parts_of(block):
             if not count:
                 numbers, lines = _first_cells(rows, block)
                 self.part.skipped.append(Skipped(kind[:40], numbers, rows.file, lines))
             else:
-                numbers, nodes, lines = _element_rows(rows, block, kind, count, more)
+                numbers, nodes, extra, lines = element_rows(rows, block, kind, count, more)
                 self.part.elements.add(numbers, nodes, lines, rows.file)
+                self._keep_kind(kind, numbers, extra, lines, rows.file)
             if name:
                 self.part.sets["ELSET"].add(name, Entry(block.place, numbers=numbers))
+
+    def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
+        """Return the number of nodes of a type, 0 if it is not read, and of those that may follow."""
+        return nodes_of(kind)
+
+    def _keep_kind(
+        self,
+        kind: str,
+        numbers: NDArray[np.int64],
+        extra: NDArray[np.int64],
+        lines: NDArray[np.int64],
+        file: str,
+    ) -> None:
+        """Do nothing; :mod:`fem.io.abaqus_content` keeps the type and the node of orientation."""
 
     # Sets ---------------------------------------------------------------------------------------------------
 
@@ -204,7 +220,7 @@ class _Reader:
         if block.keyword == "NSET" and "ELSET" in block.options:
             entry = Entry(block.place, name=block.options["ELSET"], instance=instance, of_elements=True)
             sets.add(name, entry)
-        for rows in self._parts_of(block):
+        for rows in self.parts_of(block):
             if "GENERATE" in block.options:
                 for k, text in enumerate(rows.texts):
                     span = _span(cells_of(text), rows.place(k))
@@ -286,15 +302,19 @@ def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.
     return numbers, xyz
 
 
-def _element_rows(
+def element_rows(
     rows: Rows, block: Block, kind: str, count: int, more: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return numbers, nodes (n, 3) and lines of elements; an element goes on while nodes are missing."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return numbers, nodes (n, 3), nodes of orientation and lines of elements.
+
+    An element goes on while nodes are missing; a node that an element does not have is -1.
+    """
     table = table_of(rows.texts, np.int64, count + 1, count + 1 + more)
     if table is not None:
         nodes = np.full((len(table), 3), -1, dtype=np.int64)
         nodes[:, :count] = table[:, 1 : count + 1]
-        return table[:, 0], _positive(nodes, count, rows, range(len(table))), np.asarray(rows.lines)
+        extra = table[:, count + 1] if table.shape[1] > count + 1 else np.full(len(table), -1)
+        return table[:, 0], _positive(nodes, count, rows, range(len(table))), extra, np.asarray(rows.lines)
     found: list[list[int]] = []
     at: list[int] = []
     for k, text in enumerate(rows.texts):
@@ -310,6 +330,7 @@ def _element_rows(
             found.append(values)
             at.append(k)
     nodes = np.full((len(found), 3), -1, dtype=np.int64)
+    extra = np.full(len(found), -1, dtype=np.int64)
     for row, values in enumerate(found):
         if not count < len(values) <= count + 1 + more:
             more_words = ", or one more for its orientation" if more else ""
@@ -319,8 +340,9 @@ def _element_rows(
             )
             raise MeshError(msg)
         nodes[row, :count] = values[1 : count + 1]
+        extra[row] = values[count + 1] if len(values) > count + 1 else -1
     numbers = np.array([values[0] for values in found], dtype=np.int64)
-    return numbers, _positive(nodes, count, rows, at), np.asarray(rows.lines)[at]
+    return numbers, _positive(nodes, count, rows, at), extra, np.asarray(rows.lines)[at]
 
 
 def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int]) -> NDArray[np.int64]:
@@ -370,7 +392,7 @@ def read_abaqus(path: Path) -> RawMesh:
         For a block that is not numbers, a keyword or parameter that changes the mesh and is not read, or
         elements that refer to nodes which are not there.
     """
-    return _Reader(path).read().mesh()
+    return DeckReader(path).read().mesh()
 
 
 def abaqus_text(mesh: Mesh) -> str:
@@ -391,7 +413,7 @@ def abaqus_text(mesh: Mesh) -> str:
 def read_abaqus_nodes(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes outside parts, in the deck's unit."""
     notes: list[str] = []
-    nodes = _Reader(path).read().outside.nodes
+    nodes = DeckReader(path).read().outside.nodes
     numbers, rows = nodes.unique(notes)
     _warn(path, notes)
     return numbers, nodes.values(rows)
@@ -399,7 +421,7 @@ def read_abaqus_nodes(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64
 
 def read_node_sets(path: str | os.PathLike[str]) -> dict[str, tuple[int, ...]]:
     """Return the node sets of an Abaqus or CalculiX deck outside parts, by their names in capitals."""
-    assembly = _Reader(Path(path)).read()
+    assembly = DeckReader(Path(path)).read()
     sets, notes = assembly.node_sets()
     _warn(Path(path), notes)
     return {name: tuple(numbers.tolist()) for name, numbers in sets.items()}

@@ -1,13 +1,13 @@
 """Parts and instances of an Abaqus deck put together: one list of points, lines and sets."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_parts import Part, Table
-from fem.io.abaqus_sets import Resolver
+from fem.io.abaqus_sets import Entry, Resolver
 from fem.io.deck import Budget, named
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
@@ -78,6 +78,8 @@ class Assembly:
         default_factory=lambda: ([], [])
     )
     _rows: dict[str, dict[str, _Rows]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
+    _owned: dict[str, tuple[Instance, list[Part]]] = field(default_factory=dict)
+    _resolvers: dict[str, Resolver] = field(default_factory=dict)
 
     def mesh(self) -> RawMesh:
         """Return all parts at their places.
@@ -87,7 +89,7 @@ class Assembly:
         MeshError
             For parts and nodes that are not there.
         """
-        owners = self._owners()
+        owners = self._owned = self._owners()
         redefined: list[str] = []
         with np.errstate(over="ignore", invalid="ignore"):
             for owner, (instance, parts) in owners.items():
@@ -107,6 +109,31 @@ class Assembly:
         raw.notes += [*dict.fromkeys(redefined), *self.notes]
         raw.notes = [note.replace(f"{self.file}: line ", "line ") for note in raw.notes]
         return raw
+
+    def owners_of(self, part: Part) -> list[Instance]:
+        """Return the instances of a part, after :meth:`mesh`; that without a name is the deck's outside."""
+        return [instance for instance, parts in self._owned.values() if any(p is part for p in parts)]
+
+    def elements_of_owners(self) -> Iterator[tuple[str, list[int], list[Part]]]:
+        """Give owners, the numbers of their elements in the order of the mesh's rows, and their parts."""
+        for (owner, (_, parts)), numbers in zip(self._owned.items(), self._numbers[1], strict=True):
+            yield owner, numbers.tolist(), parts
+
+    def rows_of(self, keyword: str, owner: str, label: str) -> NDArray[np.int64] | None:
+        """Return the mesh's rows of a number or a set as an owner names it, after :meth:`mesh`.
+
+        None for a label that the deck does not have; ``keyword`` is ``"NSET"`` or ``"ELSET"``.
+        """
+        if label.isascii() and label.isdigit() and len(label) < 19:
+            rows = self._rows[keyword][owner].of(np.array([int(label)]))
+            return rows if rows[0] >= 0 else None
+        resolver = self._resolvers[keyword]
+        found = resolver.owner_of(owner, Entry(self.file, name=label))
+        if found is None:
+            return None
+        if isinstance(found[1], int):
+            return self.rows_of(keyword, found[0], str(found[1]))
+        return resolver.members(found[0], found[1])
 
     def node_sets(self) -> tuple[dict[str, NDArray[np.int64]], list[str]]:
         """Return the node numbers of the sets outside of parts, and notes on missing nodes that they name."""
@@ -191,6 +218,7 @@ class Assembly:
     def _name_sets(self, raw: RawMesh, owners: dict[str, tuple[Instance, list[Part]]]) -> None:
         elements = self._resolver("ELSET", owners, raw.lines)
         nodes = self._resolver("NSET", owners, raw.lines, elements)
+        self._resolvers = {"ELSET": elements, "NSET": nodes}
         several = len(self.instances) > 1
         for resolver, keyword, target in ((elements, "ELSET", raw.sets), (nodes, "NSET", raw.point_sets)):
             for owner, (_, parts) in owners.items():

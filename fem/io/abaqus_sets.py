@@ -146,11 +146,11 @@ class Resolver:
     def _needed(self, owner: str, name: str) -> Iterator[tuple[str, str, Entry]]:
         for entry in self._entries(owner, name):
             if entry.name and not entry.of_elements:
-                found = self._owner_of(owner, entry)
+                found = self.owner_of(owner, entry)
                 if found is not None and not isinstance(found[1], int):
                     yield found[0], found[1], entry
 
-    def _owner_of(self, owner: str, entry: Entry) -> tuple[str, str | int] | None:
+    def owner_of(self, owner: str, entry: Entry) -> tuple[str, str | int] | None:
         """Return the instance and the set, or the number, that a name stands for; None if nothing has it."""
         if entry.instance:
             places = [(entry.instance, entry.name)]
@@ -205,7 +205,7 @@ class Resolver:
                 self._miss(place, f"element set {entry.name}")
             return np.empty(0, dtype=np.int64) if found is None else found
         if entry.name:
-            target = self._owner_of(owner, entry)
+            target = self.owner_of(owner, entry)
             if target is None:
                 self._miss(place, entry.name)
                 return np.empty(0, dtype=np.int64)

@@ -1,0 +1,153 @@
+"""Results for other programs: a study's model, or what was found of it, as a deck."""
+
+import json
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dovetail.file.contents import Study
+from dovetail.file.table import StudyError
+from dovetail.report import words
+from dovetail.result import program_version
+from fem.effects.instrument_form import DriverForm, SensorForm
+from fem.effects.instruments import DriverMass, SensorMass, Stinger
+from fem.io.abaqus_write import abaqus_text
+from fem.io.ansys_write import ansys_text
+from fem.io.deck_changes import changed_deck
+from fem.io.frame_of_model import ModelDeck, deck_of
+from fem.io.nastran_write import nastran_text
+from fem.model import Model, ParameterRef, parameter_values
+from updating.diagnosis.findings import EffectParameter
+
+WRITERS: Mapping[str, Callable[..., str]] = {
+    "nastran": nastran_text,
+    "abaqus": abaqus_text,
+    "ansys": ansys_text,
+}
+RESULT = "result.json"
+OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
+"""Effects of instruments, which the structure does not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a study has found: an effect, or an uncertain parameter with another value.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect.
+    text : str
+        Values with standard deviations and units.
+    sure : bool
+        Whether a value is farther from none than its standard deviation.
+    """
+
+    name: str
+    text: str
+    sure: bool = True
+
+
+def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
+    """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
+
+    Raises
+    ------
+    StudyError
+        If cards for what was found are asked for, and the study has no effects and no fitted values.
+    """
+    result = _result(study)
+    found, nominal = _effects(study, result), _nominal(study.model, result)
+    head = f"{study.path.name}, study {study.name}; dovetail {program_version()}"
+    if whole:
+        return _titled(deck_of(study.model, study.name), found), (f"model of {head}", *_lines(found))
+    if not found and not nominal:
+        msg = (
+            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is beside it; --whole "
+            "exports the model"
+        )
+        raise StudyError(msg)
+    out = {
+        e.name: "it belongs to the test, not to the structure"
+        if isinstance(e, OF_THE_TEST)
+        else "uncertain form that is zero within its standard deviation"
+        for e in study.model.effects
+        if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in found and not found[e.name].sure)
+    }
+    model = study.model.without_effect(*out)
+    before = model.without_effect(*(name for name in found if name not in out)).with_values(
+        {ref: value for ref, (value, _) in nominal.items() if ref[0] not in found}
+    )
+    more = {ref: Found(ref[0], text) for ref, (_, text) in nominal.items() if ref[0] not in found}
+    deck = _titled(changed_deck(deck_of(model, study.name), deck_of(before, study.name)), found)
+    notes = [f"{name}: not in this file: {why}" for name, why in out.items() if name in found]
+    lines = (f"found by {head}", *_lines(found), *(f"{f.name}: {f.text}" for f in more.values()))
+    return replace(deck, notes=(*notes, *deck.notes)), lines
+
+
+def _lines(found: Mapping[str, Found]) -> list[str]:
+    return [f"{f.name}: {f.text}" for f in found.values()]
+
+
+def _titled(deck: ModelDeck, found: Mapping[str, Found]) -> ModelDeck:
+    """Return a deck whose cards are commented with the values of the effects that they are of."""
+
+    def named(item: Any) -> Any:
+        texts = [f.text for f in found.values() if f.name in item.name.split(" with ")]
+        return replace(item, name=": ".join([item.name, *texts]))
+
+    keys = ("bodies", "connections", "links", "equations", "matrices")
+    return replace(deck, **{key: tuple(named(item) for item in getattr(deck, key)) for key in keys})
+
+
+def _result(study: Study) -> dict[str, Any]:
+    """Return the result beside a study, empty without one."""
+    path = study.path.parent / RESULT
+    try:
+        found = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    except ValueError as reason:
+        msg = f"{path}: it is no result of dovetail run ({reason})"
+        raise StudyError(msg) from reason
+    return found if isinstance(found, dict) else {}
+
+
+def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
+    """Return the [[effects]] of a study, with standard deviations where a result has them."""
+    std = {
+        (e["name"], p["name"]): p["std"]
+        for e in result.get("effects", [])
+        for p in e["parameters"]
+        if p["std"]
+    }
+    std |= {tuple(u["name"].rsplit(".", 1)): u["std"] for u in result.get("uncertain", []) if u["std"]}
+    out = {}
+    for table in tomllib.loads(study.text).get("effects", []):
+        name, candidate = table.get("name", f"known {table['candidate']}"), table["candidate"]
+        effect = study.model.effect(name)
+        given = [
+            EffectParameter(p.name, p.value, p.unit, std.get((candidate, p.name), math.nan))
+            for p in effect.parameters()
+        ]
+        values = map(words.parameter_text, given, effect.parameters())
+        sure = any(
+            not abs(g.value - p.absent) <= g.std for g, p in zip(given, effect.parameters(), strict=True)
+        )
+        out[name] = Found(name, f"{effect.where}: {', '.join(values)}", sure)
+    return out
+
+
+def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, tuple[float, str]]:
+    """Return the parameters that a run has fitted: the values before, and both in words."""
+    refs = {f"{effect}.{parameter}": (effect, parameter) for effect, parameter in model.values()}
+    out = {}
+    for u in result.get("uncertain", []):
+        ref = refs.get(u["name"])
+        if ref is None or u["nominal"] is None or u["nominal"] == u["fitted"]:
+            continue
+        value = parameter_values(model.effect(ref[0]))[ref[1]]
+        std = math.nan if u["std"] is None else u["std"]
+        text = words.with_unit(value, u["unit"], std)
+        out[ref] = u["nominal"], f"{ref[1]} {text} instead of {words.with_unit(u['nominal'], u['unit'])}"
+    return out

@@ -1,0 +1,216 @@
+"""Sections of Abaqus' and CalculiX' decks: *BEAM SECTION, *BEAM GENERAL SECTION and *SOLID SECTION."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.abaqus_content import Content, Placed, check, data, fault, lines_of, numbers_of, whole
+from fem.io.abaqus_deck import Block
+from fem.io.abaqus_materials import Materials, material
+from fem.io.abaqus_sections import ABAQUS_K, DIMENSIONS, SHAPES, Shape, arbitrary, general
+from fem.io.deck import real
+from fem.materials import Material, PropertyError
+from fem.sections.section import Section
+
+Floats = NDArray[np.float64]
+Lines = list[tuple[str, list[str]]]
+
+OFFSETS = ("RECT", "BOX", "CIRC", "PIPE")
+"""Sections that CalculiX can move off the nodes."""
+
+
+class Beam(NamedTuple):
+    """What a section keyword gives.
+
+    Attributes
+    ----------
+    n1 : ndarray (3,) or None
+        In the axes of its part; None takes the default.
+    offset : (float, float)
+        From the nodes to the centroid, along 1 and 2 [m].
+    """
+
+    block: Block
+    shape: Shape
+    material: Material
+    n1: Floats | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BeamReader:
+    """Reads section keywords."""
+
+    content: Content
+    materials: Materials
+
+    def truss(self, placed: Placed) -> Beam:
+        """Return the section of trusses: a circle of their area."""
+        block = placed.block
+        check(block, "ELSET", "MATERIAL", "ORIENTATION")
+        area = data(block, 0, 1, 1, "an area", 1)[0] * self.content.units.area
+        if not area > 0:
+            raise fault(block, f"has the area {area:g} m²; it must be positive")
+        circle = Shape(Section.circle(d=2 * np.sqrt(area / np.pi)))
+        return Beam(block, circle, self.materials.find(block.option("MATERIAL", "MATERIAL="), block))
+
+    def beam(self, placed: Placed) -> Beam:
+        """Return the section of beams.
+
+        Raises
+        ------
+        MeshError
+            For a section that is not read, and data that cannot be read.
+        """
+        block = placed.block
+        check(
+            block, "ELSET", "SECTION", "MATERIAL", "OFFSET1", "OFFSET2", "POISSON", "TEMPERATURE", "LUMPED",
+            "ROTARYINERTIA", "DENSITY", "ZERO", "ORIENTATION",
+        )  # fmt: skip
+        kind = "".join(block.option("SECTION", "SECTION=").upper().split())
+        kind = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}.get(kind, kind)  # CalculiX compares four letters
+        if block.options.get("ROTARYINERTIA", "EXACT") != "EXACT":
+            self.content.notes.append(f"*{block.name} at line {block.line}: rotary inertia is not isotropic")
+        rows = lines_of(block)
+        n = self._section_lines(block, kind, rows)
+        factor, mat = self._material(placed, rows[n + 1 :])
+        shape = self._shape(block, kind, rows[:n], mat.nu)
+        shape = shape._replace(section=self._with_shear(placed, shape.section, mat, factor))
+        self._note(placed, kind, shape.section)
+        return Beam(block, shape, mat, self._n1(block, rows[n : n + 1]), self._offset(placed, kind, shape))
+
+    def _section_lines(self, block: Block, kind: str, rows: Lines) -> int:
+        """Return the number of lines with dimensions."""
+        if kind not in ("GENERAL", "ARBITRARY", *SHAPES):
+            allowed = ", ".join([*SHAPES, "ARBITRARY", "GENERAL"])
+            raise fault(block, f"has SECTION={kind[:40]}, which is not read; read are {allowed}")
+        if not rows:
+            raise fault(block, "has no data line with the dimensions of its section")
+        if kind != "ARBITRARY":
+            return 1
+        count = whole(block, rows[0][0], rows[0][1][0], "the number of segments")
+        if not 2 <= count <= len(rows):
+            raise fault(block, f"has {count} segments and {len(rows)} data lines", rows[0][0])
+        return count
+
+    def _shape(self, block: Block, kind: str, rows: Lines, nu: float) -> Shape:
+        units = self.content.units
+        place, cells = rows[0]
+        try:
+            if kind == "GENERAL":
+                v = numbers_of(block, place, cells, 5, 7, "A, I11, I12, I22, J")
+                return Shape(general(v[0] * units.area, *(np.array(v[1:5]) * units.second_moment)))
+            if kind == "ARBITRARY":
+                first = numbers_of(block, place, cells[1:], 5, 5, "the ends of a segment and its thickness")
+                others = [numbers_of(block, p, c, 3, 3, "an end and a thickness") for p, c in rows[1:]]
+                return arbitrary([[x * units.length for x in row] for row in (first, *others)])
+            given = numbers_of(block, place, cells, *DIMENSIONS[kind])
+            if kind == "CIRC" and len(given) == 1 and self.content.calculix:
+                given *= 2  # CalculiX takes thicknesses, Abaqus a radius
+            return SHAPES[kind]([x * units.length for x in given], max(nu, 0.0))
+        except PropertyError as reason:
+            raise fault(block, f": {reason}", place) from reason
+
+    def _n1(self, block: Block, rows: Lines) -> Floats | None:
+        if not rows:
+            return None
+        place, cells = rows[0]
+        n1 = np.array([*numbers_of(block, place, cells, 1, 3, "the direction n1"), 0.0, 0.0][:3])
+        if not n1.any():
+            raise fault(block, "has the direction n1 = 0, 0, 0; give a vector, or no line", place)
+        return n1
+
+    def _material(self, placed: Placed, rows: Lines) -> tuple[float, Material]:
+        """Return a factor of G and the material, named or by E and G on the third line.
+
+        Poisson's ratio is at most 0.5; J and the shear coefficients take what G has beyond.
+        """
+        block, units = placed.block, self.content.units
+        density = None
+        if "DENSITY" in block.options:
+            try:
+                density = real(block.options["DENSITY"]) * units.density
+            except ValueError as reason:
+                raise fault(block, f": the density cannot be read: {reason}") from reason
+        if placed.keyword == "BEAMSECTION" or block.options.get("MATERIAL"):
+            return 1.0, self.materials.find(block.option("MATERIAL", "MATERIAL="), block, density)
+        if not rows:
+            raise fault(block, "has neither a material nor E and G on its third line")
+        E, G = numbers_of(block, rows[0][0], rows[0][1][:2], 2, 2, "E and G")
+        if not (E > 0 and G > 0):
+            raise fault(block, f"has E = {E:g} and G = {G:g}; both must be positive", rows[0][0])
+        if density is None:
+            raise fault(block, "has no density, which natural frequencies need; write DENSITY=")
+        nu = E / (2 * G) - 1
+        kept = float(np.clip(nu, -0.9, 0.5))
+        name = block.option("ELSET", "ELSET=")
+        return (1 + kept) * 2 * G / E, material(block, name, E * units.stress, density, kept)
+
+    def _with_shear(self, placed: Placed, section: Section, mat: Material, factor: float) -> Section:
+        """Return a section with another G, by a factor, and the areas of *TRANSVERSE SHEAR STIFFNESS."""
+        block = placed.subs.get("TRANSVERSESHEARSTIFFNESS")
+        ky, kz = section.ky * factor, section.kz * factor
+        if block is not None:
+            K23, K13 = [*data(block, 0, 1, 2, "K23 and K13", 2), 0.0][:2]
+            ky, kz = (K * self.content.units.force / (mat.G * section.A) for K in (K13 or K23, K23))
+            if section.angle and ky != kz:
+                raise fault(block, "differs along 1 and 2, which are no principal axes of the section")
+        elif factor == 1.0:
+            return section
+        try:
+            return replace(
+                section, J=section.J * factor, ky=ky, kz=kz, shape="", dimensions={}, estimated_k=False
+            )
+        except PropertyError as reason:
+            raise fault(block or placed.block, f": {reason}") from reason
+
+    def _offset(self, placed: Placed, kind: str, shape: Shape) -> tuple[float, float]:
+        """Return the centroid of the shape or of *CENTROID, and what OFFSET1 and OFFSET2 of CalculiX add.
+
+        These are the place of the nodes from the axis, in thicknesses (seen with ccx 2.20).
+        """
+        block, length = placed.block, self.content.units.length
+        c1, c2 = shape.centroid
+        if "CENTROID" in placed.subs:
+            c1, c2 = (
+                v * length for v in [*data(placed.subs["CENTROID"], 0, 1, 2, "two coordinates"), 0.0][:2]
+            )
+        if "BEAMSECTIONOFFSET" in placed.subs:
+            raise fault(placed.subs["BEAMSECTIONOFFSET"], "is not read; give the offset in the study file")
+        try:
+            o1, o2 = (real(block.options.get(key, "")) for key in ("OFFSET1", "OFFSET2"))
+        except ValueError as reason:
+            raise fault(block, f": an offset cannot be read: {reason}") from reason
+        if not (o1 or o2):
+            return c1, c2
+        if kind not in OFFSETS:
+            raise fault(block, f"has an offset and SECTION={kind}; offsets go with {', '.join(OFFSETS)}")
+        sizes = [real(cell) * length for cell in lines_of(block)[0][1][:2]]
+        a, b = (2 * sizes[0],) * 2 if kind == "PIPE" else (sizes[0], sizes[-1])
+        return c1 - o1 * a, c2 - o2 * b
+
+    def _note(self, placed: Placed, kind: str, section: Section) -> None:
+        """Say how a section differs from that of Abaqus."""
+        block, notes = placed.block, self.content.notes
+        centre = placed.subs.get("SHEARCENTER")
+        if centre is not None or np.hypot(*section.shear_centre) > 1e-3 * np.sqrt(section.A):
+            where = block if centre is None else centre
+            notes.append(
+                f"*{where.name} at line {where.line}: the shear centre is not at the centroid, about which "
+                "bars bend and twist here; modes of torsion with bending are higher"
+            )
+        words = {
+            "L": "the nodes are taken to be where the middle lines of the legs meet",
+            "TRAPEZOID": "J and k are those of a rectangle of the mean width",
+            "CIRC": "the number is the radius, as in Abaqus; CalculiX takes it as the diameter",
+        }
+        one = len(lines_of(block)[0][1]) == 1 and not self.content.calculix
+        if kind in words and (kind != "CIRC" or one):
+            notes.append(f"*{block.name} at line {block.line}: {words[kind]}")
+        if kind != "GENERAL" and "TRANSVERSESHEARSTIFFNESS" not in placed.subs and section.ky:
+            notes.append(
+                f"*{block.name} at line {block.line}: shear coefficients are {section.ky:.3g} and "
+                f"{section.kz:.3g} along 1 and 2; Abaqus takes {ABAQUS_K[kind]:g}, which counts in short bars"
+            )

@@ -1,0 +1,333 @@
+"""What an Abaqus or CalculiX deck has for a frame model: elements with their types, and keyword blocks."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io import abaqus_frame_keywords as known
+from fem.io.abaqus import DeckReader
+from fem.io.abaqus_assembly import Assembly, Instance
+from fem.io.abaqus_deck import Block
+from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
+from fem.io.abaqus_parts import Part
+from fem.io.deck import integer, named, real
+from fem.io.deck_units import Units
+from fem.io.rawmesh import RawMesh
+from fem.mesh import MeshError
+
+Rows = NDArray[np.int64]
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+SAME_PLACE = 1e-9
+"""Distance, relative to the size of the deck, within which nodes are at one place."""
+
+LARGEST = 1e50
+"""Numbers beyond this, whose powers overflow, are typing errors."""
+
+
+class Kind(NamedTuple):
+    """Type of an element, its node of orientation (0 without one), and file and line."""
+
+    name: str
+    extra: int
+    place: str
+
+
+@dataclass(slots=True)
+class Placed:
+    """A keyword block: its part, its step (0 is model data), and the blocks that belong to it."""
+
+    block: Block
+    part: Part
+    step: int
+    subs: dict[str, Block] = field(default_factory=dict)
+
+    @property
+    def keyword(self) -> str:
+        """Name without blanks."""
+        return self.block.keyword
+
+
+@dataclass(slots=True)
+class FrameReader(DeckReader):
+    """The state while a deck is read for a frame model: the mesh, types of elements, and other keywords."""
+
+    step: int = 0
+    procedures: dict[int, Block] = field(default_factory=dict)
+    kinds: dict[int, dict[int, Kind]] = field(default_factory=dict)
+    placed: list[Placed] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        DeckReader.__post_init__(self)
+        for keyword in ("ELGEN", "ELCOPY"):
+            self.handlers[keyword] = partial(self._generated, self.handlers[keyword])
+
+    def _block(self, block: Block) -> None:
+        key = block.keyword
+        if key in READ or key in REFUSED:
+            DeckReader._block(self, block)
+        elif key in known.NOT_A_FRAME:
+            raise fault(block, f"{known.NOT_A_FRAME[key]}")
+        elif key == "STEP":
+            self.step += 1
+            self.placed.append(Placed(block, self.part, self.step))
+        elif key in known.SUBS and self.placed and not self.step:
+            self._add_to_last(block)
+        elif key in known.HANDLED:
+            self.placed.append(Placed(block, self.part, self.step))
+        elif key in known.LEFT_OUT:
+            self._name(known.LEFT_OUT[key], f"*{block.name}", block.place)
+        elif self.step and key in known.PROCEDURES:
+            self.procedures.setdefault(self.step, block)
+        elif key not in HARMLESS and key not in known.SUBS:
+            self._refuse_short(block)
+            self.unknown.setdefault(f"*{block.name[:40]}", []).append(f"line {block.line}")
+
+    def _add_to_last(self, block: Block) -> None:
+        subs = self.placed[-1].subs
+        if block.keyword in subs:
+            raise fault(block, f"comes a second time, after {subs[block.keyword].place}; delete one of them")
+        subs[block.keyword] = block
+
+    def _nodes(self, block: Block) -> None:
+        for place, cells in block.rows():
+            if len(cells) > 4 and any(cells[4:]):
+                msg = (
+                    f"{place}: *NODE gives a normal, which turns sections; give n1 with *BEAM SECTION instead"
+                )
+                raise MeshError(msg)
+        DeckReader._nodes(self, block)
+
+    def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
+        count, more = nodes_of(kind) if kind in known.LINES else (known.POINTS.get(kind, 0), 0)
+        if not count:
+            msg = (
+                f"{block.place}: *ELEMENT has the type {kind[:40]}, which is no part of a frame; read are "
+                f"beams (B31, B32, B33, B21, PIPE31), trusses (T3D2), {', '.join(known.POINTS)}"
+            )
+            raise MeshError(msg)
+        return count, more
+
+    def _keep_kind(self, kind: str, numbers: Rows, extra: Rows, lines: Rows, file: str) -> None:
+        kinds = self.kinds.setdefault(id(self.part), {})
+        for number, node, line in zip(numbers.tolist(), extra.tolist(), lines.tolist(), strict=True):
+            kinds[number] = Kind(kind, max(node, 0), f"{file}: line {line}")
+
+    def _generated(self, copy: Callable[[Block], None], block: Block) -> None:
+        """Copy elements, which have the type of the part's elements before them."""
+        kinds = self.kinds.setdefault(id(self.part), {})
+        types = {kind.name for kind in kinds.values() if kind.name in known.LINES}
+        if len(types) != 1 or any(kind.extra for kind in kinds.values()):
+            raise fault(
+                block,
+                f"copies elements where the part has {named(sorted(types)) or 'none'}"
+                " before it; it is read after lines of one type without nodes of orientation",
+            )
+        before = self.part.elements.size
+        copy(block)
+        for number in self.part.elements.numbers()[before:].tolist():
+            kinds[number] = Kind(next(iter(types)), 0, block.place)
+
+
+@dataclass(slots=True)
+class Content:
+    """A deck: its mesh, the type of each element, and its keyword blocks.
+
+    Attributes
+    ----------
+    points : ndarray (n, 3)
+        [m].
+    kinds : list of Kind
+        Of the rows of ``mesh.lines``.
+    owners : list of str
+        The instances that these belong to.
+    size : float
+        Of the deck [m].
+    """
+
+    file: str
+    units: Units
+    assembly: Assembly
+    mesh: RawMesh
+    placed: list[Placed]
+    procedures: dict[int, Block]
+    points: NDArray[np.float64]
+    kinds: list[Kind]
+    owners: list[str]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def size(self) -> float:
+        """Largest extent [m]."""
+        return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
+
+    @property
+    def calculix(self) -> bool:
+        """Whether the deck has what CalculiX alone knows."""
+        sections = (p.block.options for p in self.placed if p.keyword == "BEAMSECTION")
+        return any(kind.name in known.CALCULIX for kind in self.kinds) or any(
+            key.startswith("OFFSET") for options in sections for key in options
+        )
+
+    def model_data(self, *keywords: str) -> Iterator[tuple[Placed, Instance]]:
+        """Give the blocks of some keywords before the first step, with each instance of their part."""
+        for placed in self.placed:
+            if placed.keyword in keywords and not placed.step:
+                for instance in self.assembly.owners_of(placed.part):
+                    yield placed, instance
+
+    def rows(self, keyword: str, label: str, owner: str, place: str) -> list[int]:
+        """Return the rows of a node or an element, or of a set.
+
+        Raises
+        ------
+        MeshError
+            If the deck does not have it.
+        """
+        found = self.assembly.rows_of(keyword, owner, label) if label else None
+        if found is None:
+            word = "node" if keyword == "NSET" else "element"
+            what = f"{word} {label}" if label.isdigit() else f"{word} set {label[:60] or '(no name)'}"
+            msg = f"{place} refers to the {what}, which the {'part' if owner else 'file'} does not have"
+            raise MeshError(msg)
+        return found.tolist()
+
+    def node(self, label: str, owner: str, place: str) -> int:
+        """Return the row of one node, or of a set of one."""
+        found = self.rows("NSET", label, owner, place)
+        if len(found) != 1:
+            msg = f"{place} needs one node, but the set {label[:60]} has {len(found)}"
+            raise MeshError(msg)
+        return found[0]
+
+    def elements(self, placed: Placed, owner: str, types: frozenset[str] | None = None) -> list[int]:
+        """Return the rows of the block's ELSET, which must be of some types."""
+        block = placed.block
+        label = block.option("ELSET", "ELSET=")
+        found = self.rows("ELSET", label, owner, f"{block.place}: *{block.name}")
+        for row in found if types is not None else []:
+            if types is not None and self.kinds[row].name not in types:
+                raise fault(
+                    block,
+                    f"is given for the element {self.number(row)} of type "
+                    f"{self.kinds[row].name}; allowed are {', '.join(sorted(types))}",
+                )
+        return found
+
+    def number(self, row: int) -> int:
+        """Return the number of an element in the deck."""
+        return int(np.asarray(self.mesh.line_numbers)[row])
+
+    def nodes_of(self, row: int) -> list[int]:
+        """Return the rows of an element's nodes."""
+        return [int(node) for node in self.mesh.lines[row] if node >= 0]
+
+    def near(self, a: int, b: int) -> bool:
+        """Return whether two nodes are at one place."""
+        return bool(np.linalg.norm(self.points[a] - self.points[b]) <= SAME_PLACE * self.size)
+
+
+def read_content(path: Path, units: Units) -> Content:
+    """Read a deck.
+
+    Raises
+    ------
+    MeshError
+        For what :func:`fem.io.abaqus.read_abaqus` refuses, and keywords and elements that no frame has.
+    """
+    reader = FrameReader(path)
+    assembly = reader.read()
+    mesh = assembly.mesh()
+    kinds: list[Kind] = []
+    owners: list[str] = []
+    if not len(mesh.lines):
+        msg = f"{path.name}: the deck has no elements; a frame needs beams or trusses"
+        raise MeshError(msg)
+    for owner, numbers, parts in assembly.elements_of_owners():
+        types: dict[int, Kind] = {}
+        for part in reversed(parts):
+            types |= reader.kinds.get(id(part), {})
+        kinds += [types[number] for number in numbers]
+        owners += [owner] * len(numbers)
+    points = np.asarray(mesh.points, dtype=float).reshape(-1, 3) * units.length
+    bad = np.flatnonzero(~(np.abs(points) < LARGEST).all(axis=1))
+    if bad.size:
+        msg = f"{path.name}: {mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m"
+        raise MeshError(msg)
+    return Content(
+        path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners, mesh.notes
+    )
+
+
+def fault(block: Block, words: str, place: str = "") -> MeshError:
+    """Return an error of a keyword, at its line or that of its data."""
+    between = "" if words.startswith(":") else " "
+    return MeshError(f"{place or block.place}: *{block.name}{between}{words}")
+
+
+def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int, what: str) -> list[float]:
+    """Return the numbers of a data line.
+
+    Raises
+    ------
+    MeshError
+        For another count, or cells that are no numbers.
+    """
+    if not least <= len(cells) <= most:
+        count = f"{least}" if least == most else f"{least} to {most}"
+        raise fault(block, f"has {len(cells)} numbers on this line; {count} are expected: {what}", place)
+    try:
+        values = [real(cell) for cell in cells]
+    except ValueError as reason:
+        raise fault(block, f"takes {what}, but {reason}", place) from reason
+    strange = [v for v in values if v and not 1 / LARGEST < abs(v) < LARGEST]
+    if strange:
+        raise fault(block, f"takes {what}, but {strange[0]:g} is out of range", place)
+    return values
+
+
+def data(block: Block, k: int, least: int, most: int, what: str, taken: int | None = None) -> list[float]:
+    """Return the numbers of the k-th data line that is not empty, or the first ones of them.
+
+    Raises
+    ------
+    MeshError
+        If there is no such line, and as :func:`numbers_of`.
+    """
+    rows = lines_of(block)
+    if len(rows) <= k:
+        raise fault(block, f"has {len(rows)} data line(s); {k + 1} are expected, the last with {what}")
+    place, cells = rows[k]
+    return numbers_of(block, place, cells[:taken], least, most, what)
+
+
+def whole(block: Block, place: str, cell: str, what: str) -> int:
+    """Return a whole number."""
+    try:
+        return integer(cell)
+    except ValueError as reason:
+        raise fault(block, f"takes {what}, but {reason}", place) from reason
+
+
+def check(block: Block, *allowed: str) -> None:
+    """Refuse the parameters of a keyword that are not read.
+
+    Raises
+    ------
+    MeshError
+        For one that is not among the allowed ones.
+    """
+    for key in block.options:
+        if key not in allowed:
+            raise fault(
+                block, f"has the parameter {key[:40]}, which is not read; read are {', '.join(allowed)}"
+            )
+
+
+def lines_of(block: Block) -> list[tuple[str, list[str]]]:
+    """Return place and cells of the data lines that are not empty."""
+    return [(place, cells) for place, cells in block.rows() if any(cells)]

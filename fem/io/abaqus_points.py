@@ -1,0 +1,182 @@
+"""Masses, springs, dashpots and connectors of Abaqus' and CalculiX' decks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.io.abaqus_assembly import Instance
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, fault, lines_of
+from fem.io.abaqus_deck import Block
+from fem.io.abaqus_systems import Systems
+from fem.io.frame_deck import Body, Connection, Link
+from fem.mesh import MeshError
+
+
+@dataclass(frozen=True, slots=True)
+class PointBuilder:
+    """Reads elements at one or two nodes."""
+
+    content: Content
+    systems: Systems
+
+    def bodies(self) -> tuple[Body, ...]:
+        """Return the point masses and rotary inertias.
+
+        Raises
+        ------
+        MeshError
+            For data that cannot be read, and elements without it.
+        """
+        found: list[Body] = []
+        seen: set[int] = set()
+        for placed, instance in self.content.model_data("MASS", "ROTARYINERTIA"):
+            block = placed.block
+            check(block, "ELSET", "ORIENTATION", "ALPHA", "COMPOSITE", "TYPE")
+            types = frozenset({"MASS"} if placed.keyword == "MASS" else {"ROTARYI"})
+            if block.options.get("TYPE", "ISOTROPIC") != "ISOTROPIC":
+                raise fault(block, f"is of type {block.options['TYPE']}; only ISOTROPIC is read")
+            if "ALPHA" in block.options or "COMPOSITE" in block.options:
+                self.content.notes.append(f"*{block.name} at line {block.line}: its damping is left out")
+            mass, inertia = self._of_body(placed, instance)
+            for row in self.content.elements(placed, instance.name, types):
+                name = f"{self.content.kinds[row].name} {self.content.number(row)}"
+                found.append(Body(name=name, node=self.content.nodes_of(row)[0], mass=mass, inertia=inertia))
+                seen.add(row)
+        self._all_seen(seen, {"MASS": "*MASS", "ROTARYI": "*ROTARY INERTIA"})
+        return tuple(found)
+
+    def _of_body(self, placed: Placed, instance: Instance) -> tuple[float, NDArray[np.float64]]:
+        block, units = placed.block, self.content.units
+        if placed.keyword == "MASS":
+            mass = data(block, 0, 1, 1, "a mass")[0] * units.mass
+            if mass < 0:
+                raise fault(block, f"is {mass:g} kg; it cannot be negative")
+            return mass, np.zeros((3, 3))
+        v = [*data(block, 0, 1, 6, "I11, I22, I33, I12, I13, I23"), *[0.0] * 5]
+        local = np.array([[v[0], v[3], v[4]], [v[3], v[1], v[5]], [v[4], v[5], v[2]]]) * units.inertia
+        if np.linalg.eigvalsh(local)[0] < -1e-9 * np.abs(local).max():
+            raise fault(block, "has a negative principal moment of inertia; check its products")
+        axes = self.systems.orientation(placed, instance)
+        return 0.0, axes.T @ local @ axes
+
+    def connections(self) -> tuple[Connection, ...]:
+        """Return springs and dashpots.
+
+        Raises
+        ------
+        MeshError
+            For data that cannot be read, elements without it, and springs across a distance.
+        """
+        found: list[Connection] = []
+        seen: set[int] = set()
+        for placed, instance in self.content.model_data("SPRING", "DASHPOT"):
+            block = placed.block
+            check(block, "ELSET", "ORIENTATION", "RTOL", "DEPENDENCIES")
+            types = frozenset(f"{placed.keyword}{end}" for end in "12A")
+            for row in self.content.elements(placed, instance.name, types):
+                found.append(self._connection(row, placed, instance))
+                seen.add(row)
+        self._all_seen(seen, {f"{k}{end}": f"*{k}" for k in ("SPRING", "DASHPOT") for end in "12A"})
+        return tuple(found)
+
+    def _connection(self, row: int, placed: Placed, instance: Instance) -> Connection:
+        kind, block, units = self.content.kinds[row].name, placed.block, self.content.units
+        nodes = self.content.nodes_of(row)
+        axial = kind[-1] == "A"
+        if axial:
+            d, axes = 0, self._along(row, nodes)
+        else:
+            d = self._direction(block, kind)
+            for node in nodes:
+                if node in self.systems.nodal and "ORIENTATION" not in block.options:
+                    raise fault(block, "is at a node with *TRANSFORM; give it an ORIENTATION")
+            axes = self.systems.orientation(placed, instance)
+        line = 0 if axial else 1
+        value = data(block, line, 1, 1, "a constant", 1)[0]
+        if axial and len(lines_of(block)) > 1:
+            raise fault(block, f"of {kind} takes an empty line and then one line with its constant")
+        if len(lines_of(block)) > line + 1 or any(lines_of(block)[line][1][1:]):
+            self.content.notes.append(
+                f"*{block.name} at line {block.line} has several values; the first one is taken"
+            )
+        spring = placed.keyword == "SPRING"
+        forces = (units.stiffness, units.damping), (units.moment, units.rotational_damping)
+        matrix = np.zeros((6, 6))
+        matrix[d, d] = value * forces[d > 2][not spring]
+        if len(nodes) == 2 and d < 3 and not axial:
+            self._check_arm(row, block, nodes, axes[d])
+        name = f"{kind} {self.content.number(row)}"
+        ends = (nodes[0], nodes[1] if len(nodes) == 2 else None)
+        if spring:
+            return Connection(name=name, nodes=ends, K=matrix, axes=axes)
+        return Connection(name=name, nodes=ends, C=matrix, axes=axes)
+
+    def _along(self, row: int, nodes: list[int]) -> NDArray[np.float64]:
+        x = self.content.points[nodes[1]] - self.content.points[nodes[0]]
+        if self.content.near(*nodes):
+            kind = self.content.kinds[row]
+            msg = f"{kind.place}: *ELEMENT {self.content.number(row)} of type {kind.name} has no length"
+            raise MeshError(msg)
+        x = x / np.linalg.norm(x)
+        y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
+        y /= np.linalg.norm(y)
+        return np.array([x, y, np.cross(x, y)])
+
+    def _direction(self, block: Block, kind: str) -> int:
+        """Return the direction of a spring, counted from 0."""
+        found = data(block, 0, int(kind[-1]), int(kind[-1]), f"the degrees of freedom of {kind}")
+        if found[0] not in range(1, 7) or len(set(found)) > 1:
+            raise fault(
+                block, f"acts on {found}; read is one degree of freedom of 1 to 6, the same at both nodes"
+            )
+        return int(found[0]) - 1
+
+    def _check_arm(self, row: int, block: Block, nodes: list[int], axis: NDArray[np.float64]) -> None:
+        """Refuse a spring across a distance: it would make moments that no arm takes up."""
+        arm = self.content.points[nodes[1]] - self.content.points[nodes[0]]
+        across = float(np.linalg.norm(np.cross(arm, axis)))
+        if across > 1e-6 * self.content.size:
+            raise fault(
+                block,
+                f": element {self.content.number(row)} acts along a direction in which "
+                f"its nodes are {across:.3g} m beside each other; move the nodes to one line or place",
+            )
+
+    def _all_seen(self, seen: set[int], keywords: dict[str, str]) -> None:
+        for row, kind in enumerate(self.content.kinds):
+            if kind.name in keywords and row not in seen:
+                number, keyword = self.content.number(row), keywords[kind.name]
+                msg = f"{kind.place}: *ELEMENT {number} of type {kind.name} has no {keyword}"
+                raise MeshError(msg)
+
+    def connectors(self) -> tuple[Link, ...]:
+        """Return rigid connectors: BEAM, WELD and, between nodes at one place, JOIN.
+
+        Raises
+        ------
+        MeshError
+            For other connectors.
+        """
+        found: list[Link] = []
+        seen: set[int] = set()
+        for placed, instance in self.content.model_data("CONNECTORSECTION"):
+            block = placed.block
+            rows = lines_of(block)
+            kinds = [cell.upper() for cell in rows[0][1] if cell] if rows else []
+            directions = {"BEAM": DIRECTIONS, "WELD": DIRECTIONS, "JOIN": DIRECTIONS[:3]}
+            if len(kinds) != 1 or kinds[0] not in directions:
+                raise fault(
+                    block,
+                    f"is {', '.join(kinds)[:60] or 'empty'}; read are BEAM, WELD and "
+                    "JOIN; write *SPRING for others",
+                )
+            for row in self.content.elements(placed, instance.name, frozenset({"CONN3D2"})):
+                a, b = self.content.nodes_of(row)
+                if kinds != ["BEAM"] and not self.content.near(a, b):
+                    raise fault(block, f"{kinds[0]} joins nodes at different places; write BEAM")
+                name = f"CONN3D2 {self.content.number(row)}"
+                found.append(Link(name=name, node=a, dependents=(b,), directions=directions[kinds[0]]))
+                seen.add(row)
+        self._all_seen(seen, {"CONN3D2": "*CONNECTOR SECTION"})
+        return tuple(found)

@@ -1,0 +1,121 @@
+"""Supports of Abaqus' and CalculiX' decks: *BOUNDARY of the model data and of steps."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, fault, lines_of, numbers_of, whole
+from fem.io.abaqus_deck import Block, name_of
+from fem.io.abaqus_systems import Systems
+from fem.io.frame_deck import Connection
+
+TYPES = {
+    "ENCASTRE": (0, 1, 2, 3, 4, 5),
+    "PINNED": (0, 1, 2),
+    "XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4),
+    "XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5),
+    "NOWARP": (), "NOOVAL": (), "NODEFORM": (),
+}  # fmt: skip
+"""Degrees of freedom that a type of boundary condition fixes, counted from 0."""
+
+
+def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
+    """Return the fixed degrees of freedom, counted from 0, of the rows of nodes, each with its block.
+
+    Read are the model data and the steps up to the first one of a linear dynamic procedure, or else up to the
+    first.
+
+    Raises
+    ------
+    MeshError
+        For data that cannot be read.
+    """
+    steps = sorted({placed.step for placed in content.placed if placed.step})
+    last = min(content.procedures, default=steps[0] if steps else 0)
+    if last and any(p.keyword == "BOUNDARY" and p.step for p in content.placed):
+        name = f"*{content.procedures[last].name}" if last in content.procedures else "the first step"
+        content.notes.append(f"supports are those of the model data and of the steps up to {last} ({name})")
+    fixed: dict[int, dict[int, Block]] = {}
+    step = 0
+    for placed in content.placed:
+        if placed.keyword != "BOUNDARY" or placed.step > last:
+            continue
+        if placed.step != step:
+            step = placed.step
+            if any(_new(other) for other in content.placed if other.step == step):
+                fixed = {}
+        _read(content, placed, fixed)
+    _note_nonlinear(content, last)
+    return fixed
+
+
+def _new(placed: Placed) -> bool:
+    return placed.keyword == "BOUNDARY" and placed.block.options.get("OP", "MOD").upper() == "NEW"
+
+
+def _note_nonlinear(content: Content, last: int) -> None:
+    for placed in content.placed:
+        options = placed.block.options
+        nonlinear = "PERTURBATION" in options or options.get("NLGEOM", "NO").upper() != "NO"
+        if placed.keyword == "STEP" and placed.step <= last and nonlinear and last > 1:
+            content.notes.append(
+                f"*STEP at line {placed.block.line}: the geometric stiffness of loads before the natural "
+                "frequencies is left out; give members a pretension in the study file"
+            )
+            return
+
+
+def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, Block]]) -> None:
+    block = placed.block
+    check(block, "OP", "TYPE", "AMPLITUDE", "LOADCASE", "FIXED", "BASENAME", "REGIONTYPE")
+    for instance in content.assembly.owners_of(placed.part):
+        for place, cells in lines_of(block):
+            label, *rest = cells
+            rows = content.rows("NSET", name_of(label), instance.name, f"{place}: *BOUNDARY")
+            for dof in _dofs(content, block, place, rest):
+                for row in rows:
+                    fixed.setdefault(row, {})[dof] = block
+
+
+def _dofs(content: Content, block: Block, place: str, cells: list[str]) -> Iterable[int]:
+    word = cells[0].upper() if cells else ""
+    if word in TYPES:
+        return TYPES[word]
+    if not word or word[0].isalpha():
+        allowed = f"degrees of freedom, or one of {', '.join(TYPES)}"
+        raise fault(block, f"has {word[:40] or 'nothing'} after the nodes; allowed are {allowed}", place)
+    first = whole(block, place, cells[0], "degrees of freedom")
+    last = whole(block, place, cells[1], "degrees of freedom") if len(cells) > 1 and cells[1] else first
+    if not 1 <= first <= last:
+        raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)
+    moves = len(cells) > 2 and numbers_of(block, place, cells[2:3], 1, 1, "a displacement") != [0.0]
+    if moves:
+        content.notes.append(f"*BOUNDARY at line {block.line} moves nodes; they are taken to be fixed")
+    return range(first - 1, min(last, 6))
+
+
+def supports_of(
+    content: Content, systems: Systems, fixed: dict[int, dict[int, Block]]
+) -> tuple[dict[int, tuple[str, ...]], tuple[Connection, ...]]:
+    """Return the fixed global directions of nodes, and rigid connections to the ground along other axes."""
+    supports: dict[int, tuple[str, ...]] = {}
+    skew: list[Connection] = []
+    for row, dofs in sorted(fixed.items()):
+        axes = systems.nodal.get(row, np.eye(3))
+        found: set[int] = set()
+        rigid: list[str] = []
+        for start in (0, 3):
+            local = [d - start for d in dofs if start <= d < start + 3]
+            # the fixed axes span the global directions that they fix, unless some stay skew
+            spanned = (axes[local] ** 2).sum(axis=0) if local else np.zeros(3)
+            whole_axes = np.flatnonzero(spanned > 1 - 1e-9)
+            if len(whole_axes) == len(local):
+                found |= {start + int(d) for d in whole_axes}
+            else:
+                rigid += [DIRECTIONS[start + d] for d in sorted(local)]
+        if found:
+            supports[row] = tuple(DIRECTIONS[d] for d in sorted(found))
+        if rigid:
+            name = f"BOUNDARY at node {int(np.asarray(content.mesh.point_numbers)[row])}"
+            skew.append(Connection(name=name, nodes=(row, None), rigid=tuple(rigid), axes=axes))
+    return supports, tuple(skew)

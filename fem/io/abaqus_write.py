@@ -1,0 +1,190 @@
+"""Abaqus decks: a model, or keywords for one.
+
+Rigid arms, releases and springs at ends of bars become nodes with equations and springs, which Abaqus and
+CalculiX both know.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fem.io.deck_nodes import (
+    bar_axes,
+    first_element,
+    matrix_scale,
+    plain,
+    scale_of,
+    solved_equations,
+    with_nodes,
+    wrapped,
+)
+from fem.io.deck_units import Units
+from fem.io.frame_deck import BarProperty
+from fem.io.frame_of_model import ModelDeck
+from fem.model import DIRECTIONS
+
+DOF = {d: i for i, d in enumerate(DIRECTIONS, 1)}
+SAME_AXES = 7
+"""Decimals to which bars of one section have the same axes."""
+
+
+def abaqus_text(
+    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+) -> str:
+    """Return a deck of Abaqus: all of a model with a step for its modes, or keywords for one.
+
+    Parameters
+    ----------
+    deck : ModelDeck
+    units : str or Units
+        Of the numbers in it.
+    heading : sequence of str
+        Sentences of its first comment.
+    modes : int
+        Number of modes that the deck asks for.
+    """
+    u = Units.of(units)
+    deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True, springs=plain)
+    lines = [line for text in heading for line in wrapped("**", text)]
+    lines += [] if deck.part else ["*HEADING", deck.file[:70]]
+    lines += [*_nodes(deck, u), *_bars(deck, u), *_bodies(deck, u), *_springs(deck, u), *_equations(deck, u)]
+    lines += _supports(deck)
+    if not deck.part:
+        lines += ["*STEP", "*FREQUENCY", f"{modes},", *_damping(deck), "*END STEP"]
+    lines += [t for text in deck.notes for t in wrapped("**", f"NOTE: {text}")]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _row(*values: object) -> str:
+    return ", ".join(repr(float(v)) if isinstance(v, float) else str(v) for v in values)
+
+
+def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
+    new = [k for k in range(len(deck.nodes)) if k not in deck.known]
+    if new:
+        yield "*NODE"
+    for k in new:
+        yield _row(deck.nodes[k], *map(float, deck.points[k] / u.length))
+
+
+def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield elements by property and axes, with their sections; n1 is local y, so that I11 is Iy."""
+    axes, groups = bar_axes(deck), dict[tuple[int, tuple[float, ...]], list[int]]()
+    for k, p in enumerate(deck.bars.properties):
+        y = np.round(axes[k, 1], SAME_AXES) + 0.0
+        groups.setdefault((int(p), tuple(y) if deck.properties[p].theory != "bar" else ()), []).append(k)
+    materials = {p.material.name: p.material for p in deck.properties if p.theory == "bar"}
+    for i, m in enumerate(materials.values(), 1):
+        yield from wrapped("**", m.name)
+        yield from (f"*MATERIAL, NAME=MATERIAL{i}", "*ELASTIC", _row(m.E / u.stress, m.nu))
+        yield from ("*DENSITY", _row(m.rho / u.density))
+    for i, ((p, _), bars) in enumerate(groups.items(), 1):
+        of, name = deck.properties[p], f"BARS{i}"
+        yield from wrapped("**", of.name)
+        known = [deck.bars.numbers[k] for k in bars if k in deck.known_bars]
+        new = [k for k in bars if k not in deck.known_bars]
+        yield from (f"*ELSET, ELSET={name}", *(f"{n}," for n in known)) if known else ()
+        yield from (f"*ELEMENT, TYPE={_type(of)}, ELSET={name}",) if new else ()
+        for k in new:
+            yield _row(deck.bars.numbers[k], *deck.nodes[deck.bars.ends[k]])
+        material = list(materials).index(of.material.name) + 1 if of.theory == "bar" else 0
+        yield from _section(of, name, axes[bars[0], 1], material, u)
+
+
+def _type(p: BarProperty) -> str:
+    return {"bar": "T3D2", "euler-bernoulli": "B33"}.get(p.theory, "B31")
+
+
+def _section(p: BarProperty, name: str, y: np.ndarray, material: int, u: Units) -> Iterator[str]:
+    s, m = p.section, p.material
+    if p.section2 is not None:
+        yield from wrapped("**", f"{p.name} is tapered: each element has the mean of its ends' constants")
+        s = type(s).between(s, p.section2, 0.5)
+    if p.theory == "bar":
+        yield from (f"*SOLID SECTION, ELSET={name}, MATERIAL=MATERIAL{material}", _row(s.A / u.area))
+        return
+    yield (
+        f"*BEAM GENERAL SECTION, ELSET={name}, SECTION=GENERAL, DENSITY={_row(m.rho / u.density)}, "
+        f"POISSON={_row(m.nu)}"
+    )
+    moments = (s.Iy, 0.0, s.Iz, s.J)
+    yield _row(s.A / u.area, *(float(x / u.second_moment) for x in moments))
+    yield _row(*map(float, y))
+    yield _row(m.E / u.stress, m.G / u.stress)
+    if p.theory == "timoshenko":
+        # no shear deformation: a thousand times as stiff as the area
+        kz, ky = (float((k or 1e3) * s.A * m.G / u.force) for k in (s.kz, s.ky))
+        yield from ("*TRANSVERSE SHEAR STIFFNESS", _row(kz, ky))
+    if p.mass_per_length:
+        yield from (
+            f"*NONSTRUCTURAL MASS, ELSET={name}, UNITS=MASS PER LENGTH",
+            _row(p.mass_per_length / u.mass_per_length),
+        )
+    if m.loss_factor:
+        yield from wrapped("**", f"loss factor of {m.name}: {m.loss_factor:g}")
+
+
+def _bodies(deck: ModelDeck, u: Units) -> Iterator[str]:
+    n = first_element(deck)
+    for k, b in enumerate(deck.bodies, 1):
+        yield from wrapped("**", b.name)
+        if b.mass:
+            yield from (f"*ELEMENT, TYPE=MASS, ELSET=MASS{k}", _row(n + 2 * k, deck.nodes[b.node]))
+            yield from (f"*MASS, ELSET=MASS{k}", _row(float(b.mass / u.mass)))
+        if b.inertia.any():
+            I = b.inertia / u.inertia
+            yield from (f"*ELEMENT, TYPE=ROTARYI, ELSET=INERTIA{k}", _row(n + 2 * k + 1, deck.nodes[b.node]))
+            yield f"*ROTARY INERTIA, ELSET=INERTIA{k}"
+            yield _row(*(float(I[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+
+
+def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield springs and dashpots between coincident nodes, or to the ground."""
+    n = first_element(deck) + 2 * len(deck.bodies) + 2
+    for k, c in enumerate(deck.connections, 1):
+        yield from wrapped("**", c.name)
+        if c.D.any():
+            loss = max(d / k for d, k in zip(np.diag(c.D), np.diag(c.K), strict=True) if k)
+            yield from wrapped("**", f"not in this file: its loss factor, {loss:.4g}")
+        turn = ""
+        if not np.array_equal(c.axes, np.eye(3)):
+            yield from (f"*ORIENTATION, NAME=AXES{k}", _row(*map(float, c.axes[:2].ravel())))
+            turn = f", ORIENTATION=AXES{k}"
+        nodes = [deck.nodes[i] for i in c.nodes if i is not None]
+        for quantity, kind in (("K", "SPRING"), ("C", "DASHPOT")):
+            X = np.diag(getattr(c, quantity)) / np.diag(matrix_scale(1, quantity, u))
+            for j in np.flatnonzero(X):
+                name = f"{kind}{k}{DIRECTIONS[j].upper()}"
+                yield from (f"*ELEMENT, TYPE={kind}{len(nodes)}, ELSET={name}", _row(n, *nodes))
+                yield from (f"*{kind}, ELSET={name}{turn}", _row(*[j + 1] * len(nodes)), _row(float(X[j])))
+                n += 1
+
+
+def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
+    before = ""
+    for name, terms in solved_equations(deck, links=True):
+        yield from wrapped("**", name) if name != before else ()
+        before = name
+        yield from ("*EQUATION", str(len(terms)))
+        cells = [(deck.nodes[n], DOF[d], a * scale_of(d, u)) for n, d, a in terms]
+        for i in range(0, len(cells), 4):
+            yield _row(*(x for cell in cells[i : i + 4] for x in cell))
+
+
+def _supports(deck: ModelDeck) -> Iterator[str]:
+    if deck.supports:
+        yield "*BOUNDARY"
+    for row, fixed in deck.supports.items():
+        yield from (_row(deck.nodes[row], DOF[d], DOF[d]) for d in fixed)
+
+
+def _damping(deck: ModelDeck) -> Iterator[str]:
+    d = deck.damping
+    if d is None:
+        return
+    values = {"ALPHA": d.alpha, "BETA": d.beta, "STRUCTURAL": d.loss_factor}
+    if any(values.values()):
+        yield "*GLOBAL DAMPING, " + ", ".join(f"{key}={v!r}" for key, v in values.items() if v)
+    for f, ratio in zip(d.frequency, d.ratio, strict=True):
+        if ratio:
+            yield from wrapped("**", f"damping ratio from {f:g} Hz on: {ratio:.6g}; *MODAL DAMPING takes it")

@@ -1,0 +1,258 @@
+"""Nastran decks: a model, or cards for one, in large fields of 16 columns."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from fem.io.deck_nodes import (
+    all_matrices,
+    first_element,
+    matrix_entries,
+    matrix_scale,
+    plain,
+    scale_of,
+    solved_equations,
+    with_nodes,
+    wrapped,
+)
+from fem.io.deck_units import Units
+from fem.io.frame_deck import BarProperty, Body, Connection
+from fem.io.frame_of_model import ModelDeck
+from fem.mesh import MeshError
+from fem.model import DIRECTIONS
+
+COMPONENT = {d: str(i) for i, d in enumerate(DIRECTIONS, 1)}
+PIN = dict(zip(("x", "z", "y", "rx", "rz", "ry"), "123456", strict=True))
+"""Numbers of local directions: y of Nastran is along the height, local z, and z the other way round."""
+WIDTH = 16
+MATRICES = {"K": "K2GG", "M": "M2GG", "C": "B2GG", "D": "K42GG"}
+"""Requests of the case control for matrices."""
+
+
+def nastran_text(
+    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+) -> str:
+    """Return a deck of Nastran: all of a model with a solution for its modes, or cards for one.
+
+    Parameters
+    ----------
+    deck : ModelDeck
+    units : str or Units
+        Of the numbers in it.
+    heading : sequence of str
+        Sentences of its first comment.
+    modes : int
+        Number of modes that the deck asks for.
+    """
+    u, deck = Units.of(units), with_nodes(deck, arms=None)
+    bulk = [*_nodes(deck, u), *_bars(deck, u), *_others(deck, u)]
+    head = [line for text in heading for line in wrapped("$", text)]
+    notes = [line for text in deck.notes for line in wrapped("$", f"NOTE: {text}")]
+    used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
+    requests = [f"{MATRICES[key]} = {key}EFF" for key in used]
+    if deck.part:
+        return _lines(head, *([f"$ case control: {', '.join(requests)}"] if requests else []), *bulk, *notes)
+    control = ["SOL 103", "CEND", f"TITLE = {deck.file[:60]}", "SPC = 1", "MPC = 1", "METHOD = 1", *requests]
+    damping, more = _damping(deck)
+    coupled = any(p.theory != "bar" and p.mass != "lumped-slender" for p in deck.properties)
+    solution = [
+        *(["PARAM,COUPMASS,1"] if coupled else []),
+        "PARAM,AUTOSPC,YES",
+        *damping,
+        *card("EIGRL", 1, None, None, modes),
+    ]
+    return _lines(head, *control, *more, "BEGIN BULK", *solution, *bulk, *notes, "ENDDATA")
+
+
+def _lines(head: list[str], *rest: str) -> str:
+    return "".join(f"{line}\n" for line in (*head, *rest))
+
+
+def number(value: float, letter: str = "") -> str:
+    """Return a real number in at most 16 columns, with as many digits as fit: 10 or more.
+
+    ``letter`` is that of the exponent; Nastran needs none.
+    """
+    if not math.isfinite(value):
+        msg = f"{value} is no number that a deck can have"
+        raise MeshError(msg)
+    if not letter and (value == 0 or 1e-2 <= abs(value) < 1e7):
+        point = f"{value:.0f}".lstrip("-")
+        return f"{value:.{WIDTH - 2 - len(point)}f}".rstrip("0")
+    for digits in range(15, 0, -1):
+        mantissa, _, exponent = f"{value:.{digits}e}".partition("e")
+        plain = f"{mantissa.rstrip('0')}{letter}{int(exponent):+d}"
+        if len(plain) <= WIDTH:
+            return plain
+    msg = f"{value} does not fit into {WIDTH} columns"
+    raise MeshError(msg)
+
+
+def card(name: str, *fields: Any) -> list[str]:
+    """Return the lines of a card in large field; None is a blank field."""
+    text = ["" if f is None else number(f) if isinstance(f, float) else str(f) for f in fields]
+    while text and not text[-1]:
+        text.pop()
+    text += [""] * (-len(text) % 8)
+    out = []
+    for i in range(0, len(text), 4):
+        first = f"{name}*" if i == 0 else "*"
+        out.append(f"{first:8}{''.join(f'{cell:>16}' for cell in text[i : i + 4])}".rstrip())
+    return out
+
+
+def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
+    for row, (n, place) in enumerate(zip(deck.nodes, deck.points, strict=True)):
+        if row not in deck.known:
+            yield from card("GRID", n, None, *(float(x) / u.length for x in place), None)
+    held: dict[str, list[int]] = {}
+    for row, fixed in deck.supports.items():
+        held.setdefault("".join(COMPONENT[d] for d in fixed), []).append(int(deck.nodes[row]))
+    for components, nodes in held.items():
+        yield from card("SPC1", 1, components, *nodes)
+
+
+def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield materials, properties and bars; a property has the number of its place, from 1."""
+    materials = list(dict.fromkeys(p.material for p in deck.properties))
+    for i, m in enumerate(materials, 1):
+        yield from wrapped("$", m.name)
+        loss = m.loss_factor or None
+        yield from card(
+            "MAT1", i, float(m.E / u.stress), None, float(m.nu), float(m.rho / u.density), None, None, loss
+        )
+    for i, p in enumerate(deck.properties, 1):
+        yield from wrapped("$", p.name)
+        yield from _property(p, i, materials.index(p.material) + 1, u)
+    b = deck.bars
+    for k, n in enumerate(b.numbers):
+        if k in deck.known_bars:
+            continue
+        p, (one, two) = deck.properties[b.properties[k]], deck.nodes[b.ends[k]]
+        head = n, b.properties[k] + 1, one, two
+        if p.theory == "bar":
+            yield from card("CROD", *head)
+            continue
+        free = [
+            "".join(sorted(PIN[d] for d, value in zip(DIRECTIONS, row, strict=True) if value == 0)) or None
+            for row in b.stiffness[k]
+        ]
+        arms = [float(x) / u.length if b.offsets[k].any() else None for x in b.offsets[k].ravel()]
+        yield from card(_bar_card(p), *head, *map(float, b.height[k]), None, *free, *arms)
+
+
+def _bar_card(p: BarProperty) -> str:
+    return "CBAR" if p.theory == "euler-bernoulli" and p.section2 is None else "CBEAM"
+
+
+def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
+    """Yield the property of bars; plane 1 has the height, so that I1 is Iy and K1 is kz."""
+    s, line = p.section, p.mass_per_length / u.mass_per_length
+    if p.theory == "bar":
+        yield from card("PROD", i, material, float(s.A / u.area), None, None, float(line))
+        return
+
+    def constants(of: Any, *product: float) -> list[float]:
+        sizes = (
+            of.A / u.area,
+            of.Iy / u.second_moment,
+            of.Iz / u.second_moment,
+            *product,
+            of.J / u.second_moment,
+            line,
+        )
+        return [float(x) for x in sizes]
+
+    blank = [None] * 8
+    if _bar_card(p) == "CBAR":
+        yield from card("PBAR", i, material, *constants(s), None, *blank)
+        return
+    more = [] if p.section2 is None else ["YES", 1.0, *constants(p.section2, 0.0), *blank]
+    ends = [of.Ip - of.Iy - of.Iz for of in (s, p.section2 or s)]
+    turning = [
+        float(p.material.rho * x / (u.mass_per_length * u.area)) if abs(x) > 1e-9 * s.Ip else None
+        for x in ends
+    ]
+    shear = [float(s.kz), float(s.ky)] if p.theory == "timoshenko" else [0.0, 0.0]
+    yield from card("PBEAM", i, material, *constants(s, 0.0), *blank, *more, *shear, None, None, *turning)
+
+
+def _others(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield bodies, connections, links, equations and matrices; elements are numbered behind the bars."""
+    first = first_element(deck)
+    for k, b in enumerate(deck.bodies):
+        yield from wrapped("$", b.name)
+        yield from _body(deck, b, first + k, u)
+    first += len(deck.bodies)
+    for k, c in enumerate(deck.connections):
+        if plain(c) and any(X.any() for X in (c.K, c.C, c.D)):
+            yield from wrapped("$", c.name)
+            yield from _bush(deck, c, first + k, u)
+    first += len(deck.connections)
+    for k, link in enumerate(deck.links):
+        yield from wrapped("$", link.name)
+        led = [deck.nodes[n] for n in link.dependents]
+        yield from card(
+            "RBE2", first + k, deck.nodes[link.node], "".join(COMPONENT[d] for d in link.directions), *led
+        )
+    for name, terms in solved_equations(deck):
+        yield from wrapped("$", name)
+        fields: list[Any] = [1]
+        for j, (n, d, a) in enumerate(terms):
+            fields += [None, None] if j and j % 2 == 0 else []
+            fields += [deck.nodes[n], COMPONENT[d], a * scale_of(d, u)]
+        yield from card("MPC", *fields)
+    yield from _dmig(deck, u)
+
+
+def _body(deck: ModelDeck, b: Body, number: int, u: Units) -> list[str]:
+    I = b.inertia / u.inertia
+    inertia = [float(x) + 0.0 for x in (I[0, 0], -I[1, 0], I[1, 1], -I[2, 0], -I[2, 1], I[2, 2])]
+    arm = [float(x) for x in b.arm / u.length]
+    return card("CONM2", number, deck.nodes[b.node], 0, float(b.mass / u.mass), *arm, None, *inertia)
+
+
+def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
+    """Yield a CBUSH with its PBUSH and its axes, which all have its number."""
+    one, two = c.nodes
+    system = 0 if np.array_equal(c.axes, np.eye(3)) else n
+    if system:
+        yield from card("CORD2R", n, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
+    nodes = deck.nodes[one], None if two is None else deck.nodes[two]
+    yield from card("CBUSH", n, n, *nodes, None, None, None, system)
+    K, C, D = (np.diag(X) for X in (c.K, c.C, c.D))
+    fields = [n, "K", *map(float, K / np.diag(matrix_scale(1, "K", u)))]
+    if C.any():
+        fields += [None, "B", *map(float, C / np.diag(matrix_scale(1, "C", u)))]
+    if D.any():
+        fields += [None, "GE", *(float(d / k) if k else 0.0 for d, k in zip(D, K, strict=True))]
+    yield from card("PBUSH", *fields)
+
+
+def _dmig(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield the sum of all matrices as DMIG of double precision, lower triangles by columns."""
+    for key in "KMCD":
+        columns = matrix_entries(deck, key, u, all_matrices(deck))
+        if columns:
+            names = dict.fromkeys(m.name for m in all_matrices(deck) if getattr(m, key).any())
+            yield from wrapped("$", ", ".join(names))
+            yield from card("DMIG", f"{key}EFF", 0, 6, 2, 2)
+        for (n, d), column in columns.items():
+            cells = [x for (i, e), value in column.items() for x in (i, e, number(value, "D"), None)]
+            yield from card("DMIG", f"{key}EFF", n, d, None, *cells)
+
+
+def _damping(deck: ModelDeck) -> tuple[list[str], list[str]]:
+    """Return the damping of the whole structure as cards, and as requests of the case control."""
+    d = deck.damping
+    if d is None:
+        return [], []
+    out = [f"PARAM,G,{number(d.loss_factor)}"] if d.loss_factor else []
+    out += [f"PARAM,ALPHA1,{number(d.alpha)}", f"PARAM,ALPHA2,{number(d.beta)}"] if d.alpha or d.beta else []
+    if not d.ratio.any():
+        return out, []
+    at = d.frequency if len(d.frequency) > 1 else np.array([0.0, 1e6])
+    pairs = [float(x) for f in at for x in (f, d.ratio_at(f))]
+    return [*out, *card("TABDMP1", 1, "CRIT", *[None] * 6, *pairs, "ENDT")], ["SDAMPING = 1"]
