@@ -75,7 +75,7 @@ class FrameReader(DeckReader):
         elif key == "STEP":
             self.step += 1
             self.placed.append(Placed(block, self.part, self.step))
-        elif key in known.SUBS and self.placed and not self.step:
+        elif key in known.SUBS and not self.step:
             self._add_to_last(block)
         elif key in known.HANDLED:
             self.placed.append(Placed(block, self.part, self.step))
@@ -88,9 +88,12 @@ class FrameReader(DeckReader):
             self.unknown.setdefault(f"*{block.name[:40]}", []).append(f"line {block.line}")
 
     def _add_to_last(self, block: Block) -> None:
-        subs = self.placed[-1].subs
+        last = self.placed[-1] if self.placed else None
+        if last is None or last.keyword not in known.SUBS[block.keyword]:
+            raise fault(block, f"follows none of {', '.join(sorted(known.SUBS[block.keyword]))}")
+        subs = last.subs
         if block.keyword in subs:
-            raise fault(block, f"comes a second time, after {subs[block.keyword].place}; delete one of them")
+            raise fault(block, f"comes a second time, after {subs[block.keyword].place}")
         subs[block.keyword] = block
 
     def _nodes(self, block: Block) -> None:
@@ -159,11 +162,10 @@ class Content:
     kinds: list[Kind]
     owners: list[str]
     notes: list[str] = field(default_factory=list)
+    size: float = field(init=False)
 
-    @property
-    def size(self) -> float:
-        """Largest extent [m]."""
-        return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
+    def __post_init__(self) -> None:
+        self.size = float(np.ptp(self.points, axis=0).max())
 
     @property
     def calculix(self) -> bool:
@@ -311,6 +313,18 @@ def whole(block: Block, place: str, cell: str, what: str) -> int:
         return integer(cell)
     except ValueError as reason:
         raise fault(block, f"takes {what}, but {reason}", place) from reason
+
+
+def dofs_of(block: Block, place: str, cells: list[str]) -> range:
+    """Return the degrees of freedom from a first to a last one, counted from 0; all without any.
+
+    Those from 7 on (warping, temperature) are left out.
+    """
+    given = [whole(block, place, cell, "degrees of freedom") for cell in cells[:2] if cell]
+    first, last = (given[0], given[-1]) if given else (1, 6)
+    if not 1 <= first <= last:
+        raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)
+    return range(first - 1, min(last, 6))
 
 
 def check(block: Block, *allowed: str) -> None:

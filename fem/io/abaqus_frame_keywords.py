@@ -19,11 +19,15 @@ POINTS: Final = {
 }  # fmt: skip
 """Element types that are no lines, and their numbers of nodes."""
 
-SUBS: Final = words(
-    """ELASTIC DENSITY DAMPING KINEMATIC DISTRIBUTING TRANSVERSESHEARSTIFFNESS CENTROID SHEARCENTER
-    BEAMSECTIONOFFSET"""
-)
-"""Keywords that belong to the one before them."""
+SUBS: Final[dict[str, frozenset[str]]] = {
+    **dict.fromkeys(("ELASTIC", "DENSITY", "DAMPING"), words("MATERIAL")),
+    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), words("COUPLING")),
+    **dict.fromkeys(
+        ("TRANSVERSESHEARSTIFFNESS", "CENTROID", "SHEARCENTER", "BEAMSECTIONOFFSET"),
+        words("BEAMSECTION BEAMGENERALSECTION"),
+    ),
+}
+"""Keywords that belong to one before them, and those."""
 
 HANDLED: Final = words(
     """BEAMSECTION BEAMGENERALSECTION SOLIDSECTION MATERIAL MASS ROTARYINERTIA SPRING DASHPOT

@@ -271,6 +271,14 @@ def test_instances(tmp_path):
     np.testing.assert_allclose(frequencies(tmp_path, text, 8), np.repeat(one, 2), rtol=1e-8)
 
 
+def test_included_files(tmp_path):
+    (tmp_path / "mesh.txt").write_text(line())
+    (tmp_path / "rest.txt").write_text(STEEL + RECT)
+    text = "*INCLUDE, INPUT=mesh.txt\n*INCLUDE, INPUT=rest.txt\n" + CLAMPED
+    f = frequencies(tmp_path, text, 1)
+    assert f[0] == pytest.approx(cantilever(0, I22, A), rel=2 * FIRST_MESH_ERROR)
+
+
 def test_notes_name_keyword_and_line(tmp_path):
     text = line(kind="B31") + STEEL + RECT + "*INITIAL CONDITIONS, TYPE=STRESS\nBAR, 1\n*GIRAFFE\n"
     text += CLAMPED + "*STEP\n*MODAL DAMPING\n1, 2, .1\n"
