@@ -56,6 +56,8 @@ NOT_A_FRAME: Final[dict[str, str]] = {
     "MATRIXASSEMBLE": "adds matrices of another model, which are not read",
     "SUBSTRUCTUREPROPERTY": "adds a substructure, which is not read",
     "USERELEMENT": "defines elements of the user, which are not read",
+    "REBAR": "adds bars of reinforcement, which are not read",
+    "MASSADJUST": "changes masses; give those that result",
     "BEAMFLUIDINERTIA": "adds the mass of a fluid; give *NONSTRUCTURAL MASS",
 }  # fmt: skip
 """Keywords that are refused, because a model without them would have other frequencies."""
