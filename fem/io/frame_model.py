@@ -151,10 +151,12 @@ def _members_of(deck: FrameDeck, nodes: Nodes) -> tuple[Mesh, dict[str, MemberPr
     of_kind: dict[int, list[NDArray[np.int64]]] = {}
     for piece in _pieces(deck, axes[:, 2]):
         of_kind.setdefault(int(bars.properties[piece[0]]), []).append(piece)
-    names = [deck.properties[k].name for k in sorted(of_kind)]
+    names: dict[str, int] = {}
+    for k in sorted(of_kind):
+        names[free_name(deck.properties[k].name, deck.properties[k].name, names)] = k
     sets: dict[str, NDArray[np.int64]] = {}
     groups: dict[str, tuple[str, ...]] = {}
-    for k, name in zip(sorted(of_kind), names, strict=True):
+    for name, k in names.items():
         free = (part for i in count(1) if (part := f"{name}.{i}") not in names)
         rows = of_kind[k]
         parts = (name,) if len(rows) == 1 else tuple(islice(free, len(rows)))

@@ -210,6 +210,16 @@ def test_turned_lines_of_any_deck(seed):
         assert (frequencies(fine, 4) <= frequencies(model, 4) * (1 + 1e-6)).all()
 
 
+def test_members_have_names_of_their_own():
+    points, ends = cantilever(n=4)
+    kinds = [0, 1, 2, 0]
+    three = (BEAM, replace(BEAM, material=STEEL), replace(BEAM, name="beam.1"))
+    mesh = model_of(deck(points, ends, *three, kinds=kinds)).mesh
+    assert mesh.groups == {"beam": ("beam.3", "beam.4")}
+    lines = {name: rows.tolist() for name, rows in mesh.members.items()}
+    assert lines == {"beam.3": [0], "beam.4": [3], "beam.2": [1], "beam.1": [2]}
+
+
 def test_a_closed_ring():
     angle = np.linspace(0, 2 * np.pi, 13)[:-1]
     points = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
