@@ -9,15 +9,19 @@ from numpy.typing import NDArray
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_beams import Beam, BeamReader
-from fem.io.abaqus_content import Content, Placed, check, data, fault, lines_of
+from fem.io.abaqus_content import SAME_PLACE, Content, Placed, check, data, fault, lines_of
 from fem.io.abaqus_deck import name_of
 from fem.io.frame_deck import BarProperty, Bars
 from fem.mesh import MeshError
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 PARALLEL = 1e-6
 """Sine of the angle between n1 and the axis below which a section has no direction."""
+
+DEFAULT_N1 = np.array([0.0, 0.0, -1.0])
+"""n1 without a direction, and always that of planar elements."""
 
 RELEASED = {"M1": (4,), "M2": (5,), "T": (3,), "ALLM": (3, 4, 5)}
 """Directions x y z rx ry rz that *RELEASE frees, counted from 0."""
@@ -132,63 +136,85 @@ class BarBuilder:
 
     def _bars(self) -> tuple[Bars, tuple[BarProperty, ...]]:
         properties: dict[tuple[int, str, float], BarProperty] = {}
-        bars, height, offsets, ends = [], [], [], []
+        index: dict[tuple[int, str, float], int] = {}
+        bars: list[tuple[int, int, int, int, int]] = []
+        beams: list[Beam] = []
+        given: list[Floats] = []
+        free: dict[int, set[int]] = {}
         for row, kind in enumerate(self.content.kinds):
             if kind.name not in known.LINES:
                 continue
             beam, instance = self._section_of(row)
             key = (id(beam.block), _theory(kind.name), float(self.added[row]))
             if key not in properties:
+                index[key] = len(properties)
                 properties[key] = _property(beam, *key[1:], {p.name for p in properties.values()})
-            nodes = self.content.nodes_of(row)
-            for k, (a, b) in enumerate(pairwise(nodes)):
-                bars.append((self.content.number(row), a, b, list(properties).index(key)))
-                n1, n2 = self._axes(row, beam, instance, a, b)
-                height.append(-n2 if beam.shape.flipped else n2)
-                shift = beam.offset[0] * n1 + beam.offset[1] * n2 if any(beam.offset) else np.zeros(3)
-                offsets.append([shift, shift])
-                ends.append(self._ends(row, k == 0, k == len(nodes) - 2))
-        table = np.array(bars, dtype=np.int64).reshape(-1, 4)
+            first = len(bars)
+            for a, b in pairwise(self.content.nodes_of(row)):
+                bars.append((self.content.number(row), a, b, index[key], row))
+                beams.append(beam)
+                given.append(self._n1(row, beam, instance))
+            for end, bar in ((0, first), (1, len(bars) - 1)):
+                if (row, end) in self.free:
+                    free[2 * bar + end] = self.free[row, end]
+        table = np.array(bars, dtype=np.int64).reshape(-1, 5)
+        n1, n2 = self._axes(table, beams, np.array(given).reshape(-1, 3))
+        offset = np.array([beam.offset for beam in beams]).reshape(-1, 2)
+        shift = np.where(
+            (offset != 0).any(axis=1, keepdims=True), offset[:, :1] * n1 + offset[:, 1:] * n2, 0.0
+        )
+        ends = np.full((2 * len(bars), 6), np.inf)
+        for end, directions in free.items():
+            ends[end, sorted(directions)] = 0.0
+        flip = np.array([-1.0 if beam.shape.flipped else 1.0 for beam in beams])
         return Bars(
             numbers=table[:, 0],
             ends=table[:, 1:3],
             properties=table[:, 3],
-            height=np.array(height, dtype=float).reshape(-1, 3),
-            offsets=np.array(offsets, dtype=float).reshape(-1, 2, 3),
-            stiffness=np.array(ends, dtype=float).reshape(-1, 2, 6),
+            height=n2 * flip[:, None],
+            offsets=np.repeat(shift[:, None], 2, axis=1),
+            stiffness=ends.reshape(-1, 2, 6),
         ), tuple(properties.values())
 
-    def _axes(self, row: int, beam: Beam, instance: Instance, a: int, b: int) -> tuple[Floats, Floats]:
-        """Return n1 and n2 = t x n1; a further node of the element comes before the section's n1."""
-        kind, points = self.content.kinds[row], self.content.points
-        if self.content.near(a, b):
-            msg = f"{kind.place}: *ELEMENT {self.content.number(row)} has no length; delete it"
-            raise MeshError(msg)
-        tangent = (points[b] - points[a]) / np.linalg.norm(points[b] - points[a])
-        given = np.array([0.0, 0.0, -1.0])  # the default, and always that of planar elements
+    def _n1(self, row: int, beam: Beam, instance: Instance) -> Floats:
+        """Return the direction that is given for n1; a further node of the element comes first."""
+        kind = self.content.kinds[row]
         if kind.extra:
             node = self.content.node(str(kind.extra), self.content.owners[row], f"{kind.place}: *ELEMENT")
-            given = points[node] - points[self.content.nodes_of(row)[0]]
-        elif beam.n1 is not None and kind.name not in known.PLANAR:
-            given = instance.turn @ beam.n1
-        n2 = np.cross(tangent, given)
-        size = float(np.linalg.norm(n2))
-        if size > PARALLEL * float(np.linalg.norm(given)):
-            return np.cross(n2, tangent) / size, n2 / size
-        if beam.shape.section.Iy == beam.shape.section.Iz and not any(beam.offset):
-            return np.full(3, np.nan), np.full(3, np.nan)
-        words = (
-            f": n1 is along element {self.content.number(row)}, so its section has no direction; give n1 "
-            "on the line after the dimensions (without it n1 is 0, 0, -1)"
-        )
-        raise fault(beam.block, words)
+            return self.content.points[node] - self.content.points[self.content.nodes_of(row)[0]]
+        if beam.n1 is None or kind.name in known.PLANAR:
+            return DEFAULT_N1
+        return instance.turn @ beam.n1
 
-    def _ends(self, row: int, first: bool, last: bool) -> Floats:
-        stiffness = np.full((2, 6), np.inf)
-        for end, here in enumerate((first, last)):
-            if here:
-                stiffness[end, sorted(self.free.get((row, end), ()))] = 0.0
-        return stiffness
+    def _axes(self, table: Ints, beams: list[Beam], given: Floats) -> tuple[Floats, Floats]:
+        """Return n1 and n2 = t x n1 of bars; NaN for sections that are the same in all directions.
+
+        Raises
+        ------
+        MeshError
+            For bars without length, and n1 along a bar.
+        """
+        points = self.content.points
+        along = points[table[:, 2]] - points[table[:, 1]]
+        length = np.linalg.norm(along, axis=1)
+        for bar in np.flatnonzero(length <= SAME_PLACE * self.content.size).tolist():
+            kind = self.content.kinds[table[bar, 4]]
+            msg = f"{kind.place}: *ELEMENT {table[bar, 0]} of type {kind.name} has no length; delete it"
+            raise MeshError(msg)
+        tangent = along / length[:, None]
+        n2 = np.cross(tangent, given)
+        size = np.linalg.norm(n2, axis=1)
+        parallel = size <= PARALLEL * np.linalg.norm(given, axis=1)
+        for bar in np.flatnonzero(parallel).tolist():
+            section = beams[bar].shape.section
+            if section.Iy != section.Iz or any(beams[bar].offset):
+                words = (
+                    f": n1 is along element {table[bar, 0]}, so its section has no direction; give n1 on the "
+                    "line after the dimensions (without it n1 is 0, 0, -1)"
+                )
+                raise fault(beams[bar].block, words)
+        n2 = np.where(parallel[:, None], np.nan, n2 / np.where(parallel, 1.0, size)[:, None])
+        return np.cross(n2, tangent), n2
 
 
 def _property(beam: Beam, theory: str, mass: float, used: set[str]) -> BarProperty:

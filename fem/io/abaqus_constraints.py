@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, fault, lines_of, numbers_of, whole
+from fem.io.abaqus_content import (
+    DIRECTIONS,
+    Content,
+    Placed,
+    check,
+    dofs_of,
+    fault,
+    lines_of,
+    numbers_of,
+    whole,
+)
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
 from fem.io.frame_deck import Equation, Link
@@ -55,17 +65,16 @@ class ConstraintBuilder:
         for place, cells in lines_of(placed.block):
             kind, *labels = (cell.upper() if k == 0 else name_of(cell) for k, cell in enumerate(cells))
             if kind not in ("BEAM", "PIN", "TIE", "LINK") or len(labels) != 2:
-                msg = (
-                    f"{place}: *MPC {kind[:20]} with {len(labels)} nodes is not read, but BEAM, PIN, TIE "
-                    "and LINK, each with two nodes or sets"
+                words = (
+                    f"{kind[:20]} with {len(labels)} nodes is not read, but BEAM, PIN, TIE and LINK with two"
                 )
-                raise MeshError(msg)
+                raise fault(placed.block, words, place)
             sets = [self.content.rows("NSET", label, instance.name, f"{place}: *MPC") for label in labels]
             if len(sets[1]) == 1:
                 sets[1] *= len(sets[0])
             if len(sets[0]) != len(sets[1]):
-                msg = f"{place}: *MPC {kind} joins sets of {len(sets[0])} and {len(sets[1])} nodes"
-                raise MeshError(msg)
+                words = f"{kind} joins sets of {len(sets[0])} and {len(sets[1])} nodes"
+                raise fault(placed.block, words, place)
             for a, b in zip(*sets, strict=True):
                 self._joined(kind, a, b, place)
 
@@ -125,8 +134,7 @@ class ConstraintBuilder:
             sets.append(self.content.rows("NSET", name_of(label), instance.name, f"{place}: *EQUATION"))
             d = whole(block, place, dof, "degrees of freedom") - 1
             if not 0 <= d < 6:
-                msg = f"{place}: *EQUATION has the degree of freedom {d + 1}; 1 to 6 are allowed"
-                raise MeshError(msg)
+                raise fault(block, f"has the degree of freedom {d + 1}; 1 to 6 are allowed", place)
             coefficient = numbers_of(block, place, [value], 1, 1, "coefficients")[0]
             # in the deck's units: Σ c u = 0 holds for lengths in metres if rotations get the unit of length
             factors.append((d, coefficient * (self.content.units.length if d > 2 else 1.0)))
@@ -174,35 +182,27 @@ class ConstraintBuilder:
                     terms += [(node, DIRECTIONS[3 + k], -turn[k]) for k in range(3)]
                 self._add(name, terms)
 
+    def _reference(self, placed: Placed, instance: Instance) -> int:
+        block = placed.block
+        label = block.option("REFNODE", "REF NODE=")
+        return self.content.node(label, instance.name, f"{block.place}: *{block.name}")
+
     def _coupling(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
         check(block, "CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION")
-        where = f"{block.place}: *{block.name}"
-        node = self.content.node(block.option("REFNODE", "REF NODE="), instance.name, where)
+        node = self._reference(placed, instance)
         members = self._surface(placed, instance)
         axes = self.systems.orientation(placed, instance)
         name = f"COUPLING {block.options.get('CONSTRAINTNAME', '') or f'({block.place})'}"
-        if "KINEMATIC" in placed.subs:
-            dofs = self._ranges(placed.subs["KINEMATIC"])
-            self._follow(name, node, [row for row, _ in members], dofs, axes)
-        elif "DISTRIBUTING" in placed.subs:
-            self._distribute(placed.subs["DISTRIBUTING"], name, node, members, axes)
-        else:
-            msg = f"{where} is followed by neither *KINEMATIC nor *DISTRIBUTING"
-            raise MeshError(msg)
-
-    def _ranges(self, block: Block) -> set[int]:
-        dofs: set[int] = set()
-        rows = lines_of(block)
-        for place, cells in rows:
-            first = whole(block, place, cells[0], "degrees of freedom")
-            last = (
-                whole(block, place, cells[1], "degrees of freedom") if len(cells) > 1 and cells[1] else first
-            )
-            if not 1 <= first <= last <= 6:
-                raise fault(block, f"has the degrees of freedom {first} to {last}; 1 to 6 are allowed", place)
-            dofs |= set(range(first - 1, last))
-        return dofs or set(range(6))
+        for keyword, sub in placed.subs.items():
+            dofs = {d for place, cells in lines_of(sub) for d in dofs_of(sub, place, cells)}
+            dofs = dofs or set(range(6))
+            if keyword == "KINEMATIC":
+                self._follow(name, node, [row for row, _ in members], dofs, axes)
+            else:
+                self._distribute(sub, name, node, members, dofs & {3, 4, 5}, axes)
+        if not placed.subs:
+            raise fault(block, "is followed by neither *KINEMATIC nor *DISTRIBUTING")
 
     def _surface(self, placed: Placed, instance: Instance) -> list[tuple[int, float]]:
         """Return the nodes of the surface of nodes that a coupling names, with their weights."""
@@ -224,58 +224,46 @@ class ConstraintBuilder:
         raise fault(block, f"refers to the surface {name[:60]}, which the file does not have")
 
     def _distribute(
-        self, block: Block, name: str, node: int, members: list[tuple[int, float]], axes: Floats
+        self,
+        block: Block,
+        name: str,
+        node: int,
+        members: list[tuple[int, float]],
+        rotations: set[int],
+        axes: Floats,
     ) -> None:
         """Let a node follow the weighted mean motion of others: u = ū + θ x r, θ = T⁻¹ Σ w r x u."""
         check(block, "COUPLING", "WEIGHTINGMETHOD")
-        if block.options.get("WEIGHTINGMETHOD", "UNIFORM").upper() != "UNIFORM":
-            raise fault(block, "has weights other than UNIFORM, which are not read")
-        rows = [row for row, _ in members]
         w = np.array([weight for _, weight in members])
-        if not (w > 0).all():
-            raise fault(block, "has a weight that is not positive")
+        if block.options.get("WEIGHTINGMETHOD", "UNIFORM").upper() != "UNIFORM" or not (w > 0).all():
+            raise fault(block, "has weights that are not UNIFORM and positive, which are not read")
         w = w / w.sum()
+        rows = [row for row, _ in members]
         centre = w @ self.content.points[rows]
-        arms = self.content.points[rows] - centre
-        T = (w * (arms**2).sum(axis=1)).sum() * np.eye(3) - (arms.T * w) @ arms
-        rotations = self._ranges(block) & {3, 4, 5} if lines_of(block) else {3, 4, 5}
-        far = float(np.linalg.norm(self.content.points[node] - centre)) > 1e-9 * self.content.size
-        if np.linalg.matrix_rank(T, tol=1e-12 * self.content.size**2) < 3 and (rotations or far):
-            raise fault(
-                block,
-                ": the nodes lie on one line, so that their mean rotation about it has "
-                "no meaning; write *KINEMATIC",
-            )
-        cross = np.array([_cross_matrix(arm) for arm in arms])
-        turn = (
-            np.linalg.solve(T, np.concatenate(list(w[:, None, None] * cross), axis=1))
-            if rotations or far
-            else None
-        )
-        arm = _cross_matrix(self.content.points[node] - centre)
-        mean = np.concatenate([weight * np.eye(3) for weight in w], axis=1)
-        move = mean if turn is None else mean - arm @ turn
-        for start, matrix, wanted in ((0, move, {0, 1, 2}), (3, turn, rotations)):
-            for d in sorted(wanted):
-                axis = axes[d - start]
-                given = axis @ matrix if matrix is not None else np.zeros(0)
-                terms = [(node, DIRECTIONS[start + k], float(axis[k])) for k in range(3)]
-                terms += [(rows[j // 3], DIRECTIONS[j % 3], -float(c)) for j, c in enumerate(given)]
-                self._add(name, terms)
+        arms, arm = self.content.points[rows] - centre, self.content.points[node] - centre
+        mean = np.kron(w, np.eye(3))
+        turn = np.zeros((3, mean.shape[1]))
+        if rotations or np.linalg.norm(arm) > 1e-9 * self.content.size:
+            T = (w * (arms**2).sum(axis=1)).sum() * np.eye(3) - (arms.T * w) @ arms
+            if np.linalg.matrix_rank(T, tol=1e-12 * self.content.size**2) < 3:
+                raise fault(block, ": the nodes lie on one line, about which they have no mean rotation")
+            turn = np.linalg.solve(T, np.hstack([c * _cross_matrix(a) for c, a in zip(w, arms, strict=True)]))
+        for d in (0, 1, 2, *sorted(rotations)):
+            axis, start = axes[d % 3], 3 * (d // 3)
+            given = axis @ (turn if start else mean - _cross_matrix(arm) @ turn)
+            terms = [(node, DIRECTIONS[start + k], float(axis[k])) for k in range(3)]
+            terms += [(rows[j // 3], DIRECTIONS[j % 3], -float(c)) for j, c in enumerate(given)]
+            self._add(name, terms)
 
     def _kinematic(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
         check(block, "REFNODE", "ORIENTATION")
-        where = f"{block.place}: *{block.name}"
-        node = self.content.node(block.option("REFNODE", "REF NODE="), instance.name, where)
+        node = self._reference(placed, instance)
         axes = self.systems.orientation(placed, instance)
         for place, cells in lines_of(block):
             rows = self.content.rows("NSET", name_of(cells[0]), instance.name, f"{place}: *{block.name}")
-            numbers = [whole(block, place, cell, "degrees of freedom") for cell in cells[1:3] if cell]
-            first, last = (numbers[0], numbers[-1]) if numbers else (1, 6)
-            if not 1 <= first <= last <= 6:
-                raise fault(block, f"has the degrees of freedom {first} to {last}; 1 to 6 are allowed", place)
-            self._follow(f"KINEMATIC COUPLING ({place})", node, rows, set(range(first - 1, last)), axes)
+            dofs = set(dofs_of(block, place, cells[1:]))
+            self._follow(f"KINEMATIC COUPLING ({place})", node, rows, dofs, axes)
 
     def _rigid_body(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
@@ -283,7 +271,7 @@ class ConstraintBuilder:
         if block.options.get("POSITION", "INPUT").upper() != "INPUT":
             raise fault(block, "moves its node to the centre of mass; give POSITION=INPUT")
         where = f"{block.place}: *{block.name}"
-        node = self.content.node(block.option("REFNODE", "REF NODE="), instance.name, where)
+        node = self._reference(placed, instance)
         found: dict[str, list[int]] = {}
         for key in ("NSET", "TIENSET", "PINNSET"):
             if key in block.options:
@@ -292,8 +280,7 @@ class ConstraintBuilder:
             elements = self.content.rows("ELSET", block.options["ELSET"], instance.name, where)
             found["ELSET"] = sorted({n for row in elements for n in self.content.nodes_of(row)})
         if not found:
-            msg = f"{where} has no nodes; give NSET=, ELSET=, PIN NSET= or TIE NSET="
-            raise MeshError(msg)
+            raise fault(block, "has no nodes; give NSET=, ELSET=, PIN NSET= or TIE NSET=")
         pinned = set(found.pop("PINNSET", []))
         tied = [row for rows in found.values() for row in rows if row not in pinned]
         name = f"RIGID BODY ({block.place})"

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
-from fem.io.abaqus_deck import Block
+from fem.io.abaqus_deck import Block, Rows, cells_of, name_of
 from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
+from fem.io.abaqus_parts import LARGEST as LARGEST_NUMBER
 from fem.io.abaqus_parts import Part
 from fem.io.deck import integer, named, real
 from fem.io.deck_units import Units
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
-Rows = NDArray[np.int64]
+Ints = NDArray[np.int64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 SAME_PLACE = 1e-9
 """Distance, relative to the size of the deck, within which nodes are at one place."""
@@ -60,6 +61,7 @@ class FrameReader(DeckReader):
     procedures: dict[int, Block] = field(default_factory=dict)
     kinds: dict[int, dict[int, Kind]] = field(default_factory=dict)
     placed: list[Placed] = field(default_factory=list)
+    stand_ins: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         DeckReader.__post_init__(self)
@@ -75,11 +77,13 @@ class FrameReader(DeckReader):
         elif key == "STEP":
             self.step += 1
             self.placed.append(Placed(block, self.part, self.step))
-        elif key in known.SUBS and self.placed and not self.step:
+        elif key in known.SUBS and not self.step:
             self._add_to_last(block)
         elif key in known.HANDLED:
             self.placed.append(Placed(block, self.part, self.step))
         elif key in known.LEFT_OUT:
+            if key == "INITIALCONDITIONS" and block.options.get("TYPE", "STRESS") != "STRESS":
+                return
             self._name(known.LEFT_OUT[key], f"*{block.name}", block.place)
         elif self.step and key in known.PROCEDURES:
             self.procedures.setdefault(self.step, block)
@@ -88,9 +92,12 @@ class FrameReader(DeckReader):
             self.unknown.setdefault(f"*{block.name[:40]}", []).append(f"line {block.line}")
 
     def _add_to_last(self, block: Block) -> None:
-        subs = self.placed[-1].subs
+        last = self.placed[-1] if self.placed else None
+        if last is None or last.keyword not in known.SUBS[block.keyword]:
+            raise fault(block, f"follows none of {', '.join(sorted(known.SUBS[block.keyword]))}")
+        subs = last.subs
         if block.keyword in subs:
-            raise fault(block, f"comes a second time, after {subs[block.keyword].place}; delete one of them")
+            raise fault(block, f"comes a second time, after {subs[block.keyword].place}")
         subs[block.keyword] = block
 
     def _nodes(self, block: Block) -> None:
@@ -102,6 +109,24 @@ class FrameReader(DeckReader):
                 raise MeshError(msg)
         DeckReader._nodes(self, block)
 
+    def parts_of(self, block: Block) -> list[Rows]:
+        """Return the data lines of a block, with numbers of their own for the nodes of instances."""
+        found = DeckReader.parts_of(self, block)
+        if block.keyword == "ELEMENT" and self.part is self.outside:
+            return [Rows(rows.file, [*map(self._numbered, rows.texts)], rows.lines) for rows in found]
+        return found
+
+    def _numbered(self, text: str) -> str:
+        """Return a line of elements in which ``INSTANCE.NODE`` has a number: it stands in for that node."""
+        if "." not in text:
+            return text
+        number, *nodes = cells_of(text)
+        labels = [name_of(cell) for cell in nodes]
+        for label in labels:
+            if "." in label:
+                self.stand_ins.setdefault(label, LARGEST_NUMBER - len(self.stand_ins))
+        return ", ".join([number, *(str(self.stand_ins.get(label, label)) for label in labels)])
+
     def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
         count, more = nodes_of(kind) if kind in known.LINES else (known.POINTS.get(kind, 0), 0)
         if not count:
@@ -112,7 +137,7 @@ class FrameReader(DeckReader):
             raise MeshError(msg)
         return count, more
 
-    def _keep_kind(self, kind: str, numbers: Rows, extra: Rows, lines: Rows, file: str) -> None:
+    def _keep_kind(self, kind: str, numbers: Ints, extra: Ints, lines: Ints, file: str) -> None:
         kinds = self.kinds.setdefault(id(self.part), {})
         for number, node, line in zip(numbers.tolist(), extra.tolist(), lines.tolist(), strict=True):
             kinds[number] = Kind(kind, max(node, 0), f"{file}: line {line}")
@@ -159,11 +184,11 @@ class Content:
     kinds: list[Kind]
     owners: list[str]
     notes: list[str] = field(default_factory=list)
+    stand_ins: dict[int, int] = field(default_factory=dict)
+    size: float = field(init=False)
 
-    @property
-    def size(self) -> float:
-        """Largest extent [m]."""
-        return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
+    def __post_init__(self) -> None:
+        self.size = float(np.ptp(self.points, axis=0).max())
 
     @property
     def calculix(self) -> bool:
@@ -194,7 +219,8 @@ class Content:
             what = f"{word} {label}" if label.isdigit() else f"{word} set {label[:60] or '(no name)'}"
             msg = f"{place} refers to the {what}, which the {'part' if owner else 'file'} does not have"
             raise MeshError(msg)
-        return found.tolist()
+        rows: list[int] = found.tolist()
+        return rows if keyword == "ELSET" else [self.stand_ins.get(row, row) for row in rows]
 
     def node(self, label: str, owner: str, place: str) -> int:
         """Return the row of one node, or of a set of one."""
@@ -241,7 +267,12 @@ def read_content(path: Path, units: Units) -> Content:
     """
     reader = FrameReader(path)
     assembly = reader.read()
+    labels = list(reader.stand_ins)
+    if labels:  # behind all other nodes, so that they can be cut off
+        numbers = list(reader.stand_ins.values())
+        reader.outside.nodes.add(numbers, np.zeros((len(labels), 3)), 0, path.name)
     mesh = assembly.mesh()
+    stand_ins = _resolved(assembly, mesh, labels)
     kinds: list[Kind] = []
     owners: list[str] = []
     if not len(mesh.lines):
@@ -259,8 +290,24 @@ def read_content(path: Path, units: Units) -> Content:
         msg = f"{path.name}: {mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m"
         raise MeshError(msg)
     return Content(
-        path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners, mesh.notes
-    )
+        path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners,
+        mesh.notes, stand_ins,
+    )  # fmt: skip
+
+
+def _resolved(assembly: Assembly, mesh: RawMesh, labels: list[str]) -> dict[int, int]:
+    """Put the nodes of instances in the place of those that stand in for them; return their rows by these."""
+    n = len(mesh.points) - len(labels)
+    found: dict[int, int] = {}
+    for k, label in enumerate(labels):
+        rows = assembly.rows_of("NSET", "", label)
+        if rows is None or len(rows) != 1:
+            msg = f"{assembly.file}: *ELEMENT refers to the node {label[:60]}, which the file does not have"
+            raise MeshError(msg)
+        found[n + k] = int(rows[0])
+        mesh.lines[mesh.lines == n + k] = rows[0]
+    mesh.points, mesh.point_numbers = mesh.points[:n], np.asarray(mesh.point_numbers)[:n]
+    return found
 
 
 def fault(block: Block, words: str, place: str = "") -> MeshError:
@@ -311,6 +358,18 @@ def whole(block: Block, place: str, cell: str, what: str) -> int:
         return integer(cell)
     except ValueError as reason:
         raise fault(block, f"takes {what}, but {reason}", place) from reason
+
+
+def dofs_of(block: Block, place: str, cells: list[str]) -> range:
+    """Return the degrees of freedom from a first to a last one, counted from 0; all without any.
+
+    Those from 7 on (warping, temperature) are left out.
+    """
+    given = [whole(block, place, cell, "degrees of freedom") for cell in cells[:2] if cell]
+    first, last = (given[0], given[-1]) if given else (1, 6)
+    if not 1 <= first <= last:
+        raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)
+    return range(first - 1, min(last, 6))
 
 
 def check(block: Block, *allowed: str) -> None:

@@ -19,11 +19,15 @@ POINTS: Final = {
 }  # fmt: skip
 """Element types that are no lines, and their numbers of nodes."""
 
-SUBS: Final = words(
-    """ELASTIC DENSITY DAMPING KINEMATIC DISTRIBUTING TRANSVERSESHEARSTIFFNESS CENTROID SHEARCENTER
-    BEAMSECTIONOFFSET"""
-)
-"""Keywords that belong to the one before them."""
+SUBS: Final[dict[str, frozenset[str]]] = {
+    **dict.fromkeys(("ELASTIC", "DENSITY", "DAMPING"), words("MATERIAL")),
+    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), words("COUPLING")),
+    **dict.fromkeys(
+        ("TRANSVERSESHEARSTIFFNESS", "CENTROID", "SHEARCENTER", "BEAMSECTIONOFFSET"),
+        words("BEAMSECTION BEAMGENERALSECTION"),
+    ),
+}
+"""Keywords that belong to one before them, and those."""
 
 HANDLED: Final = words(
     """BEAMSECTION BEAMGENERALSECTION SOLIDSECTION MATERIAL MASS ROTARYINERTIA SPRING DASHPOT
@@ -52,6 +56,8 @@ NOT_A_FRAME: Final[dict[str, str]] = {
     "MATRIXASSEMBLE": "adds matrices of another model, which are not read",
     "SUBSTRUCTUREPROPERTY": "adds a substructure, which is not read",
     "USERELEMENT": "defines elements of the user, which are not read",
+    "REBAR": "adds bars of reinforcement, which are not read",
+    "MASSADJUST": "changes masses; give those that result",
     "BEAMFLUIDINERTIA": "adds the mass of a fluid; give *NONSTRUCTURAL MASS",
 }  # fmt: skip
 """Keywords that are refused, because a model without them would have other frequencies."""

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, fault, lines_of, numbers_of, whole
+from fem.io.abaqus_assembly import Instance
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, dofs_of, fault, lines_of, numbers_of
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
 from fem.io.frame_deck import Connection
@@ -46,7 +47,19 @@ def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
                 fixed = {}
         _read(content, placed, fixed)
     _note_nonlinear(content, last)
+    for placed, instance in content.model_data("RIGIDBODY"):
+        _rotate(content, placed, instance, fixed)
     return fixed
+
+
+def _rotate(content: Content, placed: Placed, instance: Instance, fixed: dict[int, dict[int, Block]]) -> None:
+    """Give the reference node the rotations that CalculiX fixes as translations of the ROT NODE."""
+    block, where = placed.block, f"{placed.block.place}: *{placed.block.name}"
+    if "ROTNODE" in block.options:
+        turn, node = (content.node(block.options[k], instance.name, where) for k in ("ROTNODE", "REFNODE"))
+        for dof, source in fixed.pop(turn, {}).items():
+            if dof < 3:
+                fixed.setdefault(node, {})[dof + 3] = source
 
 
 def _new(placed: Placed) -> bool:
@@ -84,14 +97,10 @@ def _dofs(content: Content, block: Block, place: str, cells: list[str]) -> Itera
     if not word or word[0].isalpha():
         allowed = f"degrees of freedom, or one of {', '.join(TYPES)}"
         raise fault(block, f"has {word[:40] or 'nothing'} after the nodes; allowed are {allowed}", place)
-    first = whole(block, place, cells[0], "degrees of freedom")
-    last = whole(block, place, cells[1], "degrees of freedom") if len(cells) > 1 and cells[1] else first
-    if not 1 <= first <= last:
-        raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)
     moves = len(cells) > 2 and numbers_of(block, place, cells[2:3], 1, 1, "a displacement") != [0.0]
     if moves:
         content.notes.append(f"*BOUNDARY at line {block.line} moves nodes; they are taken to be fixed")
-    return range(first - 1, min(last, 6))
+    return dofs_of(block, place, cells)
 
 
 def supports_of(

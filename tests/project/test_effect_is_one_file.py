@@ -48,7 +48,10 @@ ALLOWED = {
         "springs of one connection that are searched together",
         {"end_release", "joint_stiffness", "support_flexibility"},
     ),
-    "updating/plan/perturbed.py": ("puts known masses on the structure of a second test, and releases supports", {"AddedMass", "Support"}),
+    "updating/plan/perturbed.py": (
+        "puts known masses on the structure of a second test, and releases supports",
+        {"AddedMass", "Support"},
+    ),
     "fem/io/frame_of_model.py": (
         "writes each as the cards of another program",
         {

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from fem.io.deck_units import Units
+from fem.mesh import MeshError
+from fem.model import DIRECTIONS
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, cantilever, deck_of, frequencies, line
 
 A, I11, I22 = 6e-4, 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12
@@ -269,6 +271,76 @@ def test_instances(tmp_path):
         line() + STEEL + RECT + "*ELEMENT, TYPE=MASS, ELSET=T\n90, 11\n*MASS, ELSET=T\n1.\n" + CLAMPED,
     )
     np.testing.assert_allclose(frequencies(tmp_path, text, 8), np.repeat(one, 2), rtol=1e-8)
+
+
+CAE = f"""*Heading
+** Job name: a Model name: Model-1
+*Preprint, echo=NO, model=NO, history=NO, contact=NO
+*Part, name=Part-1
+*Node
+      1,           0.,           0.,           0.
+      2,           1.,           0.,           0.
+      3,           2.,           0.,           0.
+*Element, type=B31
+1, 1, 2
+2, 2, 3
+*Nset, nset=_PickedSet2, internal, generate
+ 1,  3,  1
+*Elset, elset=_PickedSet2, internal, generate
+ 1,  2,  1
+** Section: Section-1  Profile: Profile-1
+*Beam Section, elset=_PickedSet2, material=Material-1, temperature=GRADIENTS, section=RECT
+0.02, 0.03
+0.,0.,-1.
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Part-1-1, part=Part-1
+*End Instance
+*Nset, nset=Set-1, instance=Part-1-1
+ 1,
+*Nset, nset=_PickedSet8_CNS_, internal, instance=Part-1-1
+ 3,
+*Element, type=MASS, elset=Set-2_Inertia-1_
+1, Part-1-1.3
+*End Assembly
+*Material, name=Material-1
+*Density
+{RHO},
+*Elastic
+{E}, 0.3
+*Boundary
+Set-1, ENCASTRE
+*Step, name=Step-1, nlgeom=NO, perturbation
+*Frequency, eigensolver=Lanczos, sim=NO, acoustic coupling=on, normalization=mass
+10, , , , ,
+*Restart, write, frequency=0
+*Output, field, variable=PRESELECT
+*End Step
+"""
+
+
+def test_a_deck_of_the_preprocessor(tmp_path):
+    mass = "*Mass, elset=Set-2_Inertia-1_\n1e5,\n"
+    text = CAE.replace("*End Assembly", f"{mass}*Element, type=Spring1, elset=S\n2, Part-1-1.3\n"
+                       "*Spring, elset=S\n3\n1e6\n*Nset, nset=N, elset=S\n*End Assembly")  # fmt: skip
+    deck = deck_of(tmp_path, text.replace("*Step", "*Boundary\nN, 2, 2\n*Step"))
+    assert deck.supports == {0: DIRECTIONS, 2: ("y",)}
+    assert ([b.node for b in deck.bodies], [c.nodes for c in deck.connections]) == ([2], [(2, None)])
+    assert len(deck.nodes) == 3
+    f = frequencies(tmp_path, text, 1)[0]
+    assert f == pytest.approx(
+        np.sqrt(3 * E * I11 / L**3 / 1e5) / (2 * np.pi), rel=2e-3
+    )  # along y, shear left out
+    with pytest.raises(MeshError, match=r"a.inp: \*ELEMENT refers to the node PART-1-1.33"):
+        deck_of(tmp_path, text.replace("2, Part-1-1.3", "2, Part-1-1.33"))
+
+
+def test_included_files(tmp_path):
+    (tmp_path / "mesh.txt").write_text(line())
+    (tmp_path / "rest.txt").write_text(STEEL + RECT)
+    text = "*INCLUDE, INPUT=mesh.txt\n*INCLUDE, INPUT=rest.txt\n" + CLAMPED
+    f = frequencies(tmp_path, text, 1)
+    assert f[0] == pytest.approx(cantilever(0, I22, A), rel=2 * FIRST_MESH_ERROR)
 
 
 def test_notes_name_keyword_and_line(tmp_path):

@@ -55,6 +55,8 @@ NODE = "*NODE\n9, 0, 0, 1\n"
         (BEAM + "*EQUATION\n2\n1, 1, 1.\n", "line 17: *EQUATION of 2 terms has 3 cells after it"),
         (BEAM + "*EQUATION\n2\n1, 1, 1., 99, 1, 1.\n", "line 17: *EQUATION refers to the node 99"),
         (BEAM + "*COUPLING, REF NODE=1, SURFACE=S\n*KINEMATIC\n", "line 16: *COUPLING refers to the surface"),
+        (BEAM + "*CENTROID\n0, 1\n*RELEASE\n*CENTROID\n0, 1\n", "line 19: *CENTROID follows none of BEAM"),
+        (BEAM + "*CENTROID\n0, 1\n*CENTROID\n0, 1\n", "line 18: *CENTROID comes a second time"),
         (BEAM + "*RIGID BODY, REF NODE=1\n", "line 16: *RIGID BODY has no nodes"),
         (BEAM + "*RELEASE\n1, S3, M1\n", "line 17: *RELEASE takes an element, S1 or S2"),
         (BEAM + "*TIE, NAME=T\nA, B\n", "line 16: *TIE connects parts in a way that is not read"),

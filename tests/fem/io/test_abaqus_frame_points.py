@@ -222,6 +222,12 @@ def test_rigid_body_of_elements_with_pins(tmp_path):
     assert [(k.dependents, k.directions) for k in deck.links] == [((9,), DIRECTIONS), ((10,), DIRECTIONS[:3])]
 
 
+def test_supports_of_a_rotation_node_turn_the_reference_node(tmp_path):
+    text = BEAM + "*NODE\n20, 3\n21, 3\n*NSET, NSET=P\n11\n*RIGID BODY, REF NODE=20, ROT NODE=21, NSET=P\n"
+    deck = deck_of(tmp_path, text + "*BOUNDARY\n20, 2\n21, 1, 2\n")
+    assert deck.supports == {11: ("y", "rx", "ry")}
+
+
 def test_equations_of_sets_in_the_deck_s_units(tmp_path):
     text = (
         BEAM + "*NSET, NSET=A\n2, 3\n*NSET, NSET=B\n4, 5\n*EQUATION\n"
