@@ -117,7 +117,7 @@
       keepScrolling(plot);
       if (solid3d(figure)) turnByKeys(plot);
       plot.on("plotly_click", (e) => clicked(name, e));
-      const more = { frf: frfTools, modes: modeTools }[name];
+      const more = { frf: frfTools, modes: modeTools, excluded: sizeTools }[name];
       if (more) more(box, plot);
     });
   }
@@ -354,6 +354,18 @@
     list.addEventListener("change", show);
     button.addEventListener("click", () => { if (timer === null) play(); else { stop(); put(1, false); } });
     list.selectedIndex = meta.first || 0;
+    show();
+  }
+
+  // ----------------------------------------------------------------------------------------------- sizes
+
+  function sizeTools(box, plot) {
+    const list = box.querySelector("select"), kinds = drawn.get("excluded").layout.meta.visible;
+    const show = () => {
+      window.Plotly.restyle(plot, { visible: kinds[list.selectedIndex] });
+      box.dataset.kind = list.value;
+    };
+    list.addEventListener("change", show);
     show();
   }
 

@@ -44,9 +44,9 @@ class Outlook:
     named: bool
 
     def least(self, what: str = "named") -> Effect | None:
-        """Return the effect at its least size that is ``seen``, ``located`` or ``named``; None if not plausible.
+        """Return the effect at its least size that is ``seen``, ``located`` or ``named``.
 
-        On the side of none on which the relevant size is.
+        On the side of none on which the relevant size is; None if no plausible size is.
         """
         effect = getattr(self.visible, what)
         return None if effect is None else _towards(effect, self.relevant)

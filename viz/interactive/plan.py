@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from os.path import commonprefix
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from updating.diagnosis.evidence.places import place_of
 from updating.plan.plan import Outlook
 from updating.plan.visibility import size_of
 from viz import style
-from viz.interactive.solids import points_trace, scene, solid, wires
+from viz.interactive.solids import line_of_vertex, points_trace, scene, solid, wires
 from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
 from viz.models import model_surface
 from viz.surfaces import Surface
@@ -50,11 +50,11 @@ class Wording:
 def sizes_figure(
     model: Model, kinds: Sequence[Sequence[Outlook]], wording: Wording, height: float = 430
 ) -> Figure:
-    """Return a structure to turn, coloured by the least size that is seen, located or named at each place.
+    """Return a structure to turn, coloured by the least size that is shown at each place.
 
     Members are coloured where an effect is one of the whole member, and marks elsewhere. Of several effects
-    at a place, such as the directions of a joint, the one counts of which least is shown; pointing at it
-    lists all. The first kind is visible; ``layout.meta["visible"]`` has which traces are, for each kind.
+    at a place, such as the directions of a joint, the one with the largest size has the colour; pointing at
+    the place lists all. The first kind is visible; ``layout.meta["visible"]`` has the traces of each kind.
 
     Parameters
     ----------
@@ -72,8 +72,9 @@ def sizes_figure(
     """
     surface = model_surface(model, pieces=1)
     x, triangles = surface.rest, surface.triangles
-    plain_solid = solid(x, triangles, color=style.MEMBERS[-1], opacity=0.35, hoverinfo="skip", showlegend=False)
-    traces, owner = [wires(x, surface.edges), plain_solid], [-1, -1]
+    pale = {"color": style.MEMBERS[-1], "opacity": 0.2}
+    veil = solid(x, triangles, **pale, hoverinfo="skip", showlegend=False)
+    traces, owner = [wires(x, surface.edges), veil], [-1, -1]
     visible = []
     for k, some in enumerate(kinds):
         drawn = _Kind.of(model, some, wording).traces(model, surface)
@@ -91,104 +92,132 @@ def sizes_figure(
     return Figure(traces, look)
 
 
+@dataclass(slots=True)
+class _Spot:
+    """A place with the sizes that are shown there, infinite where none is plausible, and a line for each."""
+
+    point: NDArray[np.float64]
+    sizes: list[float]
+    lines: list[str]
+
+    @property
+    def worst(self) -> float:
+        """The largest size that is plausible; infinite if none is."""
+        return max((s for s in self.sizes if np.isfinite(s)), default=np.inf)
+
+    @property
+    def blind(self) -> bool:
+        """Whether some effect at the place is not shown."""
+        return not np.isfinite(self.sizes).all()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kind:
-    """Places of a kind with what pointing at them shows, and how large effects must be there.
+    """Places of the effects of one kind, and the colours of their sizes.
 
     Attributes
     ----------
-    members : dict of str to (float, str)
-    marks : dict of tuple to (float, str, ndarray (3,))
-        By rounded points [m].
-    ticks : (list of float, list of str)
-        Sizes that are named at the colours.
+    members : dict of str to _Spot
+        Members of which all is affected.
+    marks : tuple of _Spot
+        Points.
+    sizes, texts : list of float, list of str
+        Sizes that are named at the colours, and how.
+    limits : (float, float)
+        Least and largest size.
+    title : str
+        Of the colours.
+    what : str
     """
 
-    members: dict[str, tuple[float, str]]
-    marks: dict[tuple[int, ...], tuple[float, str, NDArray[np.float64]]]
-    ticks: tuple[list[float], list[str]]
+    members: dict[str, _Spot]
+    marks: tuple[_Spot, ...]
+    sizes: list[float]
+    texts: list[str]
     limits: tuple[float, float]
     title: str
     what: str
 
     @classmethod
     def of(cls, model: Model, some: Sequence[Outlook], wording: Wording) -> "_Kind":
-        members: dict[str, tuple[float, str]] = {}
-        marks: dict[tuple[int, ...], tuple[float, str, NDArray[np.float64]]] = {}
+        members: dict[str, _Spot] = {}
+        marks: dict[tuple[int, ...], _Spot] = {}
         named = []
         for o in some:
             least = o.least(wording.what)
             size = np.inf if least is None else _measure(o, least)
-            if least is not None:
-                named.append((size, wording.size(least)))
-            line = plain(wording.place(o))
+            named += [] if least is None else [(size, wording.size(least))]
             kind, name = place_of(o.relevant)
             if kind == "member" and not any(p.position for p in o.relevant.parameters()):
-                member = name.removeprefix("member ")
-                known = members.get(member, (0.0, ""))
-                members[member] = max(size, known[0]), _lines(known[1], line)
-                continue
-            for at in o.relevant.locations(model):
-                key = tuple(np.round(at / (SAME_POINT * model.mesh.size)).astype(int).tolist())
-                first, lines, point = marks.get(key, (0.0, "", at))
-                marks[key] = max(size, first), _lines(lines, line), point
-        ticks, texts, prefix = _ticks(sorted(named))
+                spots = [members.setdefault(name.removeprefix("member "), _Spot(np.full(3, np.nan), [], []))]
+            else:
+                keyed = (
+                    (tuple(np.round(at / (SAME_POINT * model.mesh.size)).astype(int).tolist()), at)
+                    for at in o.relevant.locations(model)
+                )
+                spots = [marks.setdefault(key, _Spot(at, [], [])) for key, at in keyed]
+            for spot in spots:
+                spot.sizes.append(size)
+                spot.lines.append(plain(wording.place(o)))
+        sizes, texts, prefix = _ticks(sorted(named))
         limits = (min(named)[0], max(named)[0]) if named else (1.0, 1.0)
-        title = f"{wording.what} from {prefix}".strip()
-        return cls(members, marks, (ticks, texts), limits, title, wording.what)
+        title = f"{wording.what} from" + (f": {prefix}" if prefix else "")
+        return cls(members, tuple(marks.values()), sizes, texts, limits, title, wording.what)
 
     def traces(self, model: Model, surface: Surface) -> list[dict[str, Any]]:
-        """Return members in their colours, marks, and crosses where nothing is shown."""
+        """Return members in their colours, and marks by how many of the effects there are shown."""
+        nowhere = _Spot(np.full(3, np.nan), [], [""])
+        none = [m for m in self.marks if not np.isfinite(m.worst)]
+        part = [m for m in self.marks if m.blind and np.isfinite(m.worst)]
+        every = [m for m in self.marks if not m.blind]
         out = self._members(model, surface) if self.members else []
-        good = [m for m in self.marks.values() if np.isfinite(m[0])]
-        blind = [m for m in self.marks.values() if not np.isfinite(m[0])]
-        edge = {"color": style.INK, "width": 1}
-        if np.isfinite(self.limits[1]) and self.ticks[0]:
-            marker = {"size": 7, "line": edge, "color": single([np.log(m[0]) for m in good]), **self._colours()}
-            # one point without a place where members alone have the colours
-            at = [m[2] for m in good] or [np.full(3, np.nan)]
-            marker |= {} if good else {"color": single([np.log(self.limits[0])])}
-            out.append(
-                points_trace(at, [""] * len(at), [m[1] for m in good] or [""], marker, showlegend=False)
-            )
-        if blind or any(not np.isfinite(size) for size, _ in self.members.values()):
-            look = {"symbol": "x" if blind else "square", "size": 5, "color": BLIND}
-            at = [m[2] for m in blind] or [np.full(3, np.nan)]
-            name = f"not {self.what} at any plausible size"
-            hover = [m[1] for m in blind] or [""]
-            out.append(points_trace(at, [""] * len(at), hover, look, name=name, showlegend=True))
+        if self.sizes:  # its bar of colours is that of members and other marks, too
+            out.append(self._trace(every or [nowhere], "circle"))
+        if part:
+            out.append(self._trace(part, "diamond", f"not {self.what} in every direction"))
+        if none or any(m.blind for m in self.members.values()):
+            symbol = "circle-open" if none else "square"
+            out.append(self._trace(none or [nowhere], symbol, f"not {self.what} at any plausible size"))
         return out
+
+    def _trace(self, spots: Sequence[_Spot], symbol: str, name: str = "") -> dict[str, Any]:
+        edge = {"color": BLIND, "width": 3}
+        marker: dict[str, Any] = {"symbol": symbol, "size": 6, "color": BLIND, "line": edge}
+        if symbol in ("circle", "diamond"):
+            sizes = [m.worst if np.isfinite(m.worst) else self.limits[0] for m in spots]
+            marker |= {
+                "line": {"color": style.INK, "width": 1}, "color": single(np.log(sizes)), **self._colours(),
+                "showscale": symbol == "circle",
+            }  # fmt: skip
+        hover = ["<br>".join(m.lines) for m in spots]
+        points = [m.point for m in spots]
+        return points_trace(points, [""] * len(spots), hover, marker, name=plain(name), showlegend=bool(name))
 
     def _members(self, model: Model, surface: Surface) -> list[dict[str, Any]]:
         norm, cmap = Normalize(*np.log(self.limits)), _map()
         colour = {
-            m: rgb_text(cmap(norm(np.log(size)))) if np.isfinite(size) else BLIND
-            for m, (size, _) in self.members.items()
+            m: BLIND if spot.blind else rgb_text(cmap(norm(np.log(spot.worst))))
+            for m, spot in self.members.items()
         }
         owner = [str(m) for m in model.mesh.member_of_line()]
-        face = [owner[line] for line in surface.line]
-        vertex = np.zeros(len(surface.rest), dtype=int)
-        vertex[surface.triangles.ravel()] = np.repeat(surface.line, 3)
-        hover = [self.members.get(owner[line], (0.0, ""))[1] for line in vertex]
+        hover = {m: "<br>".join(spot.lines) for m, spot in self.members.items()}
         return [
             solid(
-                surface.rest, surface.triangles, facecolor=[colour.get(m, CELL) for m in face],
-                hoverinfo="text", hovertext=hover, showlegend=False,
+                surface.rest, surface.triangles, showlegend=False, hoverinfo="text",
+                facecolor=[colour.get(owner[line], CELL) for line in surface.line],
+                hovertext=[hover.get(owner[line], "") for line in line_of_vertex(surface)],
             )
         ]  # fmt: skip
 
     def _colours(self) -> dict[str, Any]:
         low, high = np.log(self.limits)
-        values, texts = self.ticks
-        bar = {
-            "title": {"text": plain(self.title), "side": "right", "font": {"size": 11}}, "thickness": 12,
-            "len": 0.75, "outlinewidth": 0, "x": 1, "xanchor": "left", "tickfont": {"size": 11},
-            "tickvals": np.log(values).tolist(), "ticktext": [plain(t) for t in texts],
-        }  # fmt: skip
         room = 0.0 if high > low else 0.5
-        return {
-            "cmin": low - room, "cmax": high + room, "colorscale": colour_scale(_map()), "colorbar": bar,
+        bar = {
+            "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}}, "thickness": 12,
+            "len": 0.75, "outlinewidth": 0, "x": 1, "xanchor": "left", "tickfont": {"size": 11},
+            "tickvals": np.log(self.sizes).tolist(), "ticktext": [plain(t) for t in self.texts],
         }  # fmt: skip
+        return {"cmin": low - room, "cmax": high + room, "colorscale": colour_scale(_map()), "colorbar": bar}
 
 
 def _map() -> Any:
@@ -198,10 +227,6 @@ def _map() -> Any:
 def _measure(o: Outlook, effect: Effect) -> float:
     """Return a size that rises with that in words: where this is a share, that of the relevant size."""
     return size_of(effect) / (size_of(o.relevant) if effect.size_in_words() else 1.0)
-
-
-def _lines(one: str, other: str) -> str:
-    return f"{one}<br>{other}" if one else other
 
 
 def _ticks(named: Sequence[tuple[float, str]]) -> tuple[list[float], list[str], str]:
@@ -216,6 +241,6 @@ def _ticks(named: Sequence[tuple[float, str]]) -> tuple[list[float], list[str], 
         if all(named[k][1] != named[c][1] and abs(at[k] - at[c]) > APART * span for c in chosen):
             chosen.append(k)
     texts = [named[k][1] for k in chosen]
-    prefix = commonprefix([t.split(" ")[:-1] for t in texts])
-    n = len(" ".join(prefix)) + 1 if prefix else 0
-    return [named[k][0] for k in chosen], [t[n:] for t in texts], " ".join(prefix)
+    columns = zip(*(t.split(" ")[:-1] for t in texts), strict=False)
+    prefix = "".join(f"{words[0]} " for words in takewhile(lambda words: len(set(words)) == 1, columns))
+    return [named[k][0] for k in chosen], [t.removeprefix(prefix) for t in texts], prefix.strip()
