@@ -385,7 +385,7 @@ class Desk:
             say("writing the hypothesis into the study", 0.0)
             return h, plan_study(study_with(self.study, self.live, h), noise, progress=say)
 
-        return Job("What could this test show?", mapped).start()
+        return Job("Map of the test", mapped).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""

@@ -23,6 +23,9 @@ SHOWN = {
 }
 """What a test shows of an effect, in the words of the columns of the table."""
 
+SHARES = ("seen", "place", "named")
+"""Columns that break no lines."""
+
 
 class PlanView:
     """The structure by the least sizes that the test shows, with kinds, twins and blind places.
@@ -42,7 +45,7 @@ class PlanView:
                 self._noise.props("dense outlined clearable").style("width: 230px")
                 self._noise.props["aria-label"] = "Noise of a planned test, %"
                 self._noise.tooltip("Without it the measured data count, with what the model leaves of them")
-            self._body = ui.element("div").classes("desk-lines")
+            self._body = ui.element("div").classes("desk-column")
         self._drawn: Any = None
         self.refresh()
 
@@ -85,8 +88,17 @@ class PlanView:
         rows = [
             dict(zip(planning.HEAD, planning.cells_of(row), strict=True)) for row in planning.kind_rows(plan)
         ]
-        columns = [{"name": h, "label": h, "field": h, "align": "left"} for h in planning.HEAD]
-        table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells").classes("desk-table")
+        columns = [
+            {
+                "name": h,
+                "label": h,
+                "field": h,
+                "align": "left",
+                "classes": "desk-share" if h in SHARES else "",
+            }
+            for h in planning.HEAD
+        ]
+        table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells")
         table.props["aria-label"] = "Kinds of effects"
         for title, lines in (
             ("Seen, but not told apart", planning.twin_lines(plan)),

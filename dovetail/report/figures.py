@@ -5,7 +5,6 @@ import zlib
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -125,7 +124,7 @@ def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
     Of one kind of :func:`dovetail.report.planning.named_kinds`, or of all, of which the first is visible.
     """
     kinds = [some for name, some in planning.named_kinds(plan) if kind in ("", name)]
-    wording = Wording(what, planning.size_text, partial(planning.place_text, what=what))
+    wording = Wording(what, planning.size_text, lambda e: words.place(e.where))
     return sizes_figure(plan.model, kinds, wording)
 
 

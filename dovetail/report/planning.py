@@ -66,13 +66,6 @@ def named_kinds(plan: Plan) -> list[tuple[str, list[Outlook]]]:
     return out
 
 
-def place_text(outlook: Outlook, what: str) -> str:
-    """Return the place of an effect and from which size on it is ``seen``, ``located`` or ``named``."""
-    least = outlook.least(what)
-    size = f"{what} from {size_text(least)}" if least else f"not {what} at any plausible size"
-    return f"{words.place(outlook.relevant.where)}: {size}"
-
-
 def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
     """Return a row for each kind of effect with a relevant size, with the sizes that are ``what``."""
     out = []

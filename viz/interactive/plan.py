@@ -22,6 +22,8 @@ from viz.surfaces import Surface
 
 N_TICKS, APART = 5, 0.1
 """At most so many sizes are named at the colours, so far apart in parts of their range [-]."""
+ROOM = 0.06
+"""Colours beyond the least and the largest size, in parts of the range [-]."""
 SAME_POINT = 1e-3
 """Points nearer to each other than this share of the structure's size have one mark [-]."""
 BLIND = style.VERMILION
@@ -39,12 +41,23 @@ class Wording:
     size : callable
         Returns the size of an effect.
     place : callable
-        Returns where an effect is and what the test shows there.
+        Returns where an effect is.
     """
 
     what: str
     size: Callable[[Effect], str]
-    place: Callable[[Outlook], str]
+    place: Callable[[Effect], str]
+
+    @property
+    def nowhere(self) -> str:
+        """Words for an effect of which no size is shown."""
+        return f"not {self.what} at any plausible size"
+
+    def line(self, o: Outlook) -> str:
+        """Return where an effect is and from what size on it is shown."""
+        least = o.least(self.what)
+        size = f"{self.what} from {self.size(least)}" if least else self.nowhere
+        return f"{plain(self.place(o.relevant))}:<br>   {plain(size)}"
 
 
 def sizes_figure(
@@ -71,23 +84,16 @@ def sizes_figure(
         If the model has no frame with sections.
     """
     surface = model_surface(model, pieces=1)
-    x, triangles = surface.rest, surface.triangles
-    pale = {"color": style.MEMBERS[-1], "opacity": 0.2}
-    veil = solid(x, triangles, **pale, hoverinfo="skip", showlegend=False)
-    traces, owner = [wires(x, surface.edges), veil], [-1, -1]
-    visible = []
+    # axes and edges, no surfaces: even a transparent one would answer pointing in place of the marks in it
+    line = {"color": style.AT_REST, "width": 4}
+    axes = wires(model.mesh.points, np.asarray(model.mesh.lines), line=line)
+    traces, owner = [wires(surface.rest, surface.edges), axes], [-1, -1]
     for k, some in enumerate(kinds):
         drawn = _Kind.of(model, some, wording).traces(model, surface)
-        traces += drawn
+        traces += [{**trace, "visible": k == 0} for trace in drawn]
         owner += [k] * len(drawn)
-    for k in range(len(kinds)):
-        shown = [o in (-1, k) for o in owner]
-        solids = [t["type"] == "mesh3d" and o == k for t, o in zip(traces, owner, strict=True)]
-        shown[1] = not any(solids)  # two surfaces at one place flicker
-        visible.append(shown)
-    for trace, shown in zip(traces, visible[0] if visible else [True, True], strict=True):
-        trace["visible"] = shown
-    look = layout(height, scene=scene(x), meta={"visible": visible})
+    visible = [[o in (-1, k) for o in owner] for k in range(len(kinds))]
+    look = layout(height, scene=scene(surface.rest), meta={"visible": visible})
     look["margin"] |= {"l": 0, "r": 0, "b": 0}
     return Figure(traces, look)
 
@@ -124,10 +130,10 @@ class _Kind:
     sizes, texts : list of float, list of str
         Sizes that are named at the colours, and how.
     limits : (float, float)
-        Least and largest size.
+        Of the colours, in logarithms of sizes.
     title : str
         Of the colours.
-    what : str
+    wording : Wording
     """
 
     members: dict[str, _Spot]
@@ -136,7 +142,7 @@ class _Kind:
     texts: list[str]
     limits: tuple[float, float]
     title: str
-    what: str
+    wording: Wording
 
     @classmethod
     def of(cls, model: Model, some: Sequence[Outlook], wording: Wording) -> "_Kind":
@@ -158,11 +164,13 @@ class _Kind:
                 spots = [marks.setdefault(key, _Spot(at, [], [])) for key, at in keyed]
             for spot in spots:
                 spot.sizes.append(size)
-                spot.lines.append(plain(wording.place(o)))
+                spot.lines.append(wording.line(o))
         sizes, texts, prefix = _ticks(sorted(named))
-        limits = (min(named)[0], max(named)[0]) if named else (1.0, 1.0)
+        low, high = np.log([min(named)[0], max(named)[0]]) if named else (0.0, 0.0)
+        room = ROOM * (high - low) or 0.5
+        limits = float(low - room), float(high + room)
         title = f"{wording.what} from" + (f": {prefix}" if prefix else "")
-        return cls(members, tuple(marks.values()), sizes, texts, limits, title, wording.what)
+        return cls(members, tuple(marks.values()), sizes, texts, limits, title, wording)
 
     def traces(self, model: Model, surface: Surface) -> list[dict[str, Any]]:
         """Return members in their colours, and marks by how many of the effects there are shown."""
@@ -174,17 +182,17 @@ class _Kind:
         if self.sizes:  # its bar of colours is that of members and other marks, too
             out.append(self._trace(every or [nowhere], "circle"))
         if part:
-            out.append(self._trace(part, "diamond", f"not {self.what} in every direction"))
+            out.append(self._trace(part, "diamond", f"not {self.wording.what} in every direction"))
         if none or any(m.blind for m in self.members.values()):
             symbol = "circle-open" if none else "square"
-            out.append(self._trace(none or [nowhere], symbol, f"not {self.what} at any plausible size"))
+            out.append(self._trace(none or [nowhere], symbol, self.wording.nowhere))
         return out
 
     def _trace(self, spots: Sequence[_Spot], symbol: str, name: str = "") -> dict[str, Any]:
         edge = {"color": BLIND, "width": 3}
         marker: dict[str, Any] = {"symbol": symbol, "size": 6, "color": BLIND, "line": edge}
         if symbol in ("circle", "diamond"):
-            sizes = [m.worst if np.isfinite(m.worst) else self.limits[0] for m in spots]
+            sizes = [m.worst if np.isfinite(m.worst) else 1.0 for m in spots]
             marker |= {
                 "line": {"color": style.INK, "width": 1}, "color": single(np.log(sizes)), **self._colours(),
                 "showscale": symbol == "circle",
@@ -194,7 +202,7 @@ class _Kind:
         return points_trace(points, [""] * len(spots), hover, marker, name=plain(name), showlegend=bool(name))
 
     def _members(self, model: Model, surface: Surface) -> list[dict[str, Any]]:
-        norm, cmap = Normalize(*np.log(self.limits)), _map()
+        norm, cmap = Normalize(*self.limits), _map()
         colour = {
             m: BLIND if spot.blind else rgb_text(cmap(norm(np.log(spot.worst))))
             for m, spot in self.members.items()
@@ -210,14 +218,13 @@ class _Kind:
         ]  # fmt: skip
 
     def _colours(self) -> dict[str, Any]:
-        low, high = np.log(self.limits)
-        room = 0.0 if high > low else 0.5
         bar = {
             "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}}, "thickness": 12,
             "len": 0.75, "outlinewidth": 0, "x": 1, "xanchor": "left", "tickfont": {"size": 11},
             "tickvals": np.log(self.sizes).tolist(), "ticktext": [plain(t) for t in self.texts],
         }  # fmt: skip
-        return {"cmin": low - room, "cmax": high + room, "colorscale": colour_scale(_map()), "colorbar": bar}
+        low, high = self.limits
+        return {"cmin": low, "cmax": high, "colorscale": colour_scale(_map()), "colorbar": bar}
 
 
 def _map() -> Any:
