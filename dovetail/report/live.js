@@ -60,12 +60,13 @@
     if (width >= NARROW) return figure;
     let bars = 0;
     for (const t of figure.data) {
-      for (const bar of [t.colorbar, t.marker && t.marker.colorbar]) {
+      for (const bar of [t.colorbar, t.marker && t.marker.showscale !== false && t.marker.colorbar]) {
         if (!bar) continue;
+        const hidden = t.visible === false;
         Object.assign(bar, { orientation: "h", x: 0.5, xanchor: "center", len: 0.9,
-          y: solid3d(figure) ? 0.02 + 0.13 * bars : -0.28, yanchor: solid3d(figure) ? "bottom" : "top" });
+          y: solid3d(figure) ? 0.02 + 0.13 * (hidden ? 0 : bars) : -0.28, yanchor: solid3d(figure) ? "bottom" : "top" });
         bar.title = Object.assign({}, bar.title, { side: "top", font: { size: 11 } });
-        bars += 1;
+        bars += hidden ? 0 : 1;
       }
     }
     const meta = figure.layout.meta || {};

@@ -27,6 +27,9 @@ from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.disk.output import OutputError
 from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
+from dovetail.plan import plan_study
+from dovetail.report import planning
+from tests.frames import write_study
 from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -170,6 +173,40 @@ def test_a_job_tells_its_progress_and_ends_when_asked():
     whole = Job("work", lambda progress: "done").start()
     assert whole.wait(10)
     assert (whole.result, whole.error) == ("done", None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [None, 0.01])
+def test_a_map_ends_within_two_seconds_when_asked(noise):
+    desk = Desk.open(STUDY.parents[1] / "first-frame" / "study.toml")
+    job = desk.plan(noise)
+    while job.fraction < 0.12:
+        assert not job.wait(0.05)
+    job.cancel()
+    assert job.wait(2.0)
+    assert job.cancelled
+    assert job.result is None
+
+
+def test_the_map_is_that_of_the_command_for_the_hypothesis(tmp_path):
+    """Nothing changed: that of the study. With an effect at hand: that of the study when it is saved."""
+    study = load_study(write_study(tmp_path, mass=0.25))
+    desk = Desk.open(study.path)
+    for noise in (None, 0.003):
+        job = desk.plan(noise)
+        assert job.wait(60)
+        assert planning.kind_rows(job.result[1]) == planning.kind_rows(plan_study(study, noise))
+    desk.add("point_mass:arm", mass=0.25, position=0.3)
+    before = job.result[1]
+    job = desk.plan()
+    assert job.wait(60)
+    h, plan = job.result
+    assert h is desk.now.hypothesis
+    saved = load_study(save_study(study, desk.live, h, tmp_path / "saved.toml"))
+    assert planning.kind_rows(plan) == planning.kind_rows(plan_study(saved))
+    assert "point_mass:arm" in {e.name for e in plan.model.effects}
+    assert before.is_measured is False
+    assert plan.coverage("seen") > 0.5  # the model with the mass leaves hardly more than noise
 
 
 def test_an_error_of_a_job_is_kept():
