@@ -212,7 +212,8 @@ def _excluded(result: RunResult, shown: Shown) -> list[Markup]:
             "excluded",
             "The structure coloured by the sizes above; the list above the figure chooses the effect.",
             "From what size on an effect would have been seen at each place; dark places show small ones. "
-            "Point at a place for its sizes.",
+            "Where it may have several directions, the colour is that of the largest size. Point at a place "
+            "for all of them.",
             tools=tag("label", "effect", tag("select", *kinds)),
             hint=TURN,
         ),
