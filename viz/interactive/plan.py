@@ -22,8 +22,13 @@ from viz.surfaces import Surface
 
 N_TICKS, APART = 5, 0.1
 """At most so many sizes are named at the colours, so far apart in parts of their range [-]."""
-ROOM = 0.06
-"""Colours beyond the least and the largest size, in parts of the range [-]."""
+ROOM, RANGE = 0.06, float(np.log(2))
+"""Colours beyond the least and the largest size, in parts of the range, and the least range of logarithms.
+
+The sizes are an estimate that is a factor of two off at worst, as checks have shown [-].
+"""
+MANY, SIZES = 60, (6, 4)
+"""Of more marks than so many those are small; sizes [pixel]."""
 SAME_POINT = 1e-3
 """Points nearer to each other than this share of the structure's size have one mark [-]."""
 BLIND = style.VERMILION
@@ -167,7 +172,7 @@ class _Kind:
                 spot.lines.append(wording.line(o))
         sizes, texts, prefix = _ticks(sorted(named))
         low, high = np.log([min(named)[0], max(named)[0]]) if named else (0.0, 0.0)
-        room = ROOM * (high - low) or 0.5
+        room = max(ROOM * (high - low), (RANGE - (high - low)) / 2)
         limits = float(low - room), float(high + room)
         title = f"{wording.what} from" + (f": {prefix}" if prefix else "")
         return cls(members, tuple(marks.values()), sizes, texts, limits, title, wording)
@@ -190,7 +195,12 @@ class _Kind:
 
     def _trace(self, spots: Sequence[_Spot], symbol: str, name: str = "") -> dict[str, Any]:
         edge = {"color": BLIND, "width": 3}
-        marker: dict[str, Any] = {"symbol": symbol, "size": 6, "color": BLIND, "line": edge}
+        marker: dict[str, Any] = {
+            "symbol": symbol,
+            "size": SIZES[len(self.marks) > MANY],
+            "color": BLIND,
+            "line": edge,
+        }
         if symbol in ("circle", "diamond"):
             sizes = [m.worst if np.isfinite(m.worst) else 1.0 for m in spots]
             marker |= {
@@ -241,7 +251,7 @@ def _ticks(named: Sequence[tuple[float, str]]) -> tuple[list[float], list[str], 
     if not named:
         return [], [], ""
     at = np.log([size for size, _ in named])
-    span = float(np.ptp(at))
+    span = max(float(np.ptp(at)), RANGE)
     chosen: list[int] = []
     for target in np.linspace(at[0], at[-1], N_TICKS)[[0, -1, *range(1, N_TICKS - 1)]]:
         k = int(np.argmin(np.abs(at - target)))
@@ -249,5 +259,6 @@ def _ticks(named: Sequence[tuple[float, str]]) -> tuple[list[float], list[str], 
             chosen.append(k)
     texts = [named[k][1] for k in chosen]
     columns = zip(*(t.split(" ")[:-1] for t in texts), strict=False)
-    prefix = "".join(f"{words[0]} " for words in takewhile(lambda words: len(set(words)) == 1, columns))
+    common = takewhile(lambda words: len(set(words)) == 1 and words[0].isalpha(), columns)
+    prefix = "".join(f"{words[0]} " for words in common)
     return [named[k][0] for k in chosen], [t.removeprefix(prefix) for t in texts], prefix.strip()
