@@ -43,6 +43,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.form import with_form
 from updating.inference.formed import formed_problem
+from updating.inference.heartbeat import beating
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan, plan_beside
@@ -94,12 +95,14 @@ def run(
 def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult:
     """Compare, diagnose and locate; nothing is drawn or written."""
     begun = time.perf_counter()
-    diagnosis = diagnose_study(study, say, processes)
-    say("comparing", 1.0)
-    return analysed(study, diagnosis, folder, begun)
+    diagnosis = diagnose_study(study, _part(say, 0.0, 0.9), processes)
+    say("comparing", 0.9)
+    return analysed(study, diagnosis, folder, begun, _part(say, 0.9, 1.0))
 
 
-def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> RunResult:
+def analysed(
+    study: Study, diagnosis: Diagnosis, folder: Path, begun: float, progress: Progress | None = None
+) -> RunResult:
     """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
 
     Parameters
@@ -110,6 +113,8 @@ def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> 
         Where the report will be.
     begun : float
         ``time.perf_counter()`` when the work began [s].
+    progress : callable, optional
+        Called with a text and the fraction done.
     """
     problem, steps = diagnosis.problem, diagnosis.steps
     frf = problem.measured
@@ -128,7 +133,7 @@ def analysed(study: Study, diagnosis: Diagnosis, folder: Path, begun: float) -> 
         time.perf_counter() - begun,
         folder,
         modes_beside(diagnosis),
-        excluded(study, diagnosis),
+        excluded(study, diagnosis, progress),
     )
 
 
@@ -219,7 +224,8 @@ def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Pl
     """
     if d.verdict != NOTHING or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
         return None
-    return plan_beside(d.searched, study.relevant, progress)
+    with beating(progress or (lambda text, done: None)) as say:
+        return plan_beside(d.searched, study.relevant, say)
 
 
 def fit_settings(study: Study) -> dict[str, Any]:

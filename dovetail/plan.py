@@ -16,6 +16,7 @@ from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.diagnosis import begin_search
 from updating.diagnosis.separation import places_along
+from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import Trial, trials
 from updating.plan.choose import Chosen, choose
@@ -50,7 +51,11 @@ def plan_study(
     StudyError
         If the study has no sensors or no excitations.
     """
-    say = progress or (lambda text, done: None)
+    with beating(progress or (lambda text, done: None)) as say:
+        return _plan(study, noise, left_db, say)
+
+
+def _plan(study: Study, noise: float | None, left_db: float | None, say: Progress) -> Plan:
     how = _settings(study)
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
         data = without_held_out(study, measured(study, phases=False)[0])
@@ -68,9 +73,7 @@ def plan_study(
         USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
     )  # fmt: skip
     left = None if left_db is None else left_db / DB_PER_NEPER
-    return plan_test(
-        study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=progress, **how
-    )
+    return plan_test(study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=say, **how)
 
 
 def choose_channels(

@@ -18,10 +18,10 @@ from dovetail.desk.effects import EffectList
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
-from dovetail.desk.widgets import Keys, Numbers, button, card
+from dovetail.desk.visible import PlanView
+from dovetail.desk.widgets import Keys, Numbers, as_dict, button, card, plot
 from dovetail.report.words import directions, fault_text
 from updating.live.engine import Evaluation
-from viz.interactive.theme import CONFIG
 
 STYLE = Path(__file__).with_name("style.css")
 PAUSE = 0.35
@@ -106,6 +106,7 @@ class Page:
                 self.effects = EffectList(self)
                 self._map_card()
                 self.sensors = SensorList(self)
+                self.plan_view = PlanView(self)
         ui.timer(TICK, self._look_at_jobs)
         Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         self._tell_notes()
@@ -144,7 +145,7 @@ class Page:
     def _model_card(self) -> None:
         with card("Model"):
             figure = figures.model(self.desk, self.spot, 400)
-            self.model = _plot(
+            self.model = plot(
                 figure, "The model with sensors coloured by their error; click a place to list its candidates"
             )
             self.model.on("mousedown", js_handler=PRESSED)
@@ -164,20 +165,20 @@ class Page:
                     choice.props["aria-label"] = word
                     self._choices = {**getattr(self, "_choices", {}), k: choice}
             self._frf = figures.frf(self.desk, self.pair, 400)
-            self.frf = _plot(self._frf, "Amplitude and phase of one FRF, measured and computed")
+            self.frf = plot(self._frf, "Amplitude and phase of one FRF, measured and computed")
             self.bands = BandList(self)
             self.frf.on("plotly_relayout", lambda e: self.bands.zoomed(e.args))
 
     def _map_card(self) -> None:
         with card("Error by sensor and band"):
-            self.map = _plot(
+            self.map = plot(
                 figures.error_map(self.desk), "Error of each sensor in each band; click a cell for its FRF"
             )
             self.map.on("plotly_click", self._clicked_map)
 
     def _staircase_card(self) -> None:
         with card("Staircase"):
-            self.stairs = _plot(figures.staircase(self.desk), "Error after each step, and the noise floor")
+            self.stairs = plot(figures.staircase(self.desk), "Error after each step, and the noise floor")
 
     # Changes with a slider ----------------------------------------------------------------------------------
 
@@ -249,15 +250,16 @@ class Page:
         desk = self.desk
         self._seen = desk.history
         self._frf = figures.frf(desk, self.pair, 400)
-        self.frf.update_figure(_dict(self._frf))
-        self.map.update_figure(_dict(figures.error_map(desk)))
-        self.stairs.update_figure(_dict(figures.staircase(desk)))
-        self.model.update_figure(_dict(figures.model(desk, self.spot, 400)))
+        self.frf.update_figure(as_dict(self._frf))
+        self.map.update_figure(as_dict(figures.error_map(desk)))
+        self.stairs.update_figure(as_dict(figures.staircase(desk)))
+        self.model.update_figure(as_dict(figures.model(desk, self.spot, 400)))
         self._show_numbers(desk.shown)
         self.effects.refresh()
         self.sensors.refresh()
         self.bands.refresh()
         self.candidates.refresh()
+        self.plan_view.refresh()
         self.refresh_buttons()
         self._tell_notes()
 
@@ -298,7 +300,7 @@ class Page:
     def _show_pair(self, pair: tuple[str, str]) -> None:
         self.pair = pair
         self._frf = figures.frf(self.desk, pair, 400)
-        self.frf.update_figure(_dict(self._frf))
+        self.frf.update_figure(as_dict(self._frf))
 
     def _clicked_map(self, e: GenericEventArguments) -> None:
         sensor = e.args["points"][0]["customdata"][0]
@@ -317,7 +319,7 @@ class Page:
     def choose(self, spot: str) -> None:
         """List the candidates of a spot; of all if it is empty."""
         self.spot = spot
-        self.model.update_figure(_dict(figures.model(self.desk, spot, 400)))
+        self.model.update_figure(as_dict(figures.model(self.desk, spot, 400)))
         self.candidates.refresh()
 
     # Jobs ---------------------------------------------------------------------------------------------------
@@ -469,17 +471,6 @@ def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> Non
             ui.button("Write", on_click=write).props("no-caps")
     dialog.on("hide", dialog.delete)
     dialog.open()
-
-
-def _plot(figure: Any, label: str) -> ui.plotly:
-    plot = ui.plotly(_dict(figure)).classes("desk-plot")
-    plot.props["role"] = "img"
-    plot.props["aria-label"] = label
-    return plot
-
-
-def _dict(figure: Any) -> dict[str, Any]:
-    return {**figure.to_plotly_json(), "config": CONFIG}
 
 
 def _texts(shown: Evaluation) -> dict[str, str]:

@@ -5,11 +5,12 @@ from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder
-from dovetail.file.config import Study
+from dovetail.file.config import Study, load_study
 from dovetail.file.paths import input_files
 from dovetail.file.toml import with_values
 from dovetail.found import Reported, reported_text
@@ -74,6 +75,13 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
     return path
+
+
+def study_with(study: Study, live: LiveModel, h: Hypothesis) -> Study:
+    """Return a study with a hypothesis in it, as :func:`save_study` writes it."""
+    with TemporaryDirectory() as folder:
+        saved = load_study(save_study(study, live, h, Path(folder) / study.path.name))
+    return replace(saved, path=study.path)  # for messages
 
 
 def form_of(live: LiveModel, h: Hypothesis) -> tuple[Effect, ...]:

@@ -9,10 +9,18 @@ import numpy as np
 
 from dovetail.desk.jobs import Job
 from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
-from dovetail.desk.saving import held_out_of, holding_out, live_model, save_study, write_desk_report
+from dovetail.desk.saving import (
+    held_out_of,
+    holding_out,
+    live_model,
+    save_study,
+    study_with,
+    write_desk_report,
+)
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import History, Stair, State
 from dovetail.pipeline import Progress, diagnose_study, measured
+from dovetail.plan import plan_study
 from dovetail.report.words import effect_label
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
@@ -25,6 +33,7 @@ from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import Promise, rank
 from updating.live.weighing import Weighed, weigh
+from updating.plan.plan import Plan
 from updating.quality.corrections import Fault
 
 NOMINAL = "nominal model"
@@ -74,6 +83,7 @@ class Desk:
         self.ranking: tuple[Promise, ...] = ()
         self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
+        self.mapped: tuple[Hypothesis, Plan] | None = None
         self.weighed: dict[str, Weighed] = {}
         self.fits_form = self.varies_form
         self.shown = live.evaluate(self.now.hypothesis)
@@ -362,6 +372,20 @@ class Desk:
         """Search for effects that the study's model lacks, as `dovetail diagnose` does."""
         study = holding_out(self.study, self.now.hypothesis.held_out)
         return Job("Diagnose", lambda say: diagnose_study(study, say, cores())).start()
+
+    def plan(self, noise: float | None = None) -> Job:
+        """Map what the test could show beside the present hypothesis, as `dovetail plan` does.
+
+        ``noise`` is that of a planned test with the same channels and lines [-]; unless it is given, the
+        measured data count, with what the fitted model leaves of them.
+        """
+        h = self.now.hypothesis
+
+        def mapped(say: Progress) -> tuple[Hypothesis, Plan]:
+            say("writing the hypothesis into the study", 0.0)
+            return h, plan_study(study_with(self.study, self.live, h), noise, progress=say)
+
+        return Job("Map of the test", mapped).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""

@@ -6,6 +6,8 @@ from typing import Any
 
 from nicegui import ui
 
+from viz.interactive.theme import CONFIG
+
 
 @contextmanager
 def card(title: str) -> Iterator[ui.element]:
@@ -28,6 +30,19 @@ def button(
     if hint:
         made.tooltip(hint)
     return made
+
+
+def plot(figure: Any, label: str) -> ui.plotly:
+    """Return a figure in the page, with words for screen readers."""
+    made = ui.plotly(as_dict(figure)).classes("desk-plot")
+    made.props["role"] = "img"
+    made.props["aria-label"] = label
+    return made
+
+
+def as_dict(figure: Any) -> dict[str, Any]:
+    """Return a figure as the page takes it."""
+    return {**figure.to_plotly_json(), "config": CONFIG}
 
 
 class Keys(ui.element, component="keys.js"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
-from dovetail.report import words
+from dovetail.report import planning, words
 from dovetail.report.drawn import (
     candidate_labels,
     compared_models,
@@ -35,6 +35,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
 from updating.measurement.measurement import motions_of
+from updating.plan.plan import Plan
 from viz.curves import frf_errors
 from viz.interactive.error import error_map_figure, probability_figure, ranking_figure, staircase_figure
 from viz.interactive.frf import (
@@ -50,6 +51,7 @@ from viz.interactive.frf import (
 from viz.interactive.frf import frf_figure as figure_of_frfs
 from viz.interactive.model import model_figure
 from viz.interactive.modes import MeasuredShape, modes_figure
+from viz.interactive.plan import Wording, sizes_figure
 
 MOST_VALUES = 1_200_000
 """Numbers of all FRFs together; of more lines every second, third … is kept."""
@@ -111,7 +113,19 @@ def make_all(result: RunResult, say: Say | None = None) -> Figures:
     out.add("frf", lambda: _frf(result, out))
     out.add("frf-error", lambda: _frf_error(result))
     out.add("modes", lambda: _modes(result))
+    if (excluded := result.excluded) is not None and excluded.relevant:
+        out.add("excluded", lambda: sizes(excluded, "seen"))
     return out
+
+
+def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
+    """Return the structure with the least sizes that are ``seen``, ``located`` or ``named``.
+
+    Of one kind of :func:`dovetail.report.planning.named_kinds`, or of all, of which the first is visible.
+    """
+    kinds = [some for name, some in planning.named_kinds(plan) if kind in ("", name)]
+    wording = Wording(what, planning.size_text, lambda e: words.place(e.where))
+    return sizes_figure(plan.model, kinds, wording)
 
 
 def _sensor_errors(result: RunResult, step: int) -> dict[str, float]:

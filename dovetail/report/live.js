@@ -60,12 +60,13 @@
     if (width >= NARROW) return figure;
     let bars = 0;
     for (const t of figure.data) {
-      for (const bar of [t.colorbar, t.marker && t.marker.colorbar]) {
+      for (const bar of [t.colorbar, t.marker && t.marker.showscale !== false && t.marker.colorbar]) {
         if (!bar) continue;
+        const hidden = t.visible === false;
         Object.assign(bar, { orientation: "h", x: 0.5, xanchor: "center", len: 0.9,
-          y: solid3d(figure) ? 0.02 + 0.13 * bars : -0.28, yanchor: solid3d(figure) ? "bottom" : "top" });
+          y: solid3d(figure) ? 0.02 + 0.13 * (hidden ? 0 : bars) : -0.28, yanchor: solid3d(figure) ? "bottom" : "top" });
         bar.title = Object.assign({}, bar.title, { side: "top", font: { size: 11 } });
-        bars += 1;
+        bars += hidden ? 0 : 1;
       }
     }
     const meta = figure.layout.meta || {};
@@ -117,7 +118,7 @@
       keepScrolling(plot);
       if (solid3d(figure)) turnByKeys(plot);
       plot.on("plotly_click", (e) => clicked(name, e));
-      const more = { frf: frfTools, modes: modeTools }[name];
+      const more = { frf: frfTools, modes: modeTools, excluded: sizeTools }[name];
       if (more) more(box, plot);
     });
   }
@@ -354,6 +355,18 @@
     list.addEventListener("change", show);
     button.addEventListener("click", () => { if (timer === null) play(); else { stop(); put(1, false); } });
     list.selectedIndex = meta.first || 0;
+    show();
+  }
+
+  // ----------------------------------------------------------------------------------------------- sizes
+
+  function sizeTools(box, plot) {
+    const list = box.querySelector("select"), kinds = drawn.get("excluded").layout.meta.visible;
+    const show = () => {
+      window.Plotly.restyle(plot, { visible: kinds[list.selectedIndex] });
+      box.dataset.kind = list.value;
+    };
+    list.addEventListener("change", show);
     show();
   }
 

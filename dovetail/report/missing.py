@@ -7,7 +7,7 @@ from dovetail.report.confidence import best_of
 from dovetail.report.drawn import ranking_caption
 from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.probable import hypotheses
-from dovetail.report.shown import Shown
+from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult
 from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
@@ -20,7 +20,7 @@ def missing(result: RunResult, shown: Shown) -> Markup:
     """Return the found effects, their evidence, and measurements that would tell them from rivals."""
     d = result.diagnosis
     if not d.findings:
-        return section("Missing effects", *_nothing_found(result), *_hypotheses(result, shown))
+        return section("Missing effects", *_nothing_found(result, shown), *_hypotheses(result, shown))
     rows = [
         [
             words.effect_label(f.effect.kind, f.effect.where),
@@ -165,7 +165,7 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
     )
 
 
-def _nothing_found(result: RunResult) -> list[Markup]:
+def _nothing_found(result: RunResult, shown: Shown) -> list[Markup]:
     d = result.diagnosis
     best, looked_at = best_of(d.rounds), len(d.candidates)
     gained = (
@@ -191,7 +191,7 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     }.get(d.verdict, d.reason)
     return [
         paragraph(text),
-        *_excluded(result),
+        *_excluded(result, shown),
         paragraph(
             f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
             if looked_at
@@ -200,13 +200,23 @@ def _nothing_found(result: RunResult) -> list[Markup]:
     ]
 
 
-def _excluded(result: RunResult) -> list[Markup]:
-    """Return which sizes of effects the data would have shown."""
+def _excluded(result: RunResult, shown: Shown) -> list[Markup]:
+    """Return which sizes of effects the data would have shown, and where."""
     if result.excluded is None:
         return []
+    kinds = (tag("option", name) for name, _ in planning.named_kinds(result.excluded))
     return [
         paragraph(planning.EXCLUDED),
         table(planning.EXCLUDED_HEAD, planning.excluded_rows(result.excluded)),
+        shown.figure(
+            "excluded",
+            "The structure coloured by the sizes above; the list above the figure chooses the effect.",
+            "From what size on an effect would have been seen at each place; dark places show small ones. "
+            "Where it may have several directions, the colour is that of the largest size. Point at a place "
+            "for all of them.",
+            tools=tag("label", "effect", tag("select", *kinds)),
+            hint=TURN,
+        ),
     ]
 
 

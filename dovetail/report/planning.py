@@ -57,16 +57,22 @@ def size_text(effect: Effect) -> str:
     return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
 
 
+def named_kinds(plan: Plan) -> list[tuple[str, list[Outlook]]]:
+    """Return the names of kinds with their relevant effects."""
+    out = []
+    for (kind, unit), some in plan.kinds.items():
+        about = ", rotation" if kind.endswith(("stiffness", "flexibility")) and "rad" in unit else ""
+        out.append((kind.replace("_", " ") + about, some))
+    return out
+
+
 def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
     """Return a row for each kind of effect with a relevant size, with the sizes that are ``what``."""
     out = []
-    for some, of in zip(plan.kinds.values(), plan.sizes_of(what), strict=True):
-        kind, unit = of["kind"], of["unit"]
-        about = ", rotation" if kind.endswith(("stiffness", "flexibility")) and "rad" in unit else ""
+    for (name, some), of in zip(named_kinds(plan), plan.sizes_of(what), strict=True):
         least, most = ("" if of[key] is None else size_text(of[key]) for key in ("least", "most"))
         seen, located, named = (share(some, each) for each in ("seen", "located", "named"))
         relevant = _range(sorted((o.relevant for o in some), key=size_of))
-        name = kind.replace("_", " ") + about
         out.append(KindRow(name, relevant, len(some), seen, located, named, least, most, of["blind"]))
     return out
 

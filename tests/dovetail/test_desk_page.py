@@ -22,7 +22,10 @@ from dovetail.desk.guard import Guard
 from dovetail.desk.scale import Scale
 from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
 from dovetail.pipeline import measured
+from dovetail.plan import plan_study
+from dovetail.report import planning
 from fem.model import Parameter
+from tests.frames import write_study
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "cross-beam"
 NAME = """<img src=x onerror="document.body.innerHTML=''"> & 'beam' 1"""
@@ -405,6 +408,41 @@ def test_two_tabs_share_a_desk_that_answers(example, chromium):
         assert one.faults == two.faults == []
     finally:
         server.close(kill=True)
+
+
+def test_the_map_of_the_test_is_shown_for_a_kind_and_a_question(tmp_path, chromium):
+    file = write_study(tmp_path, mass=0.0)
+    plan = plan_study(load_study(file), 0.003)
+    server = Server(file)
+    try:
+        tab = Tab(chromium, server.address)
+        page, data = tab.page, "document.querySelector('[aria-label^=\"From what size\"]').data"
+        page.get_by_label("Noise of a planned test, %").fill("0.3")
+        tab.press("What could this test show?")
+        page.get_by_text(planning.headline(plan)).wait_for()
+        cells = page.get_by_role("region", name="What the test could show").locator("td").all_inner_texts()
+        shown = [cell for row in planning.kind_rows(plan) for cell in planning.cells_of(row)]
+        assert [" ".join(c.split()) for c in cells] == [" ".join(c.split()) for c in shown]
+        for what in ("named", "seen"):
+            if what == "seen":
+                page.get_by_role("combobox", name="Shown", exact=True).click()
+                page.get_by_role("option", name="seen: something is missing").click()
+            picture = page.get_by_label(f"From what size point mass is {what}", exact=False)
+            picture.wait_for()
+            picture.locator(".gl-container canvas").first.wait_for()
+            hover = page.evaluate(f"{data}.flatMap((t) => [t.hovertext ?? []].flat())")
+            row = planning.kind_rows(plan, what)[0]
+            assert any(f"{what} from {row.smallest}" in text for text in hover)
+        page.get_by_role("combobox", name="Effect", exact=True).click()
+        page.get_by_role("option", name="member stiffness").click()
+        page.get_by_label("From what size member stiffness is seen", exact=False).wait_for()
+        assert page.get_by_text("Beside an earlier hypothesis").count() == 0
+        tab.press("Fit uncertain parameters")
+        page.get_by_text("Beside an earlier hypothesis").wait_for()
+        assert tab.faults == []
+    finally:
+        errors = server.close()
+    assert errors == ""
 
 
 @pytest.mark.slow

@@ -27,6 +27,9 @@ from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.disk.output import OutputError
 from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
+from dovetail.plan import plan_study
+from dovetail.report import planning
+from tests.frames import write_study
 from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -170,6 +173,40 @@ def test_a_job_tells_its_progress_and_ends_when_asked():
     whole = Job("work", lambda progress: "done").start()
     assert whole.wait(10)
     assert (whole.result, whole.error) == ("done", None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [None, 0.01])
+def test_a_map_ends_within_two_seconds_when_asked(noise):
+    desk = Desk.open(STUDY.parents[1] / "first-frame" / "study.toml")
+    job = desk.plan(noise)
+    while job.fraction < 0.12:
+        assert not job.wait(0.05)
+    job.cancel()
+    assert job.wait(2.0)
+    assert job.cancelled
+    assert job.result is None
+
+
+def test_the_map_is_that_of_the_command_for_the_hypothesis(tmp_path):
+    """Nothing changed: that of the study. With an effect at hand: that of the study when it is saved."""
+    study = load_study(write_study(tmp_path, mass=0.25))
+    desk, maps = Desk.open(study.path), []
+    for noise in (0.003, None):
+        job = desk.plan(noise)
+        assert job.wait(60)
+        maps.append(job.result[1])
+        assert planning.kind_rows(maps[-1]) == planning.kind_rows(plan_study(study, noise))
+    assert [plan.is_measured for plan in maps] == [False, True]
+    desk.add("point_mass:arm", mass=0.25, position=0.3)
+    job = desk.plan()
+    assert job.wait(60)
+    h, plan = job.result
+    assert h is desk.now.hypothesis
+    saved = load_study(save_study(study, desk.live, h, tmp_path / "saved.toml"))
+    assert planning.kind_rows(plan) == planning.kind_rows(plan_study(saved))
+    masses = [planning.kind_rows(each, "seen")[0] for each in (maps[1], plan)]
+    assert masses[1].blind < masses[0].blind  # the residuals are hardly more than noise with the mass
 
 
 def test_an_error_of_a_job_is_kept():

@@ -14,10 +14,16 @@ from dovetail.cli import main
 from dovetail.file.table import StudyError
 from dovetail.plan import check_plan, plan_study
 from dovetail.report import missing, planning
+from dovetail.report.figures import Figures, packed, sizes
+from dovetail.report.page import page
+from dovetail.report.pictures import Album
+from dovetail.report.shown import Shown
 from dovetail.result import excluded_dict
 from fem.declarations import Relevant
+from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
 from updating.plan.choose import Chosen
+from viz.interactive.plan import BLIND
 from viz.plan import render_plan
 
 
@@ -334,16 +340,116 @@ def test_what_is_excluded_is_judged_by_the_data_and_the_studys_sizes(sound):
     assert plans[0].coverage("seen") < plans[1].coverage("seen")
 
 
-def test_the_report_has_a_table_of_what_is_excluded(sound):
+def test_the_report_has_a_table_of_what_is_excluded(sound, tmp_path):
     study, diagnosis = sound
     plan = pipeline.excluded(study, diagnosis)
-    page = "".join(missing._excluded(SimpleNamespace(excluded=plan)))
-    assert planning.EXCLUDED in page
-    assert all(head in page for head in planning.EXCLUDED_HEAD)
+    html = "".join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
+    assert "<figure" not in html  # without a figure the table stands alone
+    assert planning.EXCLUDED in html
+    assert all(head in html for head in planning.EXCLUDED_HEAD)
     (row,) = (r for r in planning.excluded_rows(plan) if r[0] == "point mass")
     assert row[1].startswith("mass ")
-    assert re.sub(r"\s", " ", row[1]) in re.sub(r"\s|&nbsp;", " ", page)
-    assert missing._excluded(SimpleNamespace(excluded=None)) == []
+    assert re.sub(r"\s", " ", row[1]) in re.sub(r"\s|&nbsp;", " ", html)
+    assert missing._excluded(SimpleNamespace(excluded=None), Shown(Album(tmp_path))) == []
+
+
+def test_a_run_reports_the_progress_of_what_it_excludes(sound, file, tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "diagnose_study", lambda study, say, processes: sound[1])
+    heard = []
+    result = pipeline.analyse(load_study(file), tmp_path, lambda text, done: heard.append((text, done)))
+    assert result.excluded is not None
+    parts = [done for text, done in heard if text == "what a little of each effect does"]
+    assert len(parts) >= len({o.relevant.name for o in result.excluded.relevant})
+    done = [d for _, d in heard]
+    assert done == sorted(done)
+    assert 0.9 <= parts[0] < parts[-1] < 1.0
+
+    def ended(text, done):
+        if text == "what is alike":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pipeline.excluded(*sound, ended)
+
+
+# Figures --------------------------------------------------------------------------------------------------
+
+
+def trace_of(figure, k, symbol):
+    """Return the marks of one symbol of a kind."""
+    own = [t for t, shown in zip(figure.data, figure.layout.meta["visible"][k], strict=True) if shown]
+    return next((t for t in own if t.type == "scatter3d" and t.marker.symbol == symbol), None)
+
+
+@pytest.mark.parametrize("what", ["seen", "named"])
+def test_a_figure_has_the_least_size_of_each_place(planned, what):
+    figure, rows = sizes(planned, what), planning.kind_rows(planned, what)
+    masses = next(k for k, row in enumerate(rows) if row.kind == "point mass")
+    some = dict(planning.named_kinds(planned))["point mass"]
+    least = {tuple(o.relevant.locations(planned.model)[0].round(6)): o.least(what) for o in some}
+    marks, rings = trace_of(figure, masses, "circle"), trace_of(figure, masses, "circle-open")
+    found = np.exp(marks.marker.color)
+    assert len(found) + (0 if rings is None else len(rings.x)) == len(least) == 26
+    for x, y, z, size, text in zip(marks.x, marks.y, marks.z, found, marks.hovertext, strict=True):
+        (mass,) = (e.mass for at, e in least.items() if np.allclose(at, (x, y, z), atol=1e-5))
+        assert size == pytest.approx(mass, rel=1e-5)
+        assert f"{what} from mass" in text
+    assert rings is None or all(f"not {what} at any plausible size" in t for t in rings.hovertext)
+    bar = marks.marker.colorbar
+    assert bar.title.text == f"{what} from: mass"
+    assert all(text.endswith("kg") for text in bar.ticktext)
+    assert marks.marker.cmin < min(bar.tickvals) < max(bar.tickvals) < marks.marker.cmax
+
+
+def test_members_have_the_colour_of_their_size_or_of_none(planned):
+    k = [name for name, _ in planning.named_kinds(planned)].index("member stiffness")
+    blind = [replace(o, visible=replace(o.visible, enough=(np.inf,) * 3)) for o in planned.relevant]
+    for plan, nowhere in ((planned, False), (replace(planned, relevant=tuple(blind)), True)):
+        figure = sizes(plan, "seen")
+        own = [t for t, shown in zip(figure.data, figure.layout.meta["visible"][k], strict=True) if shown]
+        (solid,) = (t for t in own if t.type == "mesh3d")
+        assert ({BLIND} == set(solid.facecolor)) == nowhere
+        assert any("not seen" in text for text in solid.hovertext) == nowhere
+        assert any(t.name == "not seen at any plausible size" for t in own) == nowhere
+
+
+def test_a_place_with_a_direction_that_is_missed_is_a_diamond(planned):
+    """One of two effects at a place is made invisible."""
+    some = [o for o in planned.relevant if o.relevant.kind == "point_mass"]
+    other = replace(some[5], visible=replace(some[5].visible, enough=(np.inf,) * 3))
+    figure = sizes(replace(planned, relevant=(*some, other)), "seen")
+    (text,) = trace_of(figure, 0, "diamond").hovertext
+    assert "seen from mass" in text
+    assert "not seen at any plausible size" in text
+
+
+def test_the_list_of_a_report_chooses_the_kind_that_is_drawn(sound, tmp_path, browser):
+    study, diagnosis = sound
+    plan = pipeline.excluded(study, diagnosis)
+    figures = Figures()
+    figures.add("excluded", lambda: sizes(plan, "seen"))
+    shown = Shown(Album(tmp_path), figures)
+    parts = missing._excluded(SimpleNamespace(excluded=plan), shown)
+    file = tmp_path / "report.html"
+    file.write_text(page("excluded", *parts, shown.scripts()), encoding="utf-8")
+    assert len(packed(figures.known["excluded"])) < 20_000
+    data = "document.querySelector('figure[data-figure=excluded] .plot').data"
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as p:
+        running = p.chromium.launch(executable_path=str(browser), args=list(CHROMIUM))
+        for width in (1200, 400):
+            with opened(running, file, width) as tab:
+                box = drawn(tab, "excluded")
+                for k, name in enumerate(box.locator("option").all_inner_texts()):
+                    box.locator("select").select_option(name)
+                    tab.wait_for_selector(f'figure[data-kind="{name}"]')
+                    visible = tab.evaluate(f"{data}.map((t) => t.visible !== false)")
+                    assert visible == list(figures.known["excluded"].layout.meta["visible"][k])
+                    assert box.locator(".infolayer .colorbar").count() == 1
+                    text = box.locator(".infolayer .colorbar").text_content()
+                    assert ("kg" in text) == (name == "point mass")
+        running.close()
 
 
 def test_chosen_channels_are_printed_as_a_study_reads_them(planned, tmp_path):

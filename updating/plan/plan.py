@@ -43,6 +43,14 @@ class Outlook:
     located: bool
     named: bool
 
+    def least(self, what: str = "named") -> Effect | None:
+        """Return the effect at its least size that is ``seen``, ``located`` or ``named``.
+
+        On the side of none on which the relevant size is; None if no plausible size is.
+        """
+        effect = getattr(self.visible, what)
+        return None if effect is None else _towards(effect, self.relevant)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
@@ -90,7 +98,7 @@ class Plan:
         """
         out = []
         for (kind, unit), some in self.kinds.items():
-            shown = [_towards(e, o.relevant) for o in some if (e := getattr(o.visible, what)) is not None]
+            shown = [e for o in some if (e := o.least(what)) is not None]
             shown.sort(key=size_of)
             blind = len(some) - len(shown)
             ends = {"least": shown[0] if shown else None, "most": shown[-1] if shown and not blind else None}

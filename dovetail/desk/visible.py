@@ -1,0 +1,122 @@
+"""The page's map of the effects that the test could show: where from what size, and which look alike."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from dovetail.desk.jobs import Job
+from dovetail.desk.widgets import button, card, plot
+from dovetail.report import planning
+from dovetail.report.figures import sizes
+from updating.plan.plan import Plan
+
+if TYPE_CHECKING:
+    from dovetail.desk.page import Page
+
+ASK = "What could this test show?"
+SHOWN = {
+    "seen": "seen: something is missing",
+    "located": "located: at this place",
+    "named": "named: this kind of effect",
+}
+"""What a test shows of an effect, in the words of the columns of the table."""
+
+SHARES = ("seen", "place", "named")
+"""Columns that break no lines."""
+
+
+class PlanView:
+    """The structure by the least sizes that the test shows, with kinds, twins and blind places.
+
+    Parameters
+    ----------
+    page : Page
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._kind, self._what = "", "named"
+        with card("What the test could show"):
+            with ui.element("div").classes("desk-row"):
+                button(ASK, self._ask, "visibility")
+                self._noise = ui.number("Noise of a planned test, %", min=0.01, max=100, format="%.4g")
+                self._noise.props("dense outlined clearable").style("width: 230px")
+                self._noise.props["aria-label"] = "Noise of a planned test, %"
+                self._noise.tooltip("Without it the measured data count, with what the model leaves of them")
+            self._body = ui.element("div").classes("desk-column")
+        self._drawn: Any = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the map that was made last, and say whether it is one of the present hypothesis."""
+        desk = self._page.desk
+        if desk.mapped is None:
+            return
+        h, plan = desk.mapped
+        state = plan, h is desk.now.hypothesis
+        if state == self._drawn:
+            return
+        self._drawn = state
+        self._body.clear()
+        with self._body:
+            self._show(plan, state[1])
+
+    def _ask(self) -> None:
+        noise = self._noise.value
+        share = None if noise is None else float(noise) / 100
+        self._page.start_search(lambda: self._page.desk.plan(share), self._made)
+
+    def _made(self, job: Job) -> None:
+        self._page.desk.mapped = job.result
+        self.refresh()
+
+    def _show(self, plan: Plan, present: bool) -> None:
+        when = "" if present else " Beside an earlier hypothesis; ask again for the present one."
+        ui.label(f"{planning.title(plan)}.{when}").classes("desk-note")
+        ui.label(planning.headline(plan)).classes("desk-name")
+        names = [name for name, _ in planning.named_kinds(plan)]
+        if not names:
+            return
+        self._kind = self._kind if self._kind in names else names[0]
+        with ui.element("div").classes("desk-row"):
+            self._choice("Effect", names, self._kind, lambda e: self._draw(plan, kind=e.value))
+            self._choice("Shown", SHOWN, self._what, lambda e: self._draw(plan, what=e.value))
+        self._figure = ui.element("div").style("width: 100%")
+        self._draw(plan)
+        rows = [
+            dict(zip(planning.HEAD, planning.cells_of(row), strict=True)) for row in planning.kind_rows(plan)
+        ]
+        columns = [
+            {
+                "name": h,
+                "label": h,
+                "field": h,
+                "align": "left",
+                "classes": "desk-share" if h in SHARES else "",
+            }
+            for h in planning.HEAD
+        ]
+        table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells")
+        table.props["aria-label"] = "Kinds of effects"
+        for title, lines in (
+            ("Seen, but not told apart", planning.twin_lines(plan)),
+            ("Not seen in relevant size", planning.blind_lines(plan)),
+        ):
+            if lines:
+                with ui.expansion(f"{title} ({len(lines)})").classes("desk-lines"):
+                    for line in lines:
+                        ui.label(line).classes("desk-note")
+
+    def _choice(self, word: str, options: Any, value: str, chosen: Any) -> None:
+        made = ui.select(options, value=value, label=word, on_change=chosen).props("dense outlined")
+        made.props["aria-label"] = word
+        made.style("min-width: 220px")
+
+    def _draw(self, plan: Plan, kind: str = "", what: str = "") -> None:
+        self._kind, self._what = kind or self._kind, what or self._what
+        self._figure.clear()
+        with self._figure:
+            label = f"From what size {self._kind} is {self._what} at each place of the structure"
+            plot(sizes(plan, self._what, self._kind), label)
