@@ -10,9 +10,9 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.validation.evidence import at_truth
 from dovetail.file.config import load_study
 from dovetail.pipeline import measured, without_held_out
-from dovetail.validation.evidence import at_truth
 from tests.independent.by_evidence import stated
 from tests.independent.convert import convert
 from tests.independent.table import CASES, hidden_effects, hidden_in_words

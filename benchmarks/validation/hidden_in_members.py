@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import (
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import (
     NEAR,
     Draw,
     Hidden,
@@ -16,7 +16,7 @@ from dovetail.validation.hiding import (
     some_place,
     whole_member,
 )
-from dovetail.validation.truth import EndSpring, Stretch, TrueFrame
+from benchmarks.validation.truth import EndSpring, Stretch, TrueFrame
 from fem.model import DIRECTIONS
 
 

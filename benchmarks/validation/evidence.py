@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.validation.hiding import NEAR
+from benchmarks.validation.hiding import NEAR
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis

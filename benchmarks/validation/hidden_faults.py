@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import Hidden, Kind, Place, Readings
-from dovetail.validation.truth import Cut, Reading, TrueFrame
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import Hidden, Kind, Place, Readings
+from benchmarks.validation.truth import Cut, Reading, TrueFrame
 
 
 def _sensor(rng: Generator, draft: Draft) -> tuple[int, Reading]:

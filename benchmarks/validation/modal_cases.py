@@ -2,12 +2,11 @@
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from dovetail.validation.ambient_cases import ambient_targets
-from dovetail.validation.cases import (
+from benchmarks.validation.ambient_cases import ambient_targets
+from benchmarks.validation.cases import (
     CaseError,
     CaseSettings,
     Implant,
@@ -16,8 +15,7 @@ from dovetail.validation.cases import (
     kinds_of,
     nuisances_of,
 )
-from dovetail.validation.evidence import assess
-from dovetail.validation.frames import (
+from benchmarks.validation.frames import (
     FAMILIES,
     SMALL,
     Draft,
@@ -28,10 +26,9 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import MODAL_SETS
-from dovetail.validation.judging import hidden_in, stated_by
-from dovetail.validation.true_modes import ModesError, true_modes
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.judging import Record, are_hidden, as_hidden, evidence_of
+from benchmarks.validation.true_modes import ModesError, true_modes
+from benchmarks.validation.truth import TrueFrame
 from fem.model import Model
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
@@ -48,8 +45,6 @@ MOST_MODES = 12
 """Modes of a test at most."""
 DRAWS = 40
 """So many frames are drawn until one shows what is to be hidden."""
-
-Record = dict[str, Any]
 
 
 def run_modal_case(settings: CaseSettings, set_name: str, index: int) -> Record:
@@ -131,16 +126,10 @@ def _record(
     set_name: str, index: int, draft: Draft, model: Model, implants: tuple[Implant, ...],
     found: ModeDiagnosis, noise: list[float], n_modes: int,
 ) -> Record:  # fmt: skip
-    right = found.verdict == EFFECT and hidden_in(model, implants, found.found)
+    right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
     if not implants:
         right = found.verdict == NOTHING
-    evidence = assess(
-        found.searched, found, right, True, [stated_by(model, implants)],
-        lambda effects: hidden_in(model, implants, effects),
-    )  # fmt: skip
-    wrong = (
-        "wrong" if found.verdict == EFFECT else "not noticed" if found.verdict == NOTHING else "unexplained"
-    )
+    wrong = {EFFECT: "wrong", NOTHING: "not noticed"}.get(found.verdict, "unexplained")
     return {
         "case": f"{set_name}:{index}",
         "set": set_name,
@@ -149,20 +138,10 @@ def _record(
         "modes": n_modes,
         "sensors": len(draft.sensors),
         "noise": noise,
-        "hidden": [
-            {"kind": i.hidden.kind, "where": i.hidden.place.words, "amplitude": i.amplitude,
-             "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
-             "values": i.hidden.values(i.amplitude)}
-            for i in implants
-        ],
-        "known": True,
+        "hidden": as_hidden(implants),
         "verdict": found.verdict,
         "reason": found.reason,
         "outcome": "right" if right else wrong,
-        "errors": [],
         "seconds": found.seconds,
-        "evidence": evidence,
-    }  # fmt: skip
-
-
-__all__ = ["MODAL_SETS", "run_modal_case"]
+        "evidence": evidence_of(model, implants, found.searched, found, right),
+    }

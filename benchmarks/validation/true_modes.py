@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from dovetail.validation.spectral import Assembly, Law, Segment, SpectralFrame
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+from benchmarks.validation.spectral import Assembly, Law, Segment, SpectralFrame
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
 
 Floats = NDArray[np.float64]
 CLAMPED = 22.37

@@ -1,10 +1,10 @@
 """Connections that give way in several directions at once."""
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hidden_at_joints import soft_joint
-from dovetail.validation.hidden_at_points import soft_support
-from dovetail.validation.hiding import Draw, Hidden, Kind, Place
-from dovetail.validation.truth import TrueFrame, TrueJoint
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hidden_at_joints import soft_joint
+from benchmarks.validation.hidden_at_points import soft_support
+from benchmarks.validation.hiding import Draw, Hidden, Kind, Place
+from benchmarks.validation.truth import TrueFrame, TrueJoint
 
 ROTATIONS_ALONE = 0.75
 """Share of soft connections that give way about axes only, as bolted and clamped ones do [-]."""

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 import fem
-from dovetail.validation import spectral as sp
-from dovetail.validation.frames import build_model, constant_loss, draw_draft
-from dovetail.validation.truth import (
+from benchmarks.validation import spectral as sp
+from benchmarks.validation.frames import build_model, constant_loss, draw_draft
+from benchmarks.validation.truth import (
     Attached,
     Cut,
     EndSpring,

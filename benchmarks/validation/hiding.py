@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.spectral import Law
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.spectral import Law
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
 
 NEAR = 0.05
 """A place is right within this part of the member's length [-]."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.spectral import (
+from benchmarks.validation.spectral import (
     Body,
     Connection,
     Law,

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from dovetail.validation.frames import Draft, Generator, sensors_of
-from dovetail.validation.true_modes import ModesError, true_modes
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.frames import Draft, Generator, sensors_of
+from benchmarks.validation.true_modes import ModesError, true_modes
+from benchmarks.validation.truth import TrueFrame
 from updating.ambient.identification import identify_ambient
 from updating.ambient.record import USED_BAND
 from updating.inference.mode_targets import ModeTargets

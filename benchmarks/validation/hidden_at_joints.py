@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator, constant_loss
-from dovetail.validation.hiding import (
+from benchmarks.validation.frames import Draft, Generator, constant_loss
+from benchmarks.validation.hiding import (
     Draw,
     Hidden,
     Kind,
@@ -17,8 +17,8 @@ from dovetail.validation.hiding import (
     product_of_laws,
     some_joint,
 )
-from dovetail.validation.spectral import Law
-from dovetail.validation.truth import TrueFrame, TrueJoint, rigid_body
+from benchmarks.validation.spectral import Law
+from benchmarks.validation.truth import TrueFrame, TrueJoint, rigid_body
 from fem.model import DIRECTIONS
 
 

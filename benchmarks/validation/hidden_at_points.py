@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import (
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import (
     Draw,
     Hidden,
     Kind,
@@ -18,7 +18,7 @@ from dovetail.validation.hiding import (
     some_fastening,
     some_place,
 )
-from dovetail.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
+from benchmarks.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
 from fem.model import DIRECTIONS
 
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import Hidden, Kind, Place
-from dovetail.validation.truth import Cut, Member, TrueFrame, TrueJoint
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import Hidden, Kind, Place
+from benchmarks.validation.truth import Cut, Member, TrueFrame, TrueJoint
 
 NEAREST, FURTHEST = 2e-3, 0.14
 """Least and largest shift along a member, in parts of its length [-]."""

@@ -1,5 +1,13 @@
-"""How far stated probabilities can be trusted, over the records of any number of sets."""
+"""How far stated probabilities can be trusted, over the records of any number of sets.
 
+    python -m benchmarks.validation --seed 7 --out out/seed-7
+    python -m benchmarks.validation.calibration out/seed-7 out/foreign-7-results --out out/reliability.png
+
+Records are folders of `benchmarks.validation` or of `tests.independent.table`, or their files.
+"""
+
+import argparse
+import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.stats import binomtest
 
-from dovetail.units.folder import json_lines
-from dovetail.validation.evidence import (
+from benchmarks.validation.evidence import (
     CREDIBLE,
     LOST_BY_DATA,
     LOST_BY_SEARCH,
@@ -18,8 +28,9 @@ from dovetail.validation.evidence import (
     SURE,
     WRONG_FAULT,
 )
-from dovetail.validation.table import interval
+from dovetail.units.folder import json_lines
 from updating.diagnosis.diagnosis import UNEXPLAINED
+from viz import style
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 """Edges of the bins of stated probability; a bin has its lower edge, the last one both [-]."""
@@ -35,18 +46,17 @@ class RecordsError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A share of cases, with the 95 % interval of Clopper and Pearson.
-
-    Attributes
-    ----------
-    hits, cases : int
-    stated : float
-        Mean probability that was stated for them; not a number where none was [-].
-    """
+    """A share of cases, with the 95 % interval of Clopper and Pearson."""
 
     hits: int
     cases: int
-    stated: float = float("nan")
+    stated: float = float("nan")  # mean probability that was stated for them [-]
+
+    @classmethod
+    def of(cls, right: Iterable[Any], stated: Iterable[float] = ()) -> "Share":
+        """Return the share of cases that are right, with the mean of what was stated."""
+        hits, p = [bool(r) for r in right], list(stated)
+        return cls(sum(hits), len(hits), float(np.mean(p)) if p else float("nan"))
 
     @property
     def rate(self) -> float:
@@ -56,7 +66,10 @@ class Share:
     @property
     def interval(self) -> tuple[float, float]:
         """Least and largest rate at a confidence of 95 % [-]."""
-        return interval(self.hits, self.cases) if self.cases else (0.0, 1.0)
+        if not self.cases:
+            return 0.0, 1.0
+        ci: Any = binomtest(self.hits, self.cases).proportion_ci(0.95, "exact")
+        return float(ci.low), float(ci.high)
 
     def __str__(self) -> str:
         """Return the share in words."""
@@ -68,32 +81,15 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Summary of all records.
+    """Summary of all records. Unexplained cases state no probability."""
 
-    Attributes
-    ----------
-    answers, places : tuple of Share
-        For each bin of stated probability, how many answers, and how many places, are right. Unexplained
-        cases state no probability.
-    sure : Share
-        Answers with a probability of at least ``SURE`` that are right.
-    sure_findings : Share
-        Those of them that name effects.
-    sure_and_wrong : Share
-        Of all cases.
-    coverage : Share
-        Credible sets that hold the truth; ``stated`` is the mean of their total probability.
-    attainable : Share
-        Right answers of the cases that are right or lost by the search.
-    """
-
-    answers: tuple[Share, ...]
+    answers: tuple[Share, ...]  # right answers in each bin of stated probability
     places: tuple[Share, ...]
-    sure: Share
-    sure_findings: Share
-    sure_and_wrong: Share
-    coverage: Share
-    attainable: Share
+    sure: Share  # right answers of those with a probability of at least `SURE`
+    sure_findings: Share  # of those of them that name effects
+    sure_and_wrong: Share  # of all cases
+    coverage: Share  # credible sets that hold the truth; stated is the mean of their total probability
+    attainable: Share  # right answers of the cases that are right or lost by the search
 
 
 def read_records(path: Path) -> list[Record]:
@@ -118,35 +114,25 @@ def read_records(path: Path) -> list[Record]:
     return [r for r in records if "settings" not in r]
 
 
-def told(records: Iterable[Record]) -> list[Record]:
-    """Return the records of searches by evidence.
-
-    Raises
-    ------
-    RecordsError
-        If no record says anything of that.
-    """
-    out = [r["evidence"] for r in records if "evidence" in r]
-    if not out:
-        msg = "no record has 'evidence': run dovetail validate, or tests.independent.table"
-        raise RecordsError(msg)
-    return out
-
-
 def reliability(stated: Sequence[float], right: Sequence[bool]) -> tuple[Share, ...]:
     """Return for each bin of stated probability how many are right."""
     p, hit = np.asarray(stated, dtype=float), np.asarray(right, dtype=bool)
     index = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
-    return tuple(_share(p[index == k], hit[index == k]) for k in range(len(EDGES) - 1))
-
-
-def _share(p: Any, hit: Any) -> Share:
-    return Share(int(np.sum(hit)), len(p), float(np.mean(p)) if len(p) else float("nan"))
+    return tuple(Share.of(hit[index == k], p[index == k]) for k in range(len(EDGES) - 1))
 
 
 def calibrate(records: Iterable[Record]) -> Calibration:
-    """Return how far the probabilities of all records can be trusted."""
-    every = told(records)
+    """Return how far the probabilities of all records can be trusted.
+
+    Raises
+    ------
+    RecordsError
+        If no record has any.
+    """
+    every = [r["evidence"] for r in records if "evidence" in r]
+    if not every:
+        msg = "no record has 'evidence': run benchmarks.validation, or tests.independent.table"
+        raise RecordsError(msg)
     answers = [e for e in every if e["verdict"] != UNEXPLAINED]
     placed = [e for e in answers if e["place_right"] is not None]
     sure = [e for e in answers if e["probability"] >= SURE]
@@ -154,19 +140,19 @@ def calibrate(records: Iterable[Record]) -> Calibration:
     attained = [e for e in every if e["right"] or e["loss"] == LOST_BY_SEARCH]
 
     def right_of(chosen: Sequence[Record]) -> Share:
-        return _share([e["probability"] for e in chosen], [e["right"] for e in chosen])
+        return Share.of((e["right"] for e in chosen), (e["probability"] for e in chosen))
 
     return Calibration(
         reliability([e["probability"] for e in answers], [e["right"] for e in answers]),
         reliability([e["place_probability"] for e in placed], [e["place_right"] for e in placed]),
         right_of(sure),
         right_of(found),
-        Share(sum(e["sure_and_wrong"] for e in every), len(every)),
-        _share(
-            [sum(c["probability"] for c in e["credible"]) for e in every],
-            [any(c["right"] for c in e["credible"]) for e in every],
+        Share.of(e["sure_and_wrong"] for e in every),
+        Share.of(
+            (any(c["right"] for c in e["credible"]) for e in every),
+            (sum(c["probability"] for c in e["credible"]) for e in every),
         ),
-        Share(sum(e["right"] for e in attained), len(attained)),
+        Share.of(e["right"] for e in attained),
     )
 
 
@@ -226,3 +212,69 @@ def bin_names() -> tuple[str, ...]:
 
 def _percent(share: Share) -> str:
     return f"{100 * share.stated:.1f} %" if share.cases else "-"
+
+
+def reliability_diagram(calibration: Calibration) -> Figure:
+    """Return the share that is right for each bin of stated probability, of answers and of places."""
+    with style.look():
+        figure = style.new_figure(height=3.4)
+        left, right = figure.subplots(1, 2, sharey=True)
+        _draw(left, calibration.answers, "Answer: kind and place", style.BLUE)
+        _draw(right, calibration.places, "Place alone", style.GREEN)
+        left.set_ylabel("right [%]")
+        handles = left.get_legend_handles_labels()
+        figure.legend(*handles, loc="outside upper right", ncols=2)
+    return figure
+
+
+def _draw(ax: Axes, shares: Sequence[Share], title: str, colour: str) -> None:
+    """Draw shares with their 95 % intervals over bins, and what was stated."""
+    for k, share in enumerate(shares):
+        if not share.cases:
+            continue
+        low, high = share.interval
+        first = k == next(i for i, s in enumerate(shares) if s.cases)
+        ax.plot(
+            [k - 0.3, k + 0.3],
+            [100 * share.stated] * 2,
+            color=style.INK,
+            label="stated, mean" if first else None,
+        )
+        ax.errorbar(
+            k,
+            100 * share.rate,
+            [[100 * (share.rate - low)], [100 * (high - share.rate)]],
+            fmt="o",
+            color=colour,
+            capsize=3,
+            label="right, 95 % interval" if first else None,
+        )
+    ax.set_title(title)
+    names = (name.removesuffix(" %") for name in bin_names())
+    labels = [f"{name}\n{share.cases}" for name, share in zip(names, shares, strict=True)]
+    ax.set_xticks(np.arange(len(shares)), labels)
+    ax.set_xlabel("stated probability [%], and number of cases")
+    ax.set_xlim(-0.6, len(shares) - 0.4)
+    ax.set_ylim(-4, 104)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the tables and write the picture."""
+    parser = argparse.ArgumentParser(description="Print how far stated probabilities can be trusted.")
+    parser.add_argument("records", nargs="+", type=Path, help="folders or files of records")
+    parser.add_argument("--out", type=Path, help="picture of the reliability diagram, as png, pdf or svg")
+    options = parser.parse_args(argv)
+    try:
+        records = [r for path in options.records for r in read_records(path)]
+        text = as_markdown(records)
+    except RecordsError as reason:
+        sys.stderr.write(f"{reason}\n")
+        return 2
+    sys.stdout.write(text)
+    if options.out:
+        style.save(reliability_diagram(calibrate(records)), options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import (
+from benchmarks.validation.frames import (
     FAMILIES,
     SMALL,
     Draft,
@@ -18,9 +18,9 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
-from dovetail.validation.hiding import Hidden
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
+from benchmarks.validation.hiding import Hidden
+from benchmarks.validation.truth import TrueFrame
 from fem.analysis.frf import FRF
 from fem.model import DIRECTIONS, Model
 from updating.correlation import DB_PER_NEPER, log_ratio

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from dovetail.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
+from benchmarks.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
 from fem.declarations import Environment
 from fem.model import DIRECTIONS
 from fem.system import assemble
