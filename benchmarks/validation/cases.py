@@ -53,39 +53,20 @@ class CaseError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """Distributions of the random cases.
-
-    Attributes
-    ----------
-    seed : int
-    small : bool
-        Two members, few modes and lines, to try things out.
-    material, joint, section : float
-        Half widths of uniform relative deviations of the truth from the model [-].
-    damping : float
-        Largest factor between the truth's damping and the model's.
-    noise : (float, float)
-        Least and largest relative noise of an FRF [-].
-    noise_floor : float
-        Noise in parts of an excitation's largest FRF value [-].
-    visible_db : (float, float)
-        Least and largest change of the FRFs that a hidden effect makes beyond the reach of uncertain
-        parameters [dB].
-    weaker : float
-        Factor by which the amplitudes of the sets "weak" and "frf-states" are smaller.
-    version : int
-    """
+    """Distributions of the random cases."""
 
     seed: int
-    small: bool = False
-    material: float = 0.03
+    small: bool = False  # two members, few modes and lines, to try things out
+    material: float = 0.03  # half widths of uniform relative deviations of the truth from the model [-]
     joint: float = 0.15
     section: float = 0.0
-    damping: float = 2.0
-    noise: tuple[float, float] = (0.01, 0.03)
-    noise_floor: float = 3e-5
+    damping: float = 2.0  # largest factor between the truth's damping and the model's
+    noise: tuple[float, float] = (0.01, 0.03)  # least and largest relative noise of an FRF [-]
+    noise_floor: float = 3e-5  # noise in parts of an excitation's largest FRF value [-]
+    # least and largest change of the FRFs that a hidden effect makes beyond the reach of uncertain parameters
+    # [dB]
     visible_db: tuple[float, float] = (1.5, 4.0)
-    weaker: float = 10.0
+    weaker: float = 10.0  # factor by which the amplitudes of the sets "weak" and "frf-states" are smaller
     version: int = SETTINGS_VERSION
 
     def as_dict(self) -> dict[str, Any]:
@@ -95,54 +76,28 @@ class CaseSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Implant:
-    """A hidden effect with its strength.
-
-    Attributes
-    ----------
-    hidden : Hidden
-    amplitude : float
-    visible_db : float
-        Change of the FRFs beyond the reach of uncertain parameters [dB].
-    """
+    """A hidden effect with its strength."""
 
     hidden: Hidden
     amplitude: float
-    visible_db: float
+    visible_db: float  # change of the FRFs beyond the reach of uncertain parameters [dB]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A case.
-
-    Attributes
-    ----------
-    set, index : str, int
-    draft : Draft
-    implants : tuple of Implant
-    exact : ndarray (n_freq, n_out, n_in)
-        Accelerances without noise [(m/s²)/N].
-    noise : float
-        Relative noise [-].
-    model : Model
-    measurement : Measurement
-    nuisances : tuple of Nuisance
-    exclude : tuple of str
-        Kinds that the search may not use.
-    baseline : Measurement or None
-        FRFs of the frame before the effects came.
-    """
+    """A case."""
 
     set: str
     index: int
     draft: Draft
     implants: tuple[Implant, ...]
-    exact: NDArray[np.complex128]
-    noise: float
+    exact: NDArray[np.complex128]  # (n_freq, n_out, n_in) accelerances without noise [(m/s²)/N]
+    noise: float  # relative noise [-]
     model: Model
     measurement: Measurement
     nuisances: tuple[Nuisance, ...]
-    exclude: tuple[str, ...]
-    baseline: Measurement | None = None
+    exclude: tuple[str, ...]  # kinds that the search may not use
+    baseline: Measurement | None = None  # FRFs of the frame before the effects came
 
     @property
     def name(self) -> str:

@@ -41,20 +41,11 @@ Start = tuple[Effect, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """A hidden effect in the terms of the library.
+    """A hidden effect in the terms of the library."""
 
-    Attributes
-    ----------
-    kinds : tuple of str
-        Kinds of candidates that are the right answer.
-    is_at : callable
-        Whether a candidate with the true values is at the right place.
-    values : callable
-        From a candidate to the true values of its parameters, of those that are known.
-    """
-
-    kinds: tuple[str, ...]
-    is_at: Callable[[Effect], bool]
+    kinds: tuple[str, ...]  # kinds of candidates that are the right answer
+    is_at: Callable[[Effect], bool]  # whether a candidate with the true values is at the right place
+    # from a candidate to the true values of its parameters, of those that are known
     values: Callable[[Effect], dict[str, float]]
 
     def starts(self, search: Search) -> list[Start]:

@@ -27,30 +27,15 @@ FOOT_INWARDS = (0.03, 0.08)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draft:
-    """A frame with nominal parameters and its test.
-
-    Attributes
-    ----------
-    family : str
-    frame : TrueFrame
-        With nominal parameters and without damping.
-    materials : dict of str to str
-        Material of each member.
-    sensors, drives : tuple of Reading
-        Drives are sensors too.
-    frequency : ndarray (n_freq,)
-        [Hz].
-    n_modes : int
-        Modes in the band, of the nominal model.
-    """
+    """A frame with nominal parameters and its test."""
 
     family: str
-    frame: TrueFrame
-    materials: dict[str, str]
-    sensors: tuple[Reading, ...]
+    frame: TrueFrame  # with nominal parameters and without damping
+    materials: dict[str, str]  # material of each member
+    sensors: tuple[Reading, ...]  # drives are sensors too
     drives: tuple[Reading, ...]
-    frequency: NDArray[np.float64]
-    n_modes: int
+    frequency: NDArray[np.float64]  # (n_freq,) [Hz]
+    n_modes: int  # modes in the band, of the nominal model
 
 
 Lines = dict[str, tuple[list[float], list[float]]]
