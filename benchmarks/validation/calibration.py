@@ -168,6 +168,7 @@ def _set_rows(records: Sequence[Record]) -> list[str]:
         seconds = [r["cpu_seconds"] for r in of_set if "cpu_seconds" in r]
         cells = (
             name, len(of_set), right, sum(e["in_three"] for e in every),
+            sum(e.get("covered", False) for e in every),
             sum(e["sure_and_wrong"] for e in every), loss[LOST_BY_SEARCH], loss[LOST_BY_DATA],
             loss[WRONG_FAULT], loss[NOT_IN_LIBRARY], len(of_set) - len(every),
             f"{100 * right / attained:.0f} %" if attained else "-",
@@ -181,10 +182,10 @@ def as_markdown(records: Sequence[Record]) -> str:
     """Return the tables: each set, the bins of stated probability, and the shares that are aimed at."""
     c = calibrate(records)
     lines = [
-        "| set | cases | right | right or in a credible set of three | sure and wrong | search loss "
-        "| information loss | wrong fault | not in the library | failed | of the attainable "
-        "| CPU [s], median, largest |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "| set | cases | right | right or in a credible set of three | truth in the credible set "
+        "| sure and wrong | search loss | information loss | wrong fault | not in the library | failed "
+        "| of the attainable | CPU [s], median, largest |",
+        f"|{13 * '---|'}",
         *_set_rows(records),
         "",
         "| stated probability | answers right | mean stated | places right | mean stated |",

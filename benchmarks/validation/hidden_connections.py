@@ -29,7 +29,7 @@ def _soft(joints: bool, supports: bool) -> Draw:
         else:
             place = Place(f"support {c.name}", support=c.name)
             parts = tuple(soft_support(draft, c, d) for d in directions)
-        return Hidden("", place, parts[0].bounds, parts=parts)
+        return Hidden(place, parts[0].bounds, parts=parts)
 
     return draw
 
@@ -37,10 +37,6 @@ def _soft(joints: bool, supports: bool) -> Draw:
 CONNECTIONS = (
     Kind("joint_soft", ("joint_stiffness",), _soft(joints=True, supports=False)),
     Kind("support_soft", ("support_flexibility",), _soft(joints=False, supports=True)),
-    Kind(
-        "connection_soft",
-        ("joint_stiffness", "support_flexibility"),
-        _soft(joints=True, supports=True),
-    ),
+    Kind("connection_soft", ("joint_stiffness", "support_flexibility"), _soft(joints=True, supports=True)),
 )
 """Kinds of connections that give way in two or three directions."""

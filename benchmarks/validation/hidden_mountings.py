@@ -1,5 +1,6 @@
 """Parts, holes, feet and clamps that are elsewhere than stated."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def _joint_hole(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
 
     local = "xyz"[d]
     place = Place(f"joint {j.name}, hole of {name} along local {local}", name, joint=j.name, direction=local)
-    return Hidden("", place, (HOLE_NEAREST, HOLE_FURTHEST), change, lambda a: {"amount": a * unit})
+    return Hidden(place, (HOLE_NEAREST, HOLE_FURTHEST), change, lambda a: {"amount": a * unit})
 
 
 def _way(rng: Generator, m: Member, position: float) -> tuple[float, tuple[float, float]] | None:
@@ -78,15 +79,7 @@ def _shifted_side(rng: Generator, draft: Draft, truth: TrueFrame, feet: bool) ->
         return frame.with_joint(j.name, levers=_levers(j, side, step * m.axes[0]), **cuts)
 
     place = Place(f"joint {j.name}, member {at.member} shifted", at.member, joint=j.name)
-    return Hidden("", place, bounds, change, lambda a: {"amount": a * sign * m.length})
-
-
-def _part_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
-    return _shifted_side(rng, draft, truth, feet=False)
-
-
-def _foot_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
-    return _shifted_side(rng, draft, truth, feet=True)
+    return Hidden(place, bounds, change, lambda a: {"amount": a * sign * m.length})
 
 
 def _support_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
@@ -103,13 +96,13 @@ def _support_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | N
         return frame.with_support(s.name, at=Cut(s.at.member, s.at.position + a * sign * m.length))
 
     place = Place(f"support {s.name} on member {s.at.member}", s.at.member, support=s.name)
-    return Hidden("", place, bounds, change, lambda a: {"amount": a * sign * m.length})
+    return Hidden(place, bounds, change, lambda a: {"amount": a * sign * m.length})
 
 
 MOUNTINGS = (
     Kind("joint_hole", ("joint_hole",), _joint_hole),
-    Kind("part_shift", ("part_shift",), _part_shift),
-    Kind("foot_shift", ("foot_shift",), _foot_shift, elastic_feet=True),
+    Kind("part_shift", ("part_shift",), partial(_shifted_side, feet=False)),
+    Kind("foot_shift", ("foot_shift",), partial(_shifted_side, feet=True), elastic_feet=True),
     Kind("support_shift", ("support_shift",), _support_shift),
 )
 """Kinds of things that are elsewhere, beside the joint's offset."""

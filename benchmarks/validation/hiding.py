@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.validation.frames import Draft, Generator
-from benchmarks.validation.spectral import Law
-from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants, rigid_body
 
 NEAR = 0.05
 """A place is right within this part of the member's length [-]."""
@@ -40,7 +39,6 @@ class Place:
 class Hidden:
     """An effect at a place, its strength still open."""
 
-    kind: str
     place: Place
     bounds: tuple[float, float]  # least and largest amplitude
     # from the true frame and the amplitude to the frame with the effect
@@ -53,6 +51,7 @@ class Hidden:
     data: Callable[[NDArray[np.float64], NDArray[Any], float], NDArray[Any]] | None = None
     # effects at one place that are hidden together, alone, each with its strength
     parts: tuple["Hidden", ...] = ()
+    kind: str = ""  # filled in by `hidden.draw_hidden`
 
 
 Draw = Callable[[Generator, Draft, TrueFrame], Hidden | None]
@@ -108,12 +107,6 @@ def some_fastening(rng: Generator, draft: Draft) -> tuple[str, Member, float]:
     return at.member, draft.frame.members[at.member], at.position
 
 
-def some_joint(rng: Generator, draft: Draft, elastic: bool = False) -> int | None:
-    """Return the index of a joint drawn at random, None if there is none."""
-    allowed = [i for i, j in enumerate(draft.frame.joints) if not (elastic and j.rigid[0])]
-    return int(rng.choice(allowed)) if allowed else None
-
-
 def middle_of_band(draft: Draft) -> float:
     """Return the middle of the band, geometric [rad/s]."""
     return float(2 * np.pi * np.sqrt(draft.frequency[0] * draft.frequency[-1]))
@@ -133,6 +126,7 @@ def felt_stiffness(draft: Draft, member: str, d: int) -> float:
     return 300 * EI / m.length if d > 2 else 1e5 * EI / m.length**3
 
 
-def product_of_laws(law: Law | None, other: Law) -> Law:
-    """Return the product of two laws of frequency; None stands for 1."""
-    return other if law is None else lambda omega: law(omega) * other(omega)
+def some_body(m: Member, rotary: bool) -> tuple[Matrix, float]:
+    """Return a body for the scale of a member: its matrix (6, 6), and its mass [kg] or inertia [kg·m²]."""
+    unit = m.mass * m.length**2 / 12 if rotary else m.mass
+    return (rigid_body(0.0, unit) if rotary else rigid_body(unit)), unit

@@ -6,28 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.validation.ambient_cases import ambient_targets
-from benchmarks.validation.cases import (
-    CaseError,
-    CaseSettings,
-    Implant,
-    drawn_implants,
-    generator,
-    kinds_of,
-    nuisances_of,
-)
+from benchmarks.validation.cases import CaseSettings, Implant, frames_that_show, generator, nuisances_of
 from benchmarks.validation.frames import (
-    FAMILIES,
-    SMALL,
     Draft,
     Generator,
     build_model,
-    draw_draft,
     n_elements,
-    perturbed,
     sensors_of,
 )
 from benchmarks.validation.judging import Record, are_hidden, as_hidden, evidence_of
-from benchmarks.validation.true_modes import ModesError, true_modes
+from benchmarks.validation.true_modes import ModesError, seen_modes
 from benchmarks.validation.truth import TrueFrame
 from fem.model import Model
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
@@ -43,29 +31,19 @@ STATE_NOISE = 0.1
 """Noise of the frequencies and shapes of two states in parts of that of one: repeats of one set-up [-]."""
 MOST_MODES = 12
 """Modes of a test at most."""
-DRAWS = 40
-"""So many frames are drawn until one shows what is to be hidden."""
 
 
 def run_modal_case(settings: CaseSettings, set_name: str, index: int) -> Record:
     """Draw a case of a modal set, diagnose it, and judge the answer."""
-    kinds, rng = kinds_of(settings, set_name, index), generator(settings, set_name, index)
-    families = SMALL if settings.small else tuple(FAMILIES)
-    for _ in range(DRAWS):
-        draft = draw_draft(rng, str(rng.choice(families)), settings.small)
-        draft = _limited(draft)
-        truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
-        implants = drawn_implants(rng, settings, draft, truth, kinds)
-        if implants is None:
-            continue
+    rng = generator(settings, set_name, index)
+    for draft, truth, implants in frames_that_show(rng, settings, set_name, index, _limited):
         if set_name.startswith("states"):
             implants = tuple(replace(i, amplitude=i.amplitude / STATE_WEAKER) for i in implants)
         try:
             return _judged(settings, set_name, index, draft, truth, implants, rng)
         except ModesError:
             continue
-    msg = f"no frame of {DRAWS} shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
-    raise CaseError(msg)
+    raise AssertionError  # frames_that_show has raised an error
 
 
 def _limited(draft: Draft) -> Draft:
@@ -109,10 +87,7 @@ def _measured(
     truth: TrueFrame, draft: Draft, noise: list[float], with_shapes: bool, rng: Generator
 ) -> ModeTargets:
     """Return the modes in the band as a test would give them."""
-    f, phi = true_modes(truth, draft.sensors, float(draft.frequency[0]), float(draft.frequency[-1]))
-    seen = np.sqrt((phi**2).mean(axis=0))
-    heard = seen > 1e-3 * seen.max()  # all along directions that no sensor has
-    f, phi = f[heard], phi[:, heard]
+    f, phi = seen_modes(truth, draft)
     f = f * (1 + noise[0] * rng.standard_normal(len(f)))
     size = np.sqrt((phi**2).mean(axis=0))
     phi = phi + noise[1] * size * rng.standard_normal(phi.shape)

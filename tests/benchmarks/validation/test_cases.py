@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.validation import cases
 from benchmarks.validation import run as runner
 from benchmarks.validation.__main__ import main
 from benchmarks.validation.calibration import Share
@@ -40,7 +41,7 @@ def heard(draft, truth, hidden):
 def frame(family, *seed):
     rng = np.random.default_rng(seed)
     draft = draw_draft(rng, family, small=True)
-    return draft, perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+    return draft, perturbed(rng, draft, 0.03, 0.15, 2.0)
 
 
 def draft_for(kind, seed=5):
@@ -51,6 +52,11 @@ def draft_for(kind, seed=5):
         if hidden is not None and heard(draft, truth, hidden):
             return draft, truth, hidden
     raise AssertionError(kind)
+
+
+def case_of(kind, set_name="single"):
+    index = next(i for i in range(99) if kinds_of(SETTINGS, set_name, i) == (kind,))
+    return draw_case(SETTINGS, set_name, index)
 
 
 def test_there_are_at_least_thirty_kinds_of_effects():
@@ -135,7 +141,7 @@ def test_hidden_effects_are_as_visible_as_wanted_and_weak_ones_ten_times_weaker(
 def test_what_uncertain_parameters_can_do_is_not_visible():
     rng = np.random.default_rng(8)
     draft = draw_draft(rng, "cross", small=True)
-    truth = perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+    truth = perturbed(rng, draft, 0.03, 0.15, 2.0)
     scale = _Scale(draft, truth, 3e-5)
 
     def softer(step):
@@ -160,9 +166,10 @@ def test_noise_is_of_the_size_that_the_case_states():
     assert pytest.approx(20 / np.log(10)) == DB_PER_NEPER
 
 
-def test_what_cannot_be_drawn_is_refused():
-    with pytest.raises(CaseError, match="there is no set 'many'"):
-        draw_case(SETTINGS, "many", 0)
+def test_what_cannot_be_drawn_is_refused(monkeypatch):
+    monkeypatch.setattr(cases, "drawn_implants", lambda *_: None)
+    with pytest.raises(CaseError, match=r"no frame of 40 shows .* \(set two, case 0\)"):
+        draw_case(SETTINGS, "two", 0)
 
 
 # ------------------------------------------------------------------------------------------- judging
@@ -196,8 +203,7 @@ def ranked(effect, score=0.0):
 
 @pytest.fixture(scope="module")
 def mass_case():
-    index = next(i for i in range(len(EFFECTS)) if kinds_of(SETTINGS, "single", i) == ("point_mass",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("point_mass")
     (implant,) = case.implants
     candidates = {e.name: e for e in propose(case.model, kinds=["point_mass", "stiffness_loss"])}
     return case, implant.hidden.values(implant.amplitude), candidates
@@ -264,8 +270,7 @@ def test_withheld_kinds_are_rightly_unexplained_and_twins_must_explain(mass_case
 
 
 def test_joints_are_told_apart_by_direction():
-    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("joint_rotation",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("joint_rotation")
     place = case.implants[0].hidden.place
     for effect in propose(case.model, kinds=["joint_stiffness"]):
         outcome = judge(case, said(case, [finding(effect)]))["outcome"]
@@ -274,8 +279,7 @@ def test_joints_are_told_apart_by_direction():
 
 
 def test_a_spring_across_a_member_is_one_to_the_ground_there():
-    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("ground_spring",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("ground_spring")
     (implant,) = case.implants
     true, place = implant.hidden.values(implant.amplitude), implant.hidden.place
     (member,) = set(case.draft.frame.members) & set(place.words.split())
@@ -301,8 +305,7 @@ def test_nothing_hidden():
 
 
 def test_faults_are_judged_by_sensor_and_kind():
-    index = next(i for i in range(len(FAULTS)) if kinds_of(SETTINGS, "faults", i) == ("gain",))
-    case = draw_case(SETTINGS, "faults", index)
+    case = case_of("gain", "faults")
     (sensor,) = case.implants[0].hidden.place.sensors
     other = next(s.name for s in case.draft.sensors if s.name != sensor)
 

@@ -131,7 +131,7 @@ def record(probability, right, *, verdict="effect", loss="information loss", hol
             "verdict": verdict, "right": right, "in_three": right, "probability": probability,
             "sure_and_wrong": verdict != "unexplained" and probability >= 0.9 and not right,
             "place_probability": probability, "place_right": place, "loss": "-" if right else loss,
-            "credible": [{"name": "h", "probability": 0.9, "right": holds}],
+            "credible": [{"name": "h", "probability": 0.9, "right": holds}], "covered": holds,
         },
     }  # fmt: skip
 
@@ -161,7 +161,7 @@ def test_shares_that_are_aimed_at():
     assert (c.attainable.hits, c.attainable.cases) == (2, 3)
     assert [(s.hits, s.cases) for s in c.places] == [(0, 1), (0, 0), (0, 0), (1, 1), (1, 1), (0, 0)]
     text = as_markdown(records)
-    assert "| a | 6 | 2 | 2 | 1 | 1 | 2 | 0 | 0 | 1 | 67 % | 3, 3 |" in text
+    assert "| a | 6 | 2 | 2 | 4 | 1 | 1 | 2 | 0 | 0 | 1 | 67 % | 3, 3 |" in text
     assert "| 95-99 % | 2 of 2, 100.0 %" in text
 
 
