@@ -18,6 +18,7 @@ from benchmarks.validation.judging import Record
 from benchmarks.validation.table import as_markdown
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.units.folder import FolderError
+from dovetail.units.outcome import outcome_of
 from dovetail.units.pool import PoolError, pool_of
 from dovetail.units.work import Step
 from fem.io.atomic import replacing
@@ -92,7 +93,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.case is None:
             run_all(options, settings)
         else:
-            record = run.run_alone(settings, options.case)
+            outcome = outcome_of(run.run_case, settings, options.case)
+            record = run.record_of(settings, outcome)
             print(json.dumps(record, indent=2, ensure_ascii=False, default=float))
     except KeyboardInterrupt as reason:
         print(f"interrupted: {reason}", file=sys.stderr)

@@ -98,20 +98,13 @@ def read_records(path: Path) -> list[Record]:
     Raises
     ------
     RecordsError
-        If there is no such file, or a line is no record.
+        If a folder has no such file.
     """
-    if path.is_dir():
-        found = [path / name for name in FILES if (path / name).exists()]
-        if not found:
-            msg = f"{path}: the folder has neither {' nor '.join(FILES)}"
-            raise RecordsError(msg)
-        path = found[0]
-    try:
-        records = json_lines(path.read_bytes())
-    except (OSError, ValueError) as reason:
-        msg = f"{path}: {getattr(reason, 'strerror', None) or reason}"
-        raise RecordsError(msg) from None
-    return [r for r in records if "settings" not in r]
+    files = [path / name for name in FILES if (path / name).exists()] if path.is_dir() else [path]
+    if not files:
+        msg = f"{path}: the folder has neither {' nor '.join(FILES)}"
+        raise RecordsError(msg)
+    return [r for r in json_lines(files[0].read_bytes()) if "settings" not in r]
 
 
 def reliability(stated: Sequence[float], right: Sequence[bool]) -> tuple[Share, ...]:

@@ -93,11 +93,6 @@ class Case:
     exclude: tuple[str, ...]  # kinds that the search may not use
     baseline: Measurement | None = None  # FRFs of the frame before the effects came
 
-    @property
-    def name(self) -> str:
-        """Set and index, as ``single:12``."""
-        return f"{self.set}:{self.index}"
-
 
 def generator(settings: CaseSettings, set_name: str, *key: int) -> Generator:
     """Return the random numbers of a case: a child of the seed, whatever else is drawn."""
@@ -377,18 +372,9 @@ def _measured(
     exclude = (
         tuple(k for i in implants for k in KINDS[i.hidden.kind].found_as) if set_name == "withheld" else ()
     )
+    nuisances = nuisances_of(settings, draft)
     return Case(
-        set_name,
-        index,
-        draft,
-        implants,
-        exact,
-        relative,
-        model,
-        measurement,
-        nuisances_of(settings, draft),
-        exclude,
-        baseline,
+        set_name, index, draft, implants, exact, relative, model, measurement, nuisances, exclude, baseline
     )
 
 
@@ -408,7 +394,7 @@ def _with_noise(
 def nuisances_of(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
     """Return the analyst's uncertain parameters; a uniform half width w has the standard deviation w/√3."""
     out = [
-        Nuisance("frame", f"{key}:{name}", round(settings.material / np.sqrt(3), 4))
+        Nuisance("frame", f"{key}:{name}", round(float(settings.material / np.sqrt(3)), 4))
         for name in dict.fromkeys(draft.materials.values())
         for key in ("E", "rho")
     ]

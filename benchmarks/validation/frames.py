@@ -53,10 +53,7 @@ class _Outline:
 def _cross(rng: Generator) -> _Outline:
     a, b, gap = rng.uniform(0.5, 1.0), rng.uniform(0.4, 0.9), 0.02
     s, t = rng.uniform(0.3, 0.7, 2)
-    lines: Lines = {
-        "U": ([0, 0, gap], [a, 0, gap]),
-        "D": ([s * a, -t * b, 0], [s * a, (1 - t) * b, 0]),
-    }
+    lines: Lines = {"U": ([0, 0, gap], [a, 0, gap]), "D": ([s * a, -t * b, 0], [s * a, (1 - t) * b, 0])}
     return _Outline(lines, (("U", s, "D", t),))
 
 
@@ -101,9 +98,7 @@ def _bolted_portal(rng: Generator) -> _Outline:
         "beam": ([0.015, 0.02, 0.95 * h], [w - 0.015, 0.02, 0.95 * h]),
     }
     return _Outline(
-        lines,
-        (("left", 0.95, "beam", 0.0), ("right", 0.95 / 1.1, "beam", 1.0)),
-        (("left", 0), ("right", 0)),
+        lines, (("left", 0.95, "beam", 0.0), ("right", 0.95 / 1.1, "beam", 1.0)), (("left", 0), ("right", 0))
     )
 
 

@@ -9,10 +9,9 @@ from dataclasses import replace
 from benchmarks.validation.frames import Draft, Generator
 from benchmarks.validation.hidden_at_joints import AT_JOINTS
 from benchmarks.validation.hidden_at_points import AT_POINTS
-from benchmarks.validation.hidden_connections import CONNECTIONS
+from benchmarks.validation.hidden_connections import CONNECTIONS, MOUNTINGS
 from benchmarks.validation.hidden_faults import IN_RECORDS
 from benchmarks.validation.hidden_in_members import IN_MEMBERS
-from benchmarks.validation.hidden_mountings import MOUNTINGS
 from benchmarks.validation.hiding import Hidden, Kind
 from benchmarks.validation.truth import TrueFrame
 

@@ -163,11 +163,7 @@ AT_JOINTS = (
     Kind("joint_inertia", ("joint_inertia",), _joint_body(rotary=True)),
     Kind("joint_viscous", ("joint_viscous_damping",), _at_joint(_joint_viscous, elastic=True)),
     Kind("joint_structural", ("joint_structural_damping",), _at_joint(_joint_structural, elastic=True)),
-    Kind(
-        "joint_zener",
-        ("joint_zener",),
-        _in_one_direction(_zener, lambda a, tau: {"ratio": a, "tau": tau}),
-    ),
+    Kind("joint_zener", ("joint_zener",), _in_one_direction(_zener, lambda a, tau: {"ratio": a, "tau": tau})),
     Kind("joint_fractional", ("joint_fractional",), _in_one_direction(_fractional, _fractional_values)),
     Kind("joint_offset", ("joint_offset",), _at_joint(_joint_offset, elastic=True)),
 )

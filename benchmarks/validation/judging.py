@@ -8,6 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from benchmarks.validation.cases import Case, Implant
 from benchmarks.validation.evidence import Stated, assess
+from benchmarks.validation.frames import Draft
 from benchmarks.validation.hidden import KINDS
 from benchmarks.validation.hiding import Place
 from fem.model import Effect, Model
@@ -30,10 +31,7 @@ Record = dict[str, Any]
 
 def same_place(effect: Effect, model: Model, place: Place) -> bool:
     """Whether an effect sits where something was hidden: joint, support, direction, member or point."""
-    for want, one, several in (
-        (place.joint, "joint", "joints"),
-        (place.support, "support", "supports"),
-    ):
+    for want, one, several in ((place.joint, "joint", "joints"), (place.support, "support", "supports")):
         if want is not None:
             have = getattr(effect, several, None) or (getattr(effect, one, None),)
             if tuple(have) != (want,):
@@ -148,19 +146,12 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
     else:
         outcome = _outcome(case, diagnosis, found, bool(false), twin, after <= FLOOR * floor)
     return {
-        "case": case.name,
-        "set": case.set,
-        "index": case.index,
-        "family": case.draft.family,
+        **heading((case.set, case.index), case.draft, case.implants, diagnosis),
         "modes": case.draft.n_modes,
         "lines": len(case.draft.frequency),
-        "sensors": len(case.draft.sensors),
         "drives": len(case.draft.drives),
         "elements": case.model.mesh.n_lines,
         "noise": case.noise,
-        "hidden": as_hidden(case.implants),
-        "verdict": diagnosis.verdict,
-        "reason": diagnosis.reason,
         "found": [_finding(f) for f in diagnosis.findings],
         "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value} for f in diagnosis.faults],
         "candidates": len(diagnosis.rounds[0]) if diagnosis.rounds else 0,
@@ -180,7 +171,6 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
             "discretisation": diagnosis.discretisation_db,
             "basis": diagnosis.basis_db,
         },
-        "seconds": diagnosis.seconds,
     }
 
 
@@ -288,9 +278,11 @@ def parameter_errors(case: Case, implant: Implant, parameters: Sequence[Any]) ->
     return out
 
 
-def as_hidden(implants: Sequence[Implant]) -> list[Record]:
-    """Return what is hidden as plain values."""
-    return [
+def heading(
+    task: tuple[str, int], draft: Draft, implants: Sequence[Implant], diagnosis: Diagnosis | ModeDiagnosis
+) -> Record:
+    """Return what the records of FRFs and of modes have in common."""
+    hidden = [
         {
             "kind": i.hidden.kind,
             "where": i.hidden.place.words,
@@ -300,6 +292,17 @@ def as_hidden(implants: Sequence[Implant]) -> list[Record]:
         }
         for i in implants
     ]
+    return {
+        "case": f"{task[0]}:{task[1]}",
+        "set": task[0],
+        "index": task[1],
+        "family": draft.family,
+        "sensors": len(draft.sensors),
+        "hidden": hidden,
+        "verdict": diagnosis.verdict,
+        "reason": diagnosis.reason,
+        "seconds": diagnosis.seconds,
+    }
 
 
 def _finding(f: Finding) -> Record:

@@ -7,19 +7,12 @@ import numpy as np
 
 from benchmarks.validation.ambient_cases import ambient_targets
 from benchmarks.validation.cases import CaseSettings, Implant, frames_that_show, generator, nuisances_of
-from benchmarks.validation.frames import (
-    Draft,
-    Generator,
-    build_model,
-    n_elements,
-    sensors_of,
-)
-from benchmarks.validation.judging import Record, are_hidden, as_hidden, evidence_of
+from benchmarks.validation.frames import Draft, Generator, build_model, n_elements, sensors_of
+from benchmarks.validation.judging import Record, are_hidden, evidence_of, heading
 from benchmarks.validation.true_modes import ModesError, seen_modes
 from benchmarks.validation.truth import TrueFrame
-from fem.model import Model
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.states import diagnose_change
 from updating.inference.mode_targets import ModeTargets
 
@@ -80,7 +73,18 @@ def _judged(
     else:
         found = diagnose_modes(model, after, nuisances, model_error=0.0)
     cpu = time.process_time() - begun
-    return _record(set_name, index, draft, model, implants, found, noise, after.n) | {"cpu_seconds": cpu}
+    right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
+    if not implants:
+        right = found.verdict == NOTHING
+    wrong = {EFFECT: "wrong", NOTHING: "not noticed"}.get(found.verdict, "unexplained")
+    return {
+        **heading((set_name, index), draft, implants, found),
+        "modes": after.n,
+        "noise": noise,
+        "outcome": "right" if right else wrong,
+        "cpu_seconds": cpu,
+        "evidence": evidence_of(model, implants, found.searched, found, right),
+    }
 
 
 def _measured(
@@ -95,28 +99,3 @@ def _measured(
         return ModeTargets.of(f, noise[0])
     sensors = sensors_of(draft.frame, draft.sensors)
     return ModeTargets.of(f, noise[0], shapes=phi, shape_std=noise[1], sensors=sensors)
-
-
-def _record(
-    set_name: str, index: int, draft: Draft, model: Model, implants: tuple[Implant, ...],
-    found: ModeDiagnosis, noise: list[float], n_modes: int,
-) -> Record:  # fmt: skip
-    right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
-    if not implants:
-        right = found.verdict == NOTHING
-    wrong = {EFFECT: "wrong", NOTHING: "not noticed"}.get(found.verdict, "unexplained")
-    return {
-        "case": f"{set_name}:{index}",
-        "set": set_name,
-        "index": index,
-        "family": draft.family,
-        "modes": n_modes,
-        "sensors": len(draft.sensors),
-        "noise": noise,
-        "hidden": as_hidden(implants),
-        "verdict": found.verdict,
-        "reason": found.reason,
-        "outcome": "right" if right else wrong,
-        "seconds": found.seconds,
-        "evidence": evidence_of(model, implants, found.searched, found, right),
-    }

@@ -11,7 +11,7 @@ from benchmarks.validation.hidden import MODAL_SETS
 from benchmarks.validation.judging import Record, judge, judge_evidence
 from benchmarks.validation.modal_cases import run_modal_case
 from dovetail.units.folder import Journal, alone_in, read_records
-from dovetail.units.outcome import Outcome, outcome_of
+from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool, ThisProcess
 from dovetail.units.program import fingerprint
 from dovetail.units.work import Step, work_through
@@ -71,11 +71,6 @@ def record_of(settings: CaseSettings, outcome: Outcome) -> Record:
         "seconds": 0.0,
         "program": fingerprint(),
     }
-
-
-def run_alone(settings: CaseSettings, task: Task) -> Record:
-    """Return the record of one case."""
-    return record_of(settings, outcome_of(run_case, settings, task))
 
 
 def plan(cases: int, nulls: int, sets: Sequence[str]) -> tuple[Task, ...]:

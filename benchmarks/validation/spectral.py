@@ -333,10 +333,7 @@ def _projected(block: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[n
 
 
 def receptance(
-    frame: SpectralFrame,
-    frequency: NDArray[np.float64],
-    responses: Sequence[Probe],
-    forces: Sequence[Probe],
+    frame: SpectralFrame, frequency: NDArray[np.float64], responses: Sequence[Probe], forces: Sequence[Probe]
 ) -> NDArray[np.complex128]:
     """Return the receptances of a frame, (n_freq, n_out, n_in) [m/N].
 

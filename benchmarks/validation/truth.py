@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.validation.spectral import (
-    Body,
-    Connection,
-    Law,
-    Probe,
-    Segment,
-    SpectralFrame,
-    receptance,
-)
+from benchmarks.validation.spectral import Body, Connection, Law, Probe, Segment, SpectralFrame, receptance
 
 Array = NDArray[Any]
 RIGID = (True,) * 6
