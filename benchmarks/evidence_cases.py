@@ -10,13 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.validation.evidence import at_truth, decibels
 from dovetail.file.config import load_study
 from dovetail.pipeline import measured, without_held_out
-from dovetail.validation.evidence import at_truth
 from tests.independent.by_evidence import stated
 from tests.independent.convert import convert
 from tests.independent.table import CASES, hidden_effects, hidden_in_words
-from updating.correlation.frf_correlation import DB_PER_NEPER
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 
 
@@ -46,25 +45,20 @@ def one(case, truth, say):
     about = "not in library" if started is None else f"{started.score - best.score:+.1f}"
     print(" | ".join((case.name, words, *told(done), f"truth {about}", f"{seconds:.0f} s")), flush=True)
     for h in sorted(search.known.values(), key=lambda h: -h.score)[:5]:
-        print(f"      {h.score - best.score:8.1f} {decibels(h):.2f} dB {h.name}", flush=True)
-
-
-def decibels(h):
-    """Return the level of a hypothesis in each of amplitude and phase."""
-    return h.fitted.level * DB_PER_NEPER / 2**0.5
+        print(f"      {h.score - best.score:8.1f} {decibels(h.fitted.level):.2f} dB {h.name}", flush=True)
 
 
 def told(done):
     """Return what was found, how probable that is, and what is left."""
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
-    floor = search.fits.floor * DB_PER_NEPER / 2**0.5
+    floor = decibels(search.fits.floor)
     faults = ", ".join(f"{f.kind} {f.sensor}" for f in done.faults) or "no faults"
     return (
         f"{best.name}; {faults}",
         f"p {done.probability(best):.2f}, of the places {done.probability_there(best):.2f}",
         f"unknown {done.unknown - best.score:+.1f}",
-        f"{decibels(nothing):.2f} > {decibels(best):.2f} (floor {floor:.2f}) dB",
+        f"{decibels(nothing.fitted.level):.2f} > {decibels(best.fitted.level):.2f} (floor {floor:.2f}) dB",
         f"gain {best.score - nothing.score:.1f}",
     )
 

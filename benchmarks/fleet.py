@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import rankdata
 
+from benchmarks.validation.calibration import Share
 from dovetail.fleet.diagnosing import cause_text, diagnose_outliers
 from dovetail.fleet.run import Triaged, run_fleet
 from dovetail.fleet.triage import Fleet
 from dovetail.study import load_study
 from dovetail.units.folder import Record
 from dovetail.units.pool import pool_of
-from dovetail.validation.calibration import Share
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.io import write_npz

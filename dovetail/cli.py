@@ -40,7 +40,6 @@ from dovetail.commands import (
     transient,
     unbalance,
     update,
-    validate,
 )
 from dovetail.commands import complex as complex_modes
 from dovetail.commands import open as open_desk
@@ -50,11 +49,11 @@ from viz.offscreen import DrawingError
 COMMANDS = (
     new, check, plan, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
     buckling, transient, spectrum, psd, open_desk, run, report, export, compare, candidates, locate, diagnose,
-    history, identify_modes, match, update, identify_joint, fleet, validate,
+    history, identify_modes, match, update, identify_joint, fleet,
 )  # fmt: skip
 """In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
 
-WITHOUT_STUDY = (new, frf_estimate, report, validate)
+WITHOUT_STUDY = (new, frf_estimate, report)
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that the user's input has not caused: a full disk, a reader that has gone."""

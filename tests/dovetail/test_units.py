@@ -3,15 +3,17 @@
 import importlib.util
 import json
 import os
+import signal
 import subprocess
 import sys
-from contextlib import closing
+import time
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dovetail.units.folder import Journal, read_records
+from dovetail.units.folder import LOCK_FILE, FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import PROCESS_ENDED, Outcome, PoolError
 from dovetail.units.pool import ThisProcess, pool_of
 from dovetail.units.work import duration, work_through
@@ -128,10 +130,93 @@ def test_what_one_run_has_done_the_next_leaves_out(tmp_path):
     with pytest.raises(KeyboardInterrupt, match="3 of 6 are done; the same command continues"):
         go_on()
     assert [s.done for s in told] == [1, 2, 3]
+    with file.open("a") as half:
+        half.write('{"unit": 3, "squ')  # the machine went down here
     go_on()
     assert [s.done for s in told] == [1, 2, 3, 4, 5, 6]
     assert told[-1].seconds_left == 0
     assert [r["square"] for r in read_records(file, {"factor": 2})] == [2.0 * u**2 for u in range(6)]
+
+
+STOPPED = """
+import signal, sys, time
+from contextlib import closing
+from pathlib import Path
+from dovetail.units.folder import Journal
+from dovetail.units.pool import pool_of
+from dovetail.units.work import work_through
+
+def slow(folder, unit):
+    if unit > 1:
+        Path(folder, str(unit)).touch()
+        time.sleep(600)
+    return {"unit": unit}
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    folder = sys.argv[1]
+    with pool_of(2) as pool, closing(Journal(Path(folder, "units.jsonl"), {})) as journal:
+        try:
+            work_through(pool, slow, folder, range(9), lambda o: journal.add(o.value))
+        except KeyboardInterrupt:
+            sys.exit(1)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send these signals to another process")
+@pytest.mark.parametrize(
+    ("name", "to_all", "code"),
+    [
+        pytest.param("SIGTERM", False, -15, marks=pytest.mark.slow),
+        pytest.param("SIGINT", False, 1, marks=pytest.mark.slow),
+        ("SIGINT", True, 1),
+    ],
+    ids=["terminated", "interrupted", "Ctrl-C"],
+)
+def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all, code, tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(STOPPED)
+    run = subprocess.Popen(
+        [sys.executable, str(program), str(tmp_path)],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not all((tmp_path / unit).exists() for unit in "23"):  # both workers sleep
+            assert run.poll() is None, run.communicate()[1]
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        (os.killpg if to_all else os.kill)(run.pid, getattr(signal, name))
+        # All of its processes hold this pipe: it ends when the last of them has ended, not after 600 s.
+        _, errors = run.communicate(timeout=30)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+    assert run.returncode == code
+    assert "Traceback" not in errors
+    assert {r["unit"] for r in read_records(tmp_path / "units.jsonl", {})} == {0, 1}
+
+
+def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
+    """The lock goes with the process that has it, however that ends."""
+    code = (
+        "import sys, time; from pathlib import Path; from dovetail.disk.locks import Lock\n"
+        "lock = Lock.take(Path(sys.argv[1])); print('locked', flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / LOCK_FILE)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "locked\n"
+        words = rf"another ensemble computes here \(process {other.pid} on"
+        with pytest.raises(FolderError, match=words), alone_in(tmp_path, "ensemble"):
+            pass
+        other.kill()
+    with alone_in(tmp_path, "ensemble"):
+        pass
 
 
 def test_failures_are_returned_with_reasons_and_the_rest_goes_on():

@@ -1,7 +1,7 @@
 """Diagnose a study of a case and start it at the truth: python -m tests.independent.by_evidence
 
 The truth is read when the diagnosis has ended. It writes result.json, as `dovetail run`, and record.json, as
-`dovetail validate`.
+`benchmarks.validation`.
 """
 
 import argparse
@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.validation.evidence import Stated, assess
 from dovetail.disk.output import write_json
 from dovetail.file.config import load_study
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
 from dovetail.pipeline import analyse
 from dovetail.result import result_dict
-from dovetail.validation.evidence import Stated, assess
 from tests.independent import table
 
 SOFT_KINDS = "joint_stiffness", "support_flexibility"

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from benchmarks.calibration import reliability_diagram
-from dovetail.validation.calibration import Share, bin_names, calibrate, read_records
-from dovetail.validation.evidence import CREDIBLE, SURE
+from benchmarks.validation.calibration import Share, bin_names, calibrate, read_records, reliability_diagram
+from benchmarks.validation.evidence import CREDIBLE, SURE
 from viz import style
 
 RIGHT, IN_THREE, IN_PART, WRONG, NOT_ENDED, FAILED = (

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.validation.calibration import read_records
-from dovetail.validation.evidence import at_truth
+from benchmarks.validation.calibration import read_records
+from benchmarks.validation.evidence import at_truth
 from tests.independent import by_evidence, table
 from tests.independent.foreign.parts import PIECES
 from tests.independent.foreign.structure import NAMED, STRUCTURES, read

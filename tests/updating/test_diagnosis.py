@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import CaseSettings, draw_case
+from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from fem.elements.frame import Frame
 from tests.hidden.cases import make_case

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.validation.cases import CaseSettings, draw_case
+from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from tests.hidden.cases import make_case
 from updating import (

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import fem
-from dovetail.validation.cases import CaseSettings, draw_case
+from benchmarks.validation.cases import CaseSettings, draw_case
 from fem.connection_damping import ConnectionDamping
 from tests.hidden.cases import make_case
 from updating.diagnosis.candidates import propose

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fem.effects.added_mass import AddedMass
 from fem.effects.support import Support
 from fem.model import Effect, Model, ModelError, ParameterRef
-from updating.diagnosis.evidence.screening import Grid
+from updating.diagnosis.evidence.screening import Complexes, Grid
 from updating.diagnosis.separation import places_along
 from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress, beat
@@ -122,7 +122,7 @@ class _State:
             beat()
             there = {p.name: float(p.value) for p in effect.parameters()}
             try:
-                change = look.changes(Grid(effect, (there,)))[0] * factor
+                change: Complexes = look.changes(Grid(effect, (there,)))[0] * factor
             except ModelError:  # of a support that was released
                 change = np.full(m, np.nan, dtype=complex)
             changes.append(np.concatenate([change.real, change.imag]) * root)

@@ -29,40 +29,21 @@ class SpectralError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """A uniform piece of a member between two nodes.
-
-    Attributes
-    ----------
-    nodes : (int, int)
-    ends : ndarray (2, 3)
-        Where its two ends are; rigid arms lead there from the nodes [m].
-    axes : ndarray (3, 3)
-        Local x (along it), y and z as rows.
-    EA, GJ, EIy, EIz, kGAy, kGAz : complex
-        Stiffnesses: Iy is of bending in x-z, kGAz of shear along z [N, N·m²].
-    mass : ndarray (3,)
-        Mass per length that moves along local x, y, z [kg/m].
-    inertia : ndarray (3,)
-        Rotary inertia per length about local x, y, z [kg·m].
-    tension : float
-        Axial force, positive in tension [N].
-    alpha, beta : float
-        Rayleigh damping of this piece, C = alpha M + beta K [1/s, s].
-    """
+    """A uniform piece of a member between two nodes."""
 
     nodes: tuple[int, int]
-    ends: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    EA: complex
+    ends: NDArray[np.float64]  # (2, 3) where its two ends are; rigid arms lead there from the nodes [m]
+    axes: NDArray[np.float64]  # (3, 3) local x (along it), y and z as rows
+    EA: complex  # [N, N·m²]; Iy is of bending in x-z, kGAz of shear along z
     GJ: complex
     EIy: complex
     EIz: complex
     kGAy: complex
     kGAz: complex
-    mass: NDArray[np.float64]
-    inertia: NDArray[np.float64]
-    tension: float = 0.0
-    alpha: float = 0.0
+    mass: NDArray[np.float64]  # (3,) mass per length that moves along local x, y, z [kg/m]
+    inertia: NDArray[np.float64]  # (3,) rotary inertia per length about local x, y, z [kg·m]
+    tension: float = 0.0  # axial force, positive in tension [N]
+    alpha: float = 0.0  # Rayleigh damping of this piece, C = alpha M + beta K [1/s, s]
     beta: float = 0.0
 
     @property
@@ -77,99 +58,49 @@ class Connection:
 
     The second node's motion relative to the first, both carried to ``location``, is zero in the directions
     of ``rigid`` and resisted by law(ω) K + iωC in the others, exactly.
-
-    Attributes
-    ----------
-    first : int or None
-        Node, or None for the ground.
-    second : int
-        Node whose six coordinates are replaced by those of the first and the relative motions.
-    location : ndarray (3,)
-        [m].
-    axes : ndarray (3, 3)
-        Directions as rows.
-    rigid : tuple of bool
-        For x y z rx ry rz.
-    K, C : ndarray of complex (6, 6)
-        [N/m, N·s/m and with rotations].
-    law : callable or None
-        Factor of K; 1 for None.
-    from_first : ndarray (3,) or None
-        Where the first node's rigid arm ends; at the location for None [m].
     """
 
-    first: int | None
-    second: int
-    location: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    rigid: tuple[bool, ...]
-    K: Array
+    first: int | None  # node, or None for the ground
+    second: int  # node whose six coordinates are replaced by those of the first and the relative motions
+    location: NDArray[np.float64]  # (3,) [m]
+    axes: NDArray[np.float64]  # (3, 3) directions as rows
+    rigid: tuple[bool, ...]  # for x y z rx ry rz
+    K: Array  # (6, 6) [N/m and with rotations], C likewise
     C: Array
-    law: Law | None = None
+    law: Law | None = None  # factor of K; 1 for None
+    # (3,) where the first node's rigid arm ends; at the location for None [m]
     from_first: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A rigid body, springs or dashpots to ground at a place that a node carries.
-
-    Attributes
-    ----------
-    node : int
-    location : ndarray (3,)
-        [m].
-    M, C, K : ndarray (6, 6)
-        In global directions; C may be unsymmetric, as of a spinning wheel.
-    law : callable or None
-        Complex factor of ``K``; 1 for None.
-    """
+    """A rigid body, springs or dashpots to ground at a place that a node carries."""
 
     node: int
-    location: NDArray[np.float64]
-    M: Array
+    location: NDArray[np.float64]  # (3,) [m]
+    M: Array  # (6, 6) in global directions; C may be unsymmetric, as of a spinning wheel
     C: Array
     K: Array
-    law: Law | None = None
+    law: Law | None = None  # complex factor of `K`; 1 for None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
-    """A place and direction where motion is read or a force acts.
+    """A place and direction where motion is read or a force acts."""
 
-    Attributes
-    ----------
-    direction : ndarray (3,)
-    segment : int or None
-        Segment that it is on, or None at a node.
-    fraction : float
-        Part of the segment's length from its first end [-].
-    node : int or None
-        Node, for those that are not on a segment.
-    location : ndarray (3,) or None
-        Where it is if a rigid arm leads there from the node; the node itself for None [m].
-    """
-
-    direction: NDArray[np.float64]
-    segment: int | None = None
-    fraction: float = 0.0
-    node: int | None = None
+    direction: NDArray[np.float64]  # (3,)
+    segment: int | None = None  # segment that it is on, or None at a node
+    fraction: float = 0.0  # part of the segment's length from its first end [-]
+    node: int | None = None  # node, for those that are not on a segment
+    # (3,) where it is if a rigid arm leads there from the node; the node itself for None [m]
     location: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralFrame:
-    """Nodes, and the pieces between and on them.
+    """Nodes, and the pieces between and on them."""
 
-    Attributes
-    ----------
-    nodes : ndarray (n, 3)
-        Coordinates [m].
-    segments : tuple of Segment
-    connections : tuple of Connection
-    bodies : tuple of Body
-    """
-
-    nodes: NDArray[np.float64]
+    nodes: NDArray[np.float64]  # (n, 3) coordinates [m]
     segments: tuple[Segment, ...]
     connections: tuple[Connection, ...] = ()
     bodies: tuple[Body, ...] = ()
@@ -402,10 +333,7 @@ def _projected(block: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[n
 
 
 def receptance(
-    frame: SpectralFrame,
-    frequency: NDArray[np.float64],
-    responses: Sequence[Probe],
-    forces: Sequence[Probe],
+    frame: SpectralFrame, frequency: NDArray[np.float64], responses: Sequence[Probe], forces: Sequence[Probe]
 ) -> NDArray[np.complex128]:
     """Return the receptances of a frame, (n_freq, n_out, n_in) [m/N].
 
@@ -442,26 +370,15 @@ def receptance(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assembly:
-    """A frame with the maps of its pieces, ready for any frequency.
-
-    Attributes
-    ----------
-    frame : SpectralFrame
-    T : ndarray (6 n_nodes, n_q)
-    relative : dict
-        Relative motions of each connection within q.
-    maps, bodies : list
-        Columns of q and the motion of each segment's ends, and of each body, by them.
-    at_node : dict
-        Rows of the probes at nodes, by their ids.
-    """
+    """A frame with the maps of its pieces, ready for any frequency."""
 
     frame: SpectralFrame
-    T: NDArray[np.float64]
-    relative: dict[int, NDArray[np.int64]]
+    T: NDArray[np.float64]  # (6 n_nodes, n_q)
+    relative: dict[int, NDArray[np.int64]]  # relative motions of each connection within q
+    # columns of q and the motion of each segment's ends, and of each body, by them
     maps: list[tuple[NDArray[np.int64], NDArray[np.float64]]]
     bodies: list[tuple[NDArray[np.int64], NDArray[np.float64]]]
-    at_node: dict[int, NDArray[np.float64]]
+    at_node: dict[int, NDArray[np.float64]]  # rows of the probes at nodes, by their ids
 
     @classmethod
     def of(cls, frame: SpectralFrame, probes: Sequence[Probe]) -> "Assembly":

@@ -6,44 +6,32 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from dovetail.validation.cases import Case, Implant
-from dovetail.validation.evidence import Stated, assess
-from dovetail.validation.hidden import KINDS
-from dovetail.validation.hiding import Place
-from fem.effects import candidate_kinds
+from benchmarks.validation.cases import Case, Implant
+from benchmarks.validation.evidence import Stated, assess
+from benchmarks.validation.frames import Draft
+from benchmarks.validation.hidden import KINDS
+from benchmarks.validation.hiding import Place
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.findings import Finding
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.quality.corrections import Fault
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""
 
-FAULT_KINDS = ("sensor_gain", "sensor_sign", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
-"""Kinds of faults that a diagnosis is asked for."""
+OUTCOMES = ("right", "beside", "part", "twin", "wrong", "unexplained", "not noticed", "fault", "failed")
+"""`judge` explains them; a case has failed that ended in an error."""
 
 Record = dict[str, Any]
 
 
-def known_kinds() -> tuple[str, ...]:
-    """Return the kinds of candidates and of faults that the program can name."""
-    return (*candidate_kinds(), *FAULT_KINDS)
-
-
-def is_known(kind: str) -> bool:
-    """Whether the program has a candidate, or a fault, that is the right answer to a kind."""
-    return any(k in known_kinds() for k in KINDS[kind].found_as)
-
-
 def same_place(effect: Effect, model: Model, place: Place) -> bool:
     """Whether an effect sits where something was hidden: joint, support, direction, member or point."""
-    for want, one, several in (
-        (place.joint, "joint", "joints"),
-        (place.support, "support", "supports"),
-    ):
+    for want, one, several in ((place.joint, "joint", "joints"), (place.support, "support", "supports")):
         if want is not None:
             have = getattr(effect, several, None) or (getattr(effect, one, None),)
             if tuple(have) != (want,):
@@ -74,12 +62,7 @@ def _matches(effect: Effect | None, model: Model, implant: Implant) -> bool:
     return effect is not None and effect.kind in right and same_place(effect, model, implant.hidden.place)
 
 
-def stated(case: Case) -> tuple[Stated, ...]:
-    """Return the effects that a case hides in the terms of the library; faults are none."""
-    return stated_by(case.model, case.implants)
-
-
-def stated_by(model: Model, implants: Sequence[Implant]) -> tuple[Stated, ...]:
+def stated(model: Model, implants: Sequence[Implant]) -> tuple[Stated, ...]:
     """Return hidden effects in the terms of the library; faults are none."""
     return tuple(_stated(model, i) for i in implants if not KINDS[i.hidden.kind].fault)
 
@@ -93,12 +76,7 @@ def _stated(model: Model, implant: Implant) -> Stated:
     )
 
 
-def is_hidden(case: Case, effects: Sequence[Effect]) -> bool:
-    """Whether some effects are those that a case hides, each once and no others."""
-    return hidden_in(case.model, case.implants, effects)
-
-
-def hidden_in(model: Model, implants: Sequence[Implant], effects: Sequence[Effect]) -> bool:
+def are_hidden(model: Model, implants: Sequence[Implant], effects: Sequence[Effect]) -> bool:
     """Whether some effects are those that are hidden, each once and no others."""
     hidden = [i for i in implants if not KINDS[i.hidden.kind].fault]
     if len(hidden) != len(effects) or not effects:
@@ -111,37 +89,38 @@ def judge_evidence(case: Case, diagnosis: Diagnosis, searched: Searched, record:
     """Return the record of a search's posterior, beside that of its diagnosis."""
     right = record["outcome"] == "right" or (case.set, record["outcome"]) == ("withheld", "twin")
     faults_right = record["outcome"] in ("right", "beside") if case.set == "faults" else not diagnosis.faults
-    return assess(
-        searched, diagnosis, right, faults_right, [stated(case)], lambda effects: is_hidden(case, effects)
-    )
+    return evidence_of(case.model, case.implants, searched, diagnosis, right, faults_right)
+
+
+def evidence_of(
+    model: Model,
+    implants: Sequence[Implant],
+    searched: Searched,
+    diagnosis: Diagnosis | ModeDiagnosis,
+    right: bool,
+    faults_right: bool = True,
+) -> Record:
+    """Return the record of a search's posterior."""
+    ways = [stated(model, implants)]
+    return assess(searched, diagnosis, right, faults_right, ways, lambda e: are_hidden(model, implants, e))
 
 
 def judge(case: Case, diagnosis: Diagnosis) -> Record:
     """Return everything about a case that a table or a reader needs, as plain values.
 
-    Parameters
-    ----------
-    case : Case
-    diagnosis : Diagnosis
-        Of its model and measurement.
+    ``outcome`` is one of
 
-    Returns
-    -------
-    dict
-        ``outcome`` is one of
+    - right: all that was hidden is found, and nothing else; nothing missing, where nothing was hidden;
+      unexplained, where the true kind was withheld
+    - beside: all that was hidden is found, and something else
+    - part: one of two effects is found, and nothing else
+    - twin: another effect came first, with the right one among its twins; for a withheld kind,
+      another effect that explains the data down to ``FLOOR`` times the floor
+    - wrong: an effect that was not hidden (a false alarm where nothing was)
+    - unexplained, not noticed, fault: the verdict instead
 
-        - right: all that was hidden is found, and nothing else; nothing missing, where nothing was hidden;
-          unexplained, where the true kind was withheld
-        - beside: all that was hidden is found, and something else
-        - part: one of two effects is found, and nothing else
-        - twin: another effect came first, with the right one among its twins; for a withheld kind,
-          another effect that explains the data down to ``FLOOR`` times the floor
-        - wrong: an effect that was not hidden (a false alarm where nothing was)
-        - unexplained, not noticed, fault: the verdict instead
-
-        ``first`` and ``in_three`` tell whether the right effect and place lead the first round's ranking,
-        or are among its first three, accepted or not. ``nearest`` is the most probable candidate beside
-        what was found, with how much less probable that is than the answer [nats].
+    ``nearest`` is the most probable candidate beside what was found, with how much less probable that is
+    than the answer [nats].
     """
     model = diagnosis.model
     proposed = {e.name: e for e in propose(case.model, test=case.measurement)}
@@ -158,10 +137,6 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
     hit = [hits(f) for f in diagnosis.findings]
     found = [i for i in case.implants if any(i in h for h in hit)]
     false = [f for f, h in zip(diagnosis.findings, hit, strict=True) if not h]
-    ranked = diagnosis.rounds[0] if diagnosis.rounds else ()
-    first_three = [effect_of(r) for r in ranked[:3]]
-    first = bool(hit and hit[0]) or any(_matches(e, model, i) for e in first_three[:1] for i in case.implants)
-    in_three = first or any(_matches(e, model, i) for e in first_three for i in case.implants)
     twins = [effect_of(t) for f in diagnosis.findings[:1] for t in f.twins]
     twin = any(_matches(e, model, i) for e in twins for i in case.implants)
     floor = _floor(case, diagnosis)
@@ -171,28 +146,17 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
     else:
         outcome = _outcome(case, diagnosis, found, bool(false), twin, after <= FLOOR * floor)
     return {
-        "case": case.name,
-        "set": case.set,
-        "index": case.index,
-        "family": case.draft.family,
+        **heading((case.set, case.index), case.draft, case.implants, diagnosis),
         "modes": case.draft.n_modes,
         "lines": len(case.draft.frequency),
-        "sensors": len(case.draft.sensors),
         "drives": len(case.draft.drives),
         "elements": case.model.mesh.n_lines,
         "noise": case.noise,
-        "hidden": [_implant(i) for i in case.implants],
-        "known": all(is_known(i.hidden.kind) for i in case.implants),
-        "verdict": diagnosis.verdict,
-        "reason": diagnosis.reason,
         "found": [_finding(f) for f in diagnosis.findings],
         "faults": [{"kind": f.kind, "sensor": f.sensor, "value": f.value} for f in diagnosis.faults],
-        "ranked": [f"{r.kind} at {r.where}" for r in ranked[:3]],
-        "candidates": len(ranked),
+        "candidates": len(diagnosis.rounds[0]) if diagnosis.rounds else 0,
         "nearest": _nearest(diagnosis),
         "outcome": outcome,
-        "first": first,
-        "in_three": in_three,
         "errors": [
             e
             for f, i in _paired(case, diagnosis.findings, hit)
@@ -207,7 +171,6 @@ def judge(case: Case, diagnosis: Diagnosis) -> Record:
             "discretisation": diagnosis.discretisation_db,
             "basis": diagnosis.basis_db,
         },
-        "seconds": diagnosis.seconds,
     }
 
 
@@ -315,13 +278,30 @@ def parameter_errors(case: Case, implant: Implant, parameters: Sequence[Any]) ->
     return out
 
 
-def _implant(i: Implant) -> Record:
+def heading(
+    task: tuple[str, int], draft: Draft, implants: Sequence[Implant], diagnosis: Diagnosis | ModeDiagnosis
+) -> Record:
+    """Return what the records of FRFs and of modes have in common."""
+    hidden = [
+        {
+            "kind": i.hidden.kind,
+            "where": i.hidden.place.words,
+            "amplitude": i.amplitude,
+            "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
+            "values": i.hidden.values(i.amplitude),
+        }
+        for i in implants
+    ]
     return {
-        "kind": i.hidden.kind,
-        "where": i.hidden.place.words,
-        "amplitude": i.amplitude,
-        "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
-        "values": i.hidden.values(i.amplitude),
+        "case": f"{task[0]}:{task[1]}",
+        "set": task[0],
+        "index": task[1],
+        "family": draft.family,
+        "sensors": len(draft.sensors),
+        "hidden": hidden,
+        "verdict": diagnosis.verdict,
+        "reason": diagnosis.reason,
+        "seconds": diagnosis.seconds,
     }
 
 

@@ -1,12 +1,6 @@
 """Cases drawn from a seed, how a diagnosis is judged, and the runner; with diagnoses made by hand."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
-from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,14 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cli import main
-from dovetail.units.folder import LOCK_FILE, FolderError, read_records
-from dovetail.validation import run as runner
-from dovetail.validation.cases import CaseError, CaseSettings, _Scale, draw_case, kinds_of
-from dovetail.validation.frames import draw_draft, perturbed
-from dovetail.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
-from dovetail.validation.judging import judge, same_place
-from dovetail.validation.table import as_markdown, interval, summarise
+from benchmarks.validation import cases
+from benchmarks.validation import run as runner
+from benchmarks.validation.__main__ import main
+from benchmarks.validation.calibration import Share
+from benchmarks.validation.cases import CaseError, CaseSettings, _Scale, draw_case, kinds_of
+from benchmarks.validation.frames import draw_draft, perturbed
+from benchmarks.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
+from benchmarks.validation.judging import judge, same_place
+from benchmarks.validation.table import as_markdown
+from dovetail.units.folder import FolderError
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.diagnosis.candidates import propose
 
@@ -45,7 +41,7 @@ def heard(draft, truth, hidden):
 def frame(family, *seed):
     rng = np.random.default_rng(seed)
     draft = draw_draft(rng, family, small=True)
-    return draft, perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+    return draft, perturbed(rng, draft, 0.03, 0.15, 2.0)
 
 
 def draft_for(kind, seed=5):
@@ -56,6 +52,11 @@ def draft_for(kind, seed=5):
         if hidden is not None and heard(draft, truth, hidden):
             return draft, truth, hidden
     raise AssertionError(kind)
+
+
+def case_of(kind, set_name="single"):
+    index = next(i for i in range(99) if kinds_of(SETTINGS, set_name, i) == (kind,))
+    return draw_case(SETTINGS, set_name, index)
 
 
 def test_there_are_at_least_thirty_kinds_of_effects():
@@ -140,7 +141,7 @@ def test_hidden_effects_are_as_visible_as_wanted_and_weak_ones_ten_times_weaker(
 def test_what_uncertain_parameters_can_do_is_not_visible():
     rng = np.random.default_rng(8)
     draft = draw_draft(rng, "cross", small=True)
-    truth = perturbed(rng, draft, 0.03, 0.15, 0.01, 2.0)
+    truth = perturbed(rng, draft, 0.03, 0.15, 2.0)
     scale = _Scale(draft, truth, 3e-5)
 
     def softer(step):
@@ -165,9 +166,10 @@ def test_noise_is_of_the_size_that_the_case_states():
     assert pytest.approx(20 / np.log(10)) == DB_PER_NEPER
 
 
-def test_what_cannot_be_drawn_is_refused():
-    with pytest.raises(CaseError, match="there is no set 'many'"):
-        draw_case(SETTINGS, "many", 0)
+def test_what_cannot_be_drawn_is_refused(monkeypatch):
+    monkeypatch.setattr(cases, "drawn_implants", lambda *_: None)
+    with pytest.raises(CaseError, match=r"no frame of 40 shows .* \(set two, case 0\)"):
+        draw_case(SETTINGS, "two", 0)
 
 
 # ------------------------------------------------------------------------------------------- judging
@@ -201,8 +203,7 @@ def ranked(effect, score=0.0):
 
 @pytest.fixture(scope="module")
 def mass_case():
-    index = next(i for i in range(len(EFFECTS)) if kinds_of(SETTINGS, "single", i) == ("point_mass",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("point_mass")
     (implant,) = case.implants
     candidates = {e.name: e for e in propose(case.model, kinds=["point_mass", "stiffness_loss"])}
     return case, implant.hidden.values(implant.amplitude), candidates
@@ -227,7 +228,6 @@ def test_right_kind_at_the_right_place(mass_case):
     length = case.draft.frame.members[member].length
     record = judge(case, said(case, [finding(right, mass=true["mass"] * 1.01, position=true["position"])]))
     assert record["outcome"] == "right"
-    assert record["in_three"]
     error = next(e for e in record["errors"] if e["parameter"] == "mass")
     assert error["error"] == pytest.approx(0.01)
     assert error["covered"]
@@ -244,10 +244,7 @@ def test_twins_false_effects_and_other_verdicts(mass_case):
     twin = ranked(right.with_values(**true))
     assert judge(case, said(case, [finding(loss)]))["outcome"] == "wrong"
     assert judge(case, said(case, [finding(loss, twins=(twin,))]))["outcome"] == "twin"
-    third = judge(case, said(case, [finding(loss)], rounds=((ranked(loss), ranked(loss), twin),)))
-    assert third["outcome"] == "wrong"
-    assert third["in_three"]
-    assert third["nearest"] is None  # nothing was tried beside it
+    assert judge(case, said(case, [finding(loss)]))["nearest"] is None  # nothing was tried beside it
     answer = SimpleNamespace(best=SimpleNamespace(score=2.0))
     rounds = ((ranked(loss, 2.0), ranked(right, 1.0)), (ranked(right, -1.5), ranked(loss, -3.0)))
     beside = judge(case, said(case, [finding(loss)], rounds=rounds, searched=answer))
@@ -273,8 +270,7 @@ def test_withheld_kinds_are_rightly_unexplained_and_twins_must_explain(mass_case
 
 
 def test_joints_are_told_apart_by_direction():
-    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("joint_rotation",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("joint_rotation")
     place = case.implants[0].hidden.place
     for effect in propose(case.model, kinds=["joint_stiffness"]):
         outcome = judge(case, said(case, [finding(effect)]))["outcome"]
@@ -283,8 +279,7 @@ def test_joints_are_told_apart_by_direction():
 
 
 def test_a_spring_across_a_member_is_one_to_the_ground_there():
-    index = next(i for i in range(99) if kinds_of(SETTINGS, "single", i) == ("ground_spring",))
-    case = draw_case(SETTINGS, "single", index)
+    case = case_of("ground_spring")
     (implant,) = case.implants
     true, place = implant.hidden.values(implant.amplitude), implant.hidden.place
     (member,) = set(case.draft.frame.members) & set(place.words.split())
@@ -310,8 +305,7 @@ def test_nothing_hidden():
 
 
 def test_faults_are_judged_by_sensor_and_kind():
-    index = next(i for i in range(len(FAULTS)) if kinds_of(SETTINGS, "faults", i) == ("gain",))
-    case = draw_case(SETTINGS, "faults", index)
+    case = case_of("gain", "faults")
     (sensor,) = case.implants[0].hidden.place.sensors
     other = next(s.name for s in case.draft.sensors if s.name != sensor)
 
@@ -331,8 +325,8 @@ def test_faults_are_judged_by_sensor_and_kind():
 
 def fake(settings, task):
     return {
-        "case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "hidden": [], "known": True,
-        "outcome": "right", "first": True, "seconds": 1.0,
+        "case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "hidden": [],
+        "outcome": "right", "seconds": 1.0, "program": "abc",
         "db": {k: 0.1 for k in ("nominal", "fitted", "after", "floor")},
     }  # fmt: skip
 
@@ -343,22 +337,13 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
     tasks = runner.plan(2, 1, ["single", "null"])
     assert tasks == (("single", 0), ("null", 0), ("single", 1))
     runner.validate(SETTINGS, tasks[:2], tmp_path)
-    with (tmp_path / "cases.jsonl").open("a") as file:
-        file.write('{"case": "single:1", "se')  # the machine went down here
-    told = []
-    records = runner.validate(
-        SETTINGS, tasks, tmp_path, say=lambda r, step: told.append((step.done, step.total))
-    )
+    steps = []
+    records = runner.validate(SETTINGS, tasks, tmp_path, say=lambda r, step: steps.append(step))
     assert called == list(tasks)
     assert [r["case"] for r in records] == ["single:0", "null:0", "single:1"]
-    assert told == [(3, 3)]
-    lines = (tmp_path / "cases.jsonl").read_text().splitlines()
-    assert [json.loads(line).get("case") for line in lines] == [None, "single:0", "null:0", "single:1"]
+    assert [(step.done, step.total) for step in steps] == [(3, 3)]
     with pytest.raises(FolderError, match=r"other settings \(seed differs\)"):
         runner.validate(replace(SETTINGS, seed=4), tasks, tmp_path)
-    (tmp_path / "cases.jsonl").write_text("hello\n")
-    with pytest.raises(FolderError, match="not a file of this command"):
-        runner.validate(SETTINGS, tasks, tmp_path)
 
 
 def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch):
@@ -369,32 +354,28 @@ def test_a_case_that_fails_is_recorded_and_the_rest_go_on(tmp_path, monkeypatch)
     monkeypatch.setattr(runner, "diagnose", broken)
     records = runner.validate(SETTINGS, [("null", 0), ("null", 1)], tmp_path)
     assert [r["outcome"] for r in records] == ["failed", "failed"]
-    assert "ArithmeticError: no luck" in records[0]["traceback"]
-    assert f'File "{Path("dovetail", "validation", "run.py")}"' in records[0]["traceback"]
-    text = as_markdown(summarise(records), "t")
-    assert "| null | failed | 2 of 2 |" in text
-    assert "ArithmeticError: no luck" in text
+    assert f'File "{Path("benchmarks", "validation", "run.py")}"' in records[0]["traceback"]
+    assert "| null:1 |  | nothing | failed | ArithmeticError: no luck |" in as_markdown(records, "t")
 
 
 def test_intervals_are_clopper_and_pearson():
     # With no hits in n the upper limit solves (1 - p)ⁿ = 0.025.
-    assert interval(0, 24) == pytest.approx((0.0, 1 - 0.025 ** (1 / 24)))
-    assert interval(300, 300) == pytest.approx((0.025 ** (1 / 300), 1.0))
+    assert Share(0, 24).interval == pytest.approx((0.0, 1 - 0.025 ** (1 / 24)))
+    assert Share(300, 300).interval == pytest.approx((0.025 ** (1 / 300), 1.0))
 
 
 def test_the_table_counts_sets_and_lists_what_is_not_right():
-    records = [fake(None, ("single", i)) for i in range(4)]
-    records[3] |= {"outcome": "wrong", "first": False, "found": [{"kind": "crack", "where": "member A"}]}
-    records[2]["known"] = False
+    records = [fake(None, ("single", i)) for i in range(3)]
+    records[2] |= {"outcome": "wrong", "found": [{"kind": "crack", "where": "member A"}]}
+    records[1] |= {"errors": [{"error": 0.01, "covered": True}, {"error": 0.03, "covered": False}]}
     records += [fake(None, ("null", 0))]
-    summary = summarise(records)
-    rate = {(r["set"], r["what"]): (r["hits"], r["cases"]) for r in summary["rates"]}
-    assert rate["single", "right effect and place first"] == (2, 3)
-    assert rate["single", "a wrong effect"] == (1, 3)
-    assert rate["single, kinds not known", "right effect and place first"] == (1, 1)
-    assert rate["null", "false alarm"] == (0, 1)
-    assert [f["case"] for f in summary["failures"]] == ["single:3"]
-    assert "| single:3 |" in as_markdown(summary, "t")
+    text = as_markdown(records, "t")
+    assert "| single | 3 | 2 of 3, 66.7 % (9.4-99.2) | 0 | 0 | 0 | 1 | 0 |" in text
+    assert "| null | 1 | 1 of 1, 100.0 %" in text
+    assert "median error 2 %; 95 % intervals hold 1 of 2" in text
+    assert "of right cases: 3 of 3" in text
+    assert "| single:2 |  | nothing | wrong | crack at member A |" in text
+    assert "| single:1 |" not in text
 
 
 @pytest.mark.parametrize(
@@ -405,110 +386,29 @@ def test_the_table_counts_sets_and_lists_what_is_not_right():
         (["--cases", "0"], "from 1 to 1000000"),
     ],
 )
-def test_bad_arguments_are_said_in_a_line(arguments, word, tmp_path, capsys):
-    assert main(["validate", "--seed", "1", "--out", str(tmp_path / "o"), *arguments]) == 2
+def test_bad_arguments_are_refused_in_a_line(arguments, word, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["--seed", "1", "--out", str(tmp_path / "o"), *arguments])
     assert word in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
 
 
-def test_the_command_writes_its_tables(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_its_table_and_refuses_a_folder_of_another_seed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(runner, "run_case", fake)
-    folder = tmp_path / "out"
-    arguments = [
-        "validate",
-        "--seed",
-        "3",
-        "--small",
-        "--cases",
-        "2",
-        "--sets",
-        "single,null",
-        "--out",
-        str(folder),
-    ]
-    assert main(arguments) == 0
-    assert "| single | right effect and place first | 2 of 2 |" in capsys.readouterr().out
-    assert json.loads((folder / "table.json").read_text())["settings"]["seed"] == 3
-    assert (folder / "table.md").read_text().startswith("# Validation with seed 3")
-
-
-STOPPED = """
-import signal, sys, time
-from pathlib import Path
-from dovetail.validation import run
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
-
-def case(settings, task):
-    if task[1]:
-        Path(sys.argv[1], task[0]).touch()
-        time.sleep(600)
-    return {"case": f"{task[0]}:{task[1]}", "set": task[0], "index": task[1], "outcome": "", "seconds": 0.0}
-
-if __name__ == "__main__":
-    from dovetail.cli import main
-    run.run_case = case
-    sys.exit(main(["validate", "--seed", "3", "--small", "--cases", "9", "--sets", "single,null",
-                   "--processes", "2", "--out", sys.argv[1]]))
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send these signals to another process")
-@pytest.mark.parametrize(
-    ("name", "to_all", "code"),
-    [
-        pytest.param("SIGTERM", False, -15, marks=pytest.mark.slow),
-        pytest.param("SIGINT", False, 1, marks=pytest.mark.slow),
-        ("SIGINT", True, 1),
-    ],
-    ids=["terminated", "interrupted", "Ctrl-C"],
-)
-def test_a_run_that_is_stopped_leaves_no_processes_and_its_records(name, to_all, code, tmp_path):
-    program, file = tmp_path / "program.py", tmp_path / "out" / "cases.jsonl"
-    program.write_text(STOPPED)
-    run = subprocess.Popen(
-        [sys.executable, str(program), str(file.parent)],
-        env=os.environ | {"PYTHONPATH": str(Path(runner.__file__).parents[2])},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        until = time.monotonic() + 60
-        while not all((file.parent / name).exists() for name in ("single", "null")):  # both workers sleep
-            assert run.poll() is None, run.communicate()[1]
-            assert time.monotonic() < until
-            time.sleep(0.05)
-        (os.killpg if to_all else os.kill)(run.pid, getattr(signal, name))
-        # All of its processes hold this pipe: it ends when the last of them has ended, not after 600 s.
-        _, said = run.communicate(timeout=30)
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(run.pid, signal.SIGKILL)
-        run.communicate()
-    assert run.returncode == code
-    assert "Traceback" not in said
-    assert {r["case"] for r in read_records(file, SETTINGS.as_dict())} == {"single:0", "null:0"}
+    rest = ["--small", "--cases", "2", "--sets", "single,null", "--out", str(tmp_path)]
+    assert main(["--seed", "3", *rest]) == 0
+    assert "| single | 2 | 2 of 2, 100.0 %" in capsys.readouterr().out
+    assert (tmp_path / "table.md").read_text().startswith("# Validation with seed 3")
+    assert main(["--seed", "4", *rest]) == 2
+    assert "other settings (seed differs)" in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_small_cases_from_the_command_line(tmp_path):
     """Whole diagnoses in processes of their own: every case ends, none fails."""
-    folder = tmp_path / "out"
-    arguments = [
-        "validate",
-        "--seed",
-        "5",
-        "--small",
-        "--cases",
-        "1",
-        "--processes",
-        "2",
-        "--out",
-        str(folder),
-    ]
-    assert main([*arguments, "--sets", "single,null"]) == 0
-    records = [json.loads(line) for line in (folder / "cases.jsonl").read_text().splitlines()[1:]]
+    arguments = ["--seed", "5", "--small", "--cases", "1", "--processes", "2", "--sets", "single,null"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    records = [json.loads(line) for line in (tmp_path / "cases.jsonl").read_text().splitlines()[1:]]
     assert len(records) == 2
     assert not [r["traceback"] for r in records if r["outcome"] == "failed"]
 
@@ -536,20 +436,3 @@ def test_a_soft_corner_goes_by_either_members_name_but_one_axis():
         "end_release:arm.1.rx": False,  # askew to the post's y and z
         "end_release:arm.1.ry": False,
     }
-
-
-def test_two_runs_in_one_folder_do_not_both_compute(tmp_path):
-    """The lock is held while the other lives, and gone with it however it ends."""
-    code = (
-        "import sys, time; from pathlib import Path; from dovetail.disk.locks import Lock\n"
-        "lock = Lock.take(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
-    )
-    command = [sys.executable, "-c", code, str(tmp_path / LOCK_FILE)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == "held\n"
-        words = rf"another validate computes here \(process {other.pid} on"
-        with pytest.raises(FolderError, match=words):
-            runner.validate(CaseSettings(1, True), (), tmp_path)
-        other.kill()
-    assert runner.validate(CaseSettings(1, True), (), tmp_path) == []

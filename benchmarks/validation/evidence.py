@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.validation.hiding import NEAR
+from benchmarks.validation.hiding import NEAR
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
@@ -41,20 +41,11 @@ Start = tuple[Effect, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """A hidden effect in the terms of the library.
+    """A hidden effect in the terms of the library."""
 
-    Attributes
-    ----------
-    kinds : tuple of str
-        Kinds of candidates that are the right answer.
-    is_at : callable
-        Whether a candidate with the true values is at the right place.
-    values : callable
-        From a candidate to the true values of its parameters, of those that are known.
-    """
-
-    kinds: tuple[str, ...]
-    is_at: Callable[[Effect], bool]
+    kinds: tuple[str, ...]  # kinds of candidates that are the right answer
+    is_at: Callable[[Effect], bool]  # whether a candidate with the true values is at the right place
+    # from a candidate to the true values of its parameters, of those that are known
     values: Callable[[Effect], dict[str, float]]
 
     def starts(self, search: Search) -> list[Start]:
@@ -143,29 +134,15 @@ def assess(
 ) -> dict[str, Any]:
     """Return how probable the answer was and whether the truth could have been found, as plain values.
 
-    Parameters
-    ----------
-    done : Searched
-        The search that the diagnosis comes from.
-    diagnosis : Diagnosis
-    right : bool
-        Whether its verdict and findings are right.
-    faults_right : bool
-        Whether the faults that it names are those that are hidden.
-    ways : sequence of sequence of Stated
-        Hidden effects, but no faults, in each way in which the library may state them.
-    is_right : callable
-        Whether effects are those that are hidden.
+    ``right`` says whether verdict and findings of the diagnosis are right, ``faults_right`` whether its
+    faults are; ``ways`` are the hidden effects, but no faults, in each way in which the library states them.
 
-    Returns
-    -------
-    dict
-        ``probability`` is that of the answer, positions to within the tolerance by which it is judged;
-        ``place_probability`` is that of its places. ``place_right`` says whether the truth is at these
-        places, None where the library does not have it. ``credible`` is the credible set, and ``in_three``
-        whether it has at most three members of which one is right. ``covered`` says whether one is right with
-        its positions within ``COVERED`` of their standard deviations. ``truth`` is how much better the truth
-        scores than the answer [nats], and ``loss`` its meaning.
+    ``probability`` is that of the answer, positions to within the tolerance by which it is judged;
+    ``place_probability`` is that of its places. ``place_right`` says whether the truth is at these places,
+    None where the library does not have it. ``credible`` is the credible set, and ``in_three`` whether it has
+    at most three members of which one is right. ``covered`` says whether one is right with its positions
+    within ``COVERED`` of their standard deviations. ``truth`` is how much better the truth scores than the
+    answer [nats], and ``loss`` its meaning.
     """
     best = done.best
     unexplained = diagnosis.verdict == UNEXPLAINED

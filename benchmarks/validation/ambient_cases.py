@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from dovetail.validation.frames import Draft, Generator, sensors_of
-from dovetail.validation.true_modes import ModesError, true_modes
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.frames import Draft, Generator, sensors_of
+from benchmarks.validation.true_modes import ModesError, seen_modes
+from benchmarks.validation.truth import TrueFrame
 from updating.ambient.identification import identify_ambient
 from updating.ambient.record import USED_BAND
 from updating.inference.mode_targets import ModeTargets
@@ -39,9 +39,7 @@ def ambient_targets(truth: TrueFrame, draft: Draft, rng: Generator) -> ModeTarge
         If modes of the truth are missed, or none is identified.
     """
     low, high = float(draft.frequency[0]), float(draft.frequency[-1])
-    f, phi = true_modes(truth, draft.sensors, low, high)
-    size = np.sqrt((phi**2).mean(axis=0))
-    f, phi = f[size > 1e-3 * size.max()], phi[:, size > 1e-3 * size.max()]
+    f, phi = seen_modes(truth, draft)
     y, rate = response(f, phi, high / USED_BAND, rng)
     names = [s.name for s in draft.sensors]
     heard = y.std(axis=0) > 0

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import (
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import (
     NEAR,
     Draw,
     Hidden,
@@ -16,7 +16,7 @@ from dovetail.validation.hiding import (
     some_place,
     whole_member,
 )
-from dovetail.validation.truth import EndSpring, Stretch, TrueFrame
+from benchmarks.validation.truth import EndSpring, Stretch, TrueFrame
 from fem.model import DIRECTIONS
 
 
@@ -30,7 +30,6 @@ def _factor(attribute: str, largest: float, direction: str | None = None) -> Dra
         # Candidates state the change in parts of the nominal value.
         ratio = float(getattr(truth.members[name], attribute) / getattr(m, attribute))
         return Hidden(
-            "",
             replace(whole_member(name), direction=direction),
             (0.01, top),
             lambda frame, a: frame.with_member(
@@ -49,7 +48,6 @@ def _preload(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     euler = float(np.pi**2 * min(bending_stiffnesses(m)) / m.length**2)
     sign = float(rng.choice([-1, 1]))
     return Hidden(
-        "",
         whole_member(name),
         (0.02, 0.6 if sign < 0 else 30.0),
         lambda frame, a: frame.with_member(name, tension=sign * a * euler),
@@ -62,7 +60,6 @@ def _crack(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     d = int(rng.choice([4, 5]))
     EI, height = (bending_stiffnesses(m)[0], m.h) if d == 4 else (bending_stiffnesses(m)[1], m.b)
     return Hidden(
-        "",
         replace(on_member(draft, name, x), direction=DIRECTIONS[d]),
         (0.05, 300.0),
         lambda frame, a: frame.with_member(name, springs=(EndSpring(x, d, EI / height / a),)),
@@ -75,7 +72,6 @@ def _stiffness_loss(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | 
     half = float(rng.uniform(0.04, 0.06)) * m.length
     x = float(rng.uniform(half + 0.02 * m.length, 0.98 * m.length - half))
     return Hidden(
-        "",
         on_member(draft, name, x),
         (0.03, 30.0),
         lambda frame, a: frame.with_member(name, stretches=(Stretch(x - half, x + half, E=1 / (1 + a)),)),
@@ -113,7 +109,6 @@ def _end_release(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | Non
         if abs(axis @ m.axes[d - 3]) > 1 - 1e-6
     ]
     return Hidden(
-        "",
         replace(
             on_member(draft, name, x),
             words=f"member {name}, {'first' if x == 0 else 'second'} end",
@@ -132,7 +127,6 @@ def _distributed_mass(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden 
     start = float(rng.uniform(0, m.length - part))
     line = m.mass / m.length
     return Hidden(
-        "",
         replace(on_member(draft, name, start + part / 2), tolerance=4 * NEAR * m.length),
         (0.01, 2.0),
         lambda frame, a: frame.with_member(name, stretches=(Stretch(start, start + part, mass=a * line),)),
@@ -144,7 +138,6 @@ def _fluid(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     name, m = some_member(rng, draft)
     along_z, line = bool(rng.integers(2)), m.mass / m.length
     return Hidden(
-        "",
         replace(whole_member(name), direction="z" if along_z else "y"),
         (0.01, 2.0),
         lambda frame, a: frame.with_member(name, fluid=(0.0, a * line) if along_z else (a * line, 0.0)),
@@ -179,7 +172,6 @@ def _rigid_zone(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
         return None
     key = "zone1" if x == 0 else "zone2"
     return Hidden(
-        "",
         replace(
             on_member(draft, name, x),
             words=f"member {name}, {'first' if x == 0 else 'second'} end",
@@ -194,7 +186,6 @@ def _rigid_zone(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
 def _member_loss(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     name, m = some_member(rng, draft)
     return Hidden(
-        "",
         whole_member(name),
         (2e-3, 0.5),
         lambda frame, a: frame.with_member(name, stretches=(Stretch(0.0, m.length, loss=a),)),

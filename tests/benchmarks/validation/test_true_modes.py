@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dovetail.validation.true_modes import _linear_modes, true_modes
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, TrueSupport
+from benchmarks.validation.true_modes import _linear_modes, true_modes
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, TrueSupport
 
 BETA = np.array([1.8751040687, 4.6940911330, 7.8547574382])
 """Roots of cos β cosh β = -1, of a bar clamped at one end."""

@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.spectral import (
-    Body,
-    Connection,
-    Law,
-    Probe,
-    Segment,
-    SpectralFrame,
-    receptance,
-)
+from benchmarks.validation.spectral import Body, Connection, Law, Probe, Segment, SpectralFrame, receptance
 
 Array = NDArray[Any]
 RIGID = (True,) * 6
@@ -36,85 +28,43 @@ class Cut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """A part of a member that differs from the rest.
+    """A part of a member that differs from the rest."""
 
-    Attributes
-    ----------
-    start, stop : float
-        Arc lengths [m].
-    E : float
-        Factor of all stiffnesses [-].
-    loss : float
-        Loss factor in addition [-].
-    mass : float
-        Mass per length in addition, without rotary inertia [kg/m].
-    """
-
-    start: float
+    start: float  # arc lengths [m]
     stop: float
-    E: float = 1.0
-    loss: float = 0.0
-    mass: float = 0.0
+    E: float = 1.0  # factor of all stiffnesses [-]
+    loss: float = 0.0  # loss factor in addition [-]
+    mass: float = 0.0  # mass per length in addition, without rotary inertia [kg/m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EndSpring:
-    """One local direction of a member's end, or of a place within it, that is held by a spring.
+    """One local direction of a member's end, or of a place within it, that is held by a spring."""
 
-    Attributes
-    ----------
-    position : float
-        Arc length [m]: 0, the length, or between for a crack.
-    direction : int
-        Of local x y z rx ry rz.
-    stiffness : float
-        [N/m or N·m/rad].
-    """
-
-    position: float
-    direction: int
-    stiffness: float
+    position: float  # arc length [m]: 0, the length, or between for a crack
+    direction: int  # of local x y z rx ry rz
+    stiffness: float  # [N/m or N·m/rad]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Member:
-    """A straight member.
+    """A straight member."""
 
-    Attributes
-    ----------
-    first, second : ndarray (3,)
-        Its ends [m].
-    b, h : float
-        Width along local y and height along local z of its rectangle [m].
-    E, nu, rho, loss : float
-        Young's modulus [Pa], Poisson's ratio, density [kg/m³], loss factor.
-    torsion : float
-        Factor of the torsion constant [-].
-    tension : float
-        [N].
-    fluid : (float, float)
-        Mass per length in addition that moves along local y and along local z alone [kg/m].
-    zone1, zone2 : float
-        Lengths of rigid end zones [m].
-    stretches : tuple of Stretch
-        Not overlapping.
-    springs : tuple of EndSpring
-    """
-
-    first: NDArray[np.float64]
+    first: NDArray[np.float64]  # (3,) its ends [m]
     second: NDArray[np.float64]
-    b: float
+    b: float  # width along local y, and height along local z, of its rectangle [m]
     h: float
-    E: float
+    E: float  # [Pa]
     nu: float
-    rho: float
-    loss: float
-    torsion: float = 1.0
-    tension: float = 0.0
+    rho: float  # [kg/m³]
+    loss: float  # loss factor [-]
+    torsion: float = 1.0  # factor of the torsion constant [-]
+    tension: float = 0.0  # [N]
+    # mass per length in addition that moves along local y and along local z alone [kg/m]
     fluid: tuple[float, float] = (0.0, 0.0)
-    zone1: float = 0.0
+    zone1: float = 0.0  # lengths of rigid end zones [m]
     zone2: float = 0.0
-    stretches: tuple[Stretch, ...] = ()
+    stretches: tuple[Stretch, ...] = ()  # not overlapping
     springs: tuple[EndSpring, ...] = ()
 
     @property
@@ -143,33 +93,18 @@ class Member:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueJoint:
-    """A joint between two members, or an elastic foot.
-
-    Attributes
-    ----------
-    name : str
-    first, second : Cut
-        Its sides; ``second`` is None for the ground.
-    location : ndarray (3,)
-        [m].
-    K, C, M : ndarray (6, 6)
-        Stiffness of the elastic directions, dashpots, and mass shared by both sides.
-    rigid : tuple of bool
-    law : callable or None
-        Complex factor of K.
-    levers : (ndarray (3,), ndarray (3,))
-        From the location to where each side's rigid arm ends, such as a hole beside the centre line [m].
-    """
+    """A joint between two members, or an elastic foot."""
 
     name: str
-    first: Cut
+    first: Cut  # its sides; `second` is None for the ground
     second: Cut | None
-    location: NDArray[np.float64]
-    K: Array
+    location: NDArray[np.float64]  # (3,) [m]
+    K: Array  # (6, 6) stiffness of the elastic directions; C has dashpots, both sides share M
     rigid: tuple[bool, ...]
     C: Array = field(default_factory=_zeros)
     M: Array = field(default_factory=_zeros)
-    law: Law | None = None
+    law: Law | None = None  # complex factor of K
+    # from the location to where each side's rigid arm ends, such as a hole beside the centre line [m]
     levers: tuple[NDArray[np.float64], NDArray[np.float64]] = field(
         default_factory=lambda: (np.zeros(3), np.zeros(3))
     )
@@ -214,24 +149,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueFrame:
-    """A frame as it really is.
+    """A frame as it really is."""
 
-    Attributes
-    ----------
-    members : dict of str to Member
-        Ends at one place are welded.
-    joints : tuple of TrueJoint
-    supports : tuple of TrueSupport
-    attached : tuple of Attached
-    alpha, beta : float
-        Rayleigh damping of all members [1/s, s].
-    """
-
-    members: dict[str, Member]
+    members: dict[str, Member]  # ends at one place are welded
     joints: tuple[TrueJoint, ...] = ()
     supports: tuple[TrueSupport, ...] = ()
     attached: tuple[Attached, ...] = ()
-    alpha: float = 0.0
+    alpha: float = 0.0  # Rayleigh damping of all members [1/s, s]
     beta: float = 0.0
 
     def with_member(self, name: str, **changes: Any) -> "TrueFrame":

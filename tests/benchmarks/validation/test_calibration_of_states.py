@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.validation import modal_cases
+from benchmarks.validation.cases import CaseSettings
 from dovetail import load_study
 from dovetail.modes_pipeline import targets_of
-from dovetail.validation import modal_cases
-from dovetail.validation.cases import CaseSettings
 from fem.analysis.modes import first_modes
 from fem.system import assemble
 from tests.conftest import ROOT

@@ -1,14 +1,15 @@
 """Faults of the measurement that may be hidden in its records."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import Hidden, Kind, Place, Readings
-from dovetail.validation.truth import Cut, Reading, TrueFrame
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import Hidden, Kind, Place, Readings
+from benchmarks.validation.truth import Cut, Reading, TrueFrame
 
 
 def _sensor(rng: Generator, draft: Draft) -> tuple[int, Reading]:
@@ -30,20 +31,20 @@ def _gain(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
         factor[i] = 1 + sign * a
         return H * factor[:, None]
 
-    return Hidden("", _of(sensor), (0.1, 0.4), values=lambda a: {"value": 1 + sign * a}, data=data)
+    return Hidden(_of(sensor), (0.1, 0.4), values=lambda a: {"value": 1 + sign * a}, data=data)
 
 
 def _sign(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     i, sensor = _sensor(rng, draft)
     factor = np.where(np.arange(len(draft.sensors)) == i, -1.0, 1.0)
-    return Hidden("", _of(sensor), (1.0, 1.0), data=lambda f, H, a: H * factor[:, None])
+    return Hidden(_of(sensor), (1.0, 1.0), data=lambda f, H, a: H * factor[:, None])
 
 
 def _swap(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     i, j = (int(k) for k in rng.choice(len(draft.sensors), 2, replace=False))
     order = np.arange(len(draft.sensors))
     order[[i, j]] = order[[j, i]]
-    return Hidden("", _of(draft.sensors[i], draft.sensors[j]), (1.0, 1.0), data=lambda f, H, a: H[:, order])
+    return Hidden(_of(draft.sensors[i], draft.sensors[j]), (1.0, 1.0), data=lambda f, H, a: H[:, order])
 
 
 def _delay(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
@@ -54,10 +55,10 @@ def _delay(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
         phase = np.exp(-2j * np.pi * f * a * unit)
         return np.where((np.arange(H.shape[1]) == i)[:, None], H * phase[:, None, None], H)
 
-    return Hidden("", _of(sensor), (0.3, 1.5), values=lambda a: {"value": a * unit}, data=data)
+    return Hidden(_of(sensor), (0.3, 1.5), values=lambda a: {"value": a * unit}, data=data)
 
 
-def _moved(rng: Generator, draft: Draft, turn: bool) -> Hidden:
+def _moved(rng: Generator, draft: Draft, truth: TrueFrame, turn: bool) -> Hidden:
     i, sensor = _sensor(rng, draft)
     axes = draft.frame.members[sensor.at.member].axes
     L = draft.frame.members[sensor.at.member].length
@@ -75,20 +76,15 @@ def _moved(rng: Generator, draft: Draft, turn: bool) -> Hidden:
         return tuple(other if k == i else s for k, s in enumerate(sensors))
 
     bounds = (np.radians(10), np.radians(35)) if turn else (0.03, 0.1)
-    return Hidden("", _of(sensor), bounds, readings=readings)
+    return Hidden(_of(sensor), bounds, readings=readings)
 
 
 IN_RECORDS = (
     Kind("gain", ("sensor_gain",), _gain, fault=True),
     Kind("sign", ("sensor_sign",), _sign, fault=True),
-    Kind("tilt", ("sensor_tilt",), lambda rng, draft, truth: _moved(rng, draft, turn=True), fault=True),
+    Kind("tilt", ("sensor_tilt",), partial(_moved, turn=True), fault=True),
     Kind("swap", ("sensor_swap",), _swap, fault=True),
     Kind("delay", ("sensor_delay",), _delay, fault=True),
-    Kind(
-        "position",
-        ("sensor_position",),
-        lambda rng, draft, truth: _moved(rng, draft, turn=False),
-        fault=True,
-    ),
+    Kind("position", ("sensor_position",), partial(_moved, turn=False), fault=True),
 )
 """Faults of sensors."""

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import (
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hiding import (
     Draw,
     Hidden,
     Kind,
@@ -15,26 +15,23 @@ from dovetail.validation.hiding import (
     middle_of_band,
     on_member,
     one_entry,
+    some_body,
     some_fastening,
     some_place,
 )
-from dovetail.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
+from benchmarks.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
 from fem.model import DIRECTIONS
 
 
 def _point_body(rotary: bool) -> Draw:
     def draw(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
         name, m, x = some_place(rng, draft)
-        unit = m.mass * m.length**2 / 12 if rotary else m.mass
-        key = "inertia" if rotary else "mass"
+        body, unit = some_body(m, rotary)
         return Hidden(
-            "",
             on_member(draft, name, x),
             (1e-4, 1.0),
-            lambda frame, a: frame.with_attached(
-                Attached(Cut(name, x), M=rigid_body(0.0, a * unit) if rotary else rigid_body(a * unit))
-            ),
-            lambda a: {key: a * unit, "position": x},
+            lambda frame, a: frame.with_attached(Attached(Cut(name, x), M=a * body)),
+            lambda a: {"inertia" if rotary else "mass": a * unit, "position": x},
         )
 
     return draw
@@ -53,7 +50,6 @@ def _to_ground(damper: bool) -> Draw:
             return frame.with_attached(Attached(at, C=matrix) if damper else Attached(at, K=matrix))
 
         return Hidden(
-            "",
             replace(on_member(draft, name, x), direction=DIRECTIONS[d]),
             (1e-3, 300.0),
             change,
@@ -67,7 +63,6 @@ def _driver_mass(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | Non
     at = draft.drives[0].at
     unit = draft.frame.members[at.member].mass
     return Hidden(
-        "",
         on_member(draft, at.member, at.position),
         (1e-4, 1.0),
         lambda frame, a: frame.with_attached(Attached(at, M=rigid_body(a * unit))),
@@ -82,7 +77,6 @@ def _stinger(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     across = np.zeros((6, 6))
     across[:3, :3] = np.eye(3) - np.outer(drive.direction, drive.direction)
     return Hidden(
-        "",
         on_member(draft, drive.at.member, drive.at.position),
         (1e-3, 100.0),
         lambda frame, a: frame.with_attached(Attached(drive.at, K=a * unit * across)),
@@ -94,7 +88,6 @@ def _sensor_masses(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | N
     places = list(dict.fromkeys(s.at for s in draft.sensors))
     unit = sum(m.mass for m in draft.frame.members.values()) / len(places)
     return Hidden(
-        "",
         Place("all sensors"),
         (1e-4, 0.5),
         lambda frame, a: frame.with_attached(*(Attached(p, M=rigid_body(a * unit)) for p in places)),
@@ -109,7 +102,6 @@ def _gyroscopic(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
     C = np.zeros((6, 6))
     C[3:, 3:] = unit * np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return Hidden(
-        "",
         on_member(draft, name, x),
         (1e-4, 1.0),
         lambda frame, a: frame.with_attached(Attached(Cut(name, x), C=a * C)),
@@ -140,7 +132,7 @@ def soft_support(draft: Draft, s: TrueSupport, d: int, damped: bool = False) -> 
 
     place = Place(f"support {s.name}, {DIRECTIONS[d]}", support=s.name, direction=DIRECTIONS[d])
     values = {"tau": 0.3 / middle_of_band(draft)} if damped else {}
-    return Hidden("", place, (0.1, 1e6), change, lambda a: {"stiffness": unit / a, **values})
+    return Hidden(place, (0.1, 1e6), change, lambda a: {"stiffness": unit / a, **values})
 
 
 AT_POINTS = (
@@ -154,10 +146,6 @@ AT_POINTS = (
     Kind("gyroscopic", ("rotor",), _gyroscopic),
     Kind("support_translation", ("support_flexibility",), _support(range(3))),
     Kind("support_rotation", ("support_flexibility",), _support(range(3, 6))),
-    Kind(
-        "support_damping",
-        ("foundation_dashpot", "foundation"),
-        _support(range(3, 6), damped=True),
-    ),
+    Kind("support_damping", ("foundation_dashpot", "foundation"), _support(range(3, 6), damped=True)),
 )
 """Kinds at points and supports."""

@@ -2,39 +2,17 @@
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from dovetail.validation.ambient_cases import ambient_targets
-from dovetail.validation.cases import (
-    CaseError,
-    CaseSettings,
-    Implant,
-    drawn_implants,
-    generator,
-    kinds_of,
-    nuisances_of,
-)
-from dovetail.validation.evidence import assess
-from dovetail.validation.frames import (
-    FAMILIES,
-    SMALL,
-    Draft,
-    Generator,
-    build_model,
-    draw_draft,
-    n_elements,
-    perturbed,
-    sensors_of,
-)
-from dovetail.validation.hidden import MODAL_SETS
-from dovetail.validation.judging import hidden_in, stated_by
-from dovetail.validation.true_modes import ModesError, true_modes
-from dovetail.validation.truth import TrueFrame
-from fem.model import Model
+from benchmarks.validation.ambient_cases import ambient_targets
+from benchmarks.validation.cases import CaseSettings, Implant, frames_that_show, generator, nuisances_of
+from benchmarks.validation.frames import Draft, Generator, build_model, n_elements, sensors_of
+from benchmarks.validation.judging import Record, are_hidden, evidence_of, heading
+from benchmarks.validation.true_modes import ModesError, seen_modes
+from benchmarks.validation.truth import TrueFrame
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.states import diagnose_change
 from updating.inference.mode_targets import ModeTargets
 
@@ -46,31 +24,19 @@ STATE_NOISE = 0.1
 """Noise of the frequencies and shapes of two states in parts of that of one: repeats of one set-up [-]."""
 MOST_MODES = 12
 """Modes of a test at most."""
-DRAWS = 40
-"""So many frames are drawn until one shows what is to be hidden."""
-
-Record = dict[str, Any]
 
 
 def run_modal_case(settings: CaseSettings, set_name: str, index: int) -> Record:
     """Draw a case of a modal set, diagnose it, and judge the answer."""
-    kinds, rng = kinds_of(settings, set_name, index), generator(settings, set_name, index)
-    families = SMALL if settings.small else tuple(FAMILIES)
-    for _ in range(DRAWS):
-        draft = draw_draft(rng, str(rng.choice(families)), settings.small)
-        draft = _limited(draft)
-        truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
-        implants = drawn_implants(rng, settings, draft, truth, kinds)
-        if implants is None:
-            continue
+    rng = generator(settings, set_name, index)
+    for draft, truth, implants in frames_that_show(rng, settings, set_name, index, _limited):
         if set_name.startswith("states"):
             implants = tuple(replace(i, amplitude=i.amplitude / STATE_WEAKER) for i in implants)
         try:
             return _judged(settings, set_name, index, draft, truth, implants, rng)
         except ModesError:
             continue
-    msg = f"no frame of {DRAWS} shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
-    raise CaseError(msg)
+    raise AssertionError  # frames_that_show has raised an error
 
 
 def _limited(draft: Draft) -> Draft:
@@ -107,17 +73,25 @@ def _judged(
     else:
         found = diagnose_modes(model, after, nuisances, model_error=0.0)
     cpu = time.process_time() - begun
-    return _record(set_name, index, draft, model, implants, found, noise, after.n) | {"cpu_seconds": cpu}
+    right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
+    if not implants:
+        right = found.verdict == NOTHING
+    wrong = {EFFECT: "wrong", NOTHING: "not noticed"}.get(found.verdict, "unexplained")
+    return {
+        **heading((set_name, index), draft, implants, found),
+        "modes": after.n,
+        "noise": noise,
+        "outcome": "right" if right else wrong,
+        "cpu_seconds": cpu,
+        "evidence": evidence_of(model, implants, found.searched, found, right),
+    }
 
 
 def _measured(
     truth: TrueFrame, draft: Draft, noise: list[float], with_shapes: bool, rng: Generator
 ) -> ModeTargets:
     """Return the modes in the band as a test would give them."""
-    f, phi = true_modes(truth, draft.sensors, float(draft.frequency[0]), float(draft.frequency[-1]))
-    seen = np.sqrt((phi**2).mean(axis=0))
-    heard = seen > 1e-3 * seen.max()  # all along directions that no sensor has
-    f, phi = f[heard], phi[:, heard]
+    f, phi = seen_modes(truth, draft)
     f = f * (1 + noise[0] * rng.standard_normal(len(f)))
     size = np.sqrt((phi**2).mean(axis=0))
     phi = phi + noise[1] * size * rng.standard_normal(phi.shape)
@@ -125,44 +99,3 @@ def _measured(
         return ModeTargets.of(f, noise[0])
     sensors = sensors_of(draft.frame, draft.sensors)
     return ModeTargets.of(f, noise[0], shapes=phi, shape_std=noise[1], sensors=sensors)
-
-
-def _record(
-    set_name: str, index: int, draft: Draft, model: Model, implants: tuple[Implant, ...],
-    found: ModeDiagnosis, noise: list[float], n_modes: int,
-) -> Record:  # fmt: skip
-    right = found.verdict == EFFECT and hidden_in(model, implants, found.found)
-    if not implants:
-        right = found.verdict == NOTHING
-    evidence = assess(
-        found.searched, found, right, True, [stated_by(model, implants)],
-        lambda effects: hidden_in(model, implants, effects),
-    )  # fmt: skip
-    wrong = (
-        "wrong" if found.verdict == EFFECT else "not noticed" if found.verdict == NOTHING else "unexplained"
-    )
-    return {
-        "case": f"{set_name}:{index}",
-        "set": set_name,
-        "index": index,
-        "family": draft.family,
-        "modes": n_modes,
-        "sensors": len(draft.sensors),
-        "noise": noise,
-        "hidden": [
-            {"kind": i.hidden.kind, "where": i.hidden.place.words, "amplitude": i.amplitude,
-             "visible_db": None if np.isnan(i.visible_db) else i.visible_db,
-             "values": i.hidden.values(i.amplitude)}
-            for i in implants
-        ],
-        "known": True,
-        "verdict": found.verdict,
-        "reason": found.reason,
-        "outcome": "right" if right else wrong,
-        "errors": [],
-        "seconds": found.seconds,
-        "evidence": evidence,
-    }  # fmt: skip
-
-
-__all__ = ["MODAL_SETS", "run_modal_case"]

@@ -1,13 +1,16 @@
-"""Parts, holes, feet and clamps that are elsewhere than stated."""
+"""Connections that give way in several directions at once, or act elsewhere than stated."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hiding import Hidden, Kind, Place
-from dovetail.validation.truth import Cut, Member, TrueFrame, TrueJoint
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hidden_at_joints import soft_joint
+from benchmarks.validation.hidden_at_points import soft_support
+from benchmarks.validation.hiding import Draw, Hidden, Kind, Place
+from benchmarks.validation.truth import Cut, Member, TrueFrame, TrueJoint
 
 NEAREST, FURTHEST = 2e-3, 0.14
 """Least and largest shift along a member, in parts of its length [-]."""
@@ -45,7 +48,7 @@ def _joint_hole(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
 
     local = "xyz"[d]
     place = Place(f"joint {j.name}, hole of {name} along local {local}", name, joint=j.name, direction=local)
-    return Hidden("", place, (HOLE_NEAREST, HOLE_FURTHEST), change, lambda a: {"amount": a * unit})
+    return Hidden(place, (HOLE_NEAREST, HOLE_FURTHEST), change, lambda a: {"amount": a * unit})
 
 
 def _way(rng: Generator, m: Member, position: float) -> tuple[float, tuple[float, float]] | None:
@@ -78,15 +81,7 @@ def _shifted_side(rng: Generator, draft: Draft, truth: TrueFrame, feet: bool) ->
         return frame.with_joint(j.name, levers=_levers(j, side, step * m.axes[0]), **cuts)
 
     place = Place(f"joint {j.name}, member {at.member} shifted", at.member, joint=j.name)
-    return Hidden("", place, bounds, change, lambda a: {"amount": a * sign * m.length})
-
-
-def _part_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
-    return _shifted_side(rng, draft, truth, feet=False)
-
-
-def _foot_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
-    return _shifted_side(rng, draft, truth, feet=True)
+    return Hidden(place, bounds, change, lambda a: {"amount": a * sign * m.length})
 
 
 def _support_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
@@ -103,13 +98,49 @@ def _support_shift(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | N
         return frame.with_support(s.name, at=Cut(s.at.member, s.at.position + a * sign * m.length))
 
     place = Place(f"support {s.name} on member {s.at.member}", s.at.member, support=s.name)
-    return Hidden("", place, bounds, change, lambda a: {"amount": a * sign * m.length})
+    return Hidden(place, bounds, change, lambda a: {"amount": a * sign * m.length})
 
 
 MOUNTINGS = (
     Kind("joint_hole", ("joint_hole",), _joint_hole),
-    Kind("part_shift", ("part_shift",), _part_shift),
-    Kind("foot_shift", ("foot_shift",), _foot_shift, elastic_feet=True),
+    Kind("part_shift", ("part_shift",), partial(_shifted_side, feet=False)),
+    Kind("foot_shift", ("foot_shift",), partial(_shifted_side, feet=True), elastic_feet=True),
     Kind("support_shift", ("support_shift",), _support_shift),
 )
 """Kinds of things that are elsewhere, beside the joint's offset."""
+
+
+ROTATIONS_ALONE = 0.75
+"""Share of soft connections that give way about axes only, as bolted and clamped ones do [-]."""
+
+
+def _directions(rng: Generator) -> list[int]:
+    """Return two or three directions, of the rotations alone or of all six."""
+    pool = range(3, 6) if rng.random() < ROTATIONS_ALONE else range(6)
+    return sorted(int(d) for d in rng.choice(list(pool), int(rng.integers(2, 4)), replace=False))
+
+
+def _soft(joints: bool, supports: bool) -> Draw:
+    def draw(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
+        pool = [*(truth.joints if joints else ()), *(truth.supports if supports else ())]
+        if not pool:
+            return None
+        c = pool[int(rng.integers(len(pool)))]
+        directions = _directions(rng)
+        if isinstance(c, TrueJoint):
+            place = Place(f"joint {c.name}", joint=c.name)
+            parts = tuple(soft_joint(draft, c, d) for d in directions)
+        else:
+            place = Place(f"support {c.name}", support=c.name)
+            parts = tuple(soft_support(draft, c, d) for d in directions)
+        return Hidden(place, parts[0].bounds, parts=parts)
+
+    return draw
+
+
+CONNECTIONS = (
+    Kind("joint_soft", ("joint_stiffness",), _soft(joints=True, supports=False)),
+    Kind("support_soft", ("support_flexibility",), _soft(joints=False, supports=True)),
+    Kind("connection_soft", ("joint_stiffness", "support_flexibility"), _soft(joints=True, supports=True)),
+)
+"""Kinds of connections that give way in two or three directions."""

@@ -1,13 +1,13 @@
 """Cases: an analyst's model, a measurement of a truth that differs from it, and the hidden effects."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import (
+from benchmarks.validation.frames import (
     FAMILIES,
     SMALL,
     Draft,
@@ -18,9 +18,9 @@ from dovetail.validation.frames import (
     perturbed,
     sensors_of,
 )
-from dovetail.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
-from dovetail.validation.hiding import Hidden
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
+from benchmarks.validation.hiding import Hidden
+from benchmarks.validation.truth import TrueFrame
 from fem.analysis.frf import FRF
 from fem.model import DIRECTIONS, Model
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -31,123 +31,67 @@ SETTINGS_VERSION = 4
 """Raised whenever the same seed gives other cases than before."""
 
 
+DRAWS = 40
+"""So many frames are drawn until one shows what is to be hidden."""
 _STEP = 1e-6
 """Relative step of the derivatives with respect to uncertain parameters."""
-
-
 _WEAK = 0.02
 """Change of the FRFs up to which an effect counts as weak [nepers]."""
-
-
 EACH_DB = 0.3
 """Change of the FRFs that each direction of a soft connection makes beside the others, at least [dB]."""
-
-
 FAULT_SEEN = 0.1
 """Change of a sensor's FRFs from which its fault can be found, root mean square [nepers]."""
 
 
 class CaseError(ValueError):
-    """A case that cannot be drawn or does not exist."""
+    """A case that cannot be drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """Distributions of the random cases.
-
-    Attributes
-    ----------
-    seed : int
-    small : bool
-        Two members, few modes and lines, to try things out.
-    material, joint, section : float
-        Half widths of uniform relative deviations of the truth from the model [-].
-    damping : float
-        Largest factor between the truth's damping and the model's.
-    noise : (float, float)
-        Least and largest relative noise of an FRF [-].
-    noise_floor : float
-        Noise in parts of an excitation's largest FRF value [-].
-    visible_db : (float, float)
-        Least and largest change of the FRFs that a hidden effect makes beyond the reach of uncertain
-        parameters [dB].
-    weaker : float
-        Factor by which the amplitudes of the sets "weak" and "frf-states" are smaller.
-    version : int
-    """
+    """Distributions of the random cases."""
 
     seed: int
-    small: bool = False
-    material: float = 0.03
-    joint: float = 0.15
-    section: float = 0.0
-    damping: float = 2.0
-    noise: tuple[float, float] = (0.01, 0.03)
-    noise_floor: float = 3e-5
+    small: bool = False  # two members, few modes and lines, to try things out
+    material: float = 0.03  # half width of uniform relative deviations of E and ρ from the model [-]
+    joint: float = 0.15  # and of joints' stiffnesses [-]
+    damping: float = 2.0  # largest factor between the truth's damping and the model's
+    noise: tuple[float, float] = (0.01, 0.03)  # least and largest relative noise of an FRF [-]
+    noise_floor: float = 3e-5  # noise in parts of an excitation's largest FRF value [-]
+    # least and largest change of the FRFs by a hidden effect that uncertain parameters cannot make [dB]
     visible_db: tuple[float, float] = (1.5, 4.0)
-    weaker: float = 10.0
+    weaker: float = 10.0  # factor by which the amplitudes of the sets "weak" and "frf-states" are smaller
     version: int = SETTINGS_VERSION
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values for a file."""
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Implant:
-    """A hidden effect with its strength.
-
-    Attributes
-    ----------
-    hidden : Hidden
-    amplitude : float
-    visible_db : float
-        Change of the FRFs beyond the reach of uncertain parameters [dB].
-    """
+    """A hidden effect with its strength."""
 
     hidden: Hidden
     amplitude: float
-    visible_db: float
+    visible_db: float  # change of the FRFs beyond the reach of uncertain parameters [dB]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A case.
-
-    Attributes
-    ----------
-    set, index : str, int
-    draft : Draft
-    implants : tuple of Implant
-    exact : ndarray (n_freq, n_out, n_in)
-        Accelerances without noise [(m/s²)/N].
-    noise : float
-        Relative noise [-].
-    model : Model
-    measurement : Measurement
-    nuisances : tuple of Nuisance
-    exclude : tuple of str
-        Kinds that the search may not use.
-    baseline : Measurement or None
-        FRFs of the frame before the effects came.
-    """
+    """A case."""
 
     set: str
     index: int
     draft: Draft
     implants: tuple[Implant, ...]
-    exact: NDArray[np.complex128]
-    noise: float
+    exact: NDArray[np.complex128]  # (n_freq, n_out, n_in) accelerances without noise [(m/s²)/N]
+    noise: float  # relative noise [-]
     model: Model
     measurement: Measurement
     nuisances: tuple[Nuisance, ...]
-    exclude: tuple[str, ...]
-    baseline: Measurement | None = None
-
-    @property
-    def name(self) -> str:
-        """Set and index, as ``single:12``."""
-        return f"{self.set}:{self.index}"
+    exclude: tuple[str, ...]  # kinds that the search may not use
+    baseline: Measurement | None = None  # FRFs of the frame before the effects came
 
 
 def generator(settings: CaseSettings, set_name: str, *key: int) -> Generator:
@@ -173,27 +117,41 @@ def draw_case(settings: CaseSettings, set_name: str, index: int) -> Case:
     Raises
     ------
     CaseError
-        If the set does not exist, or no frame has a place for the hidden effects.
+        If no frame has a place for the hidden effects.
     """
-    if set_name not in SETS:
-        msg = f"there is no set '{set_name}'; there are {', '.join(SETS)}"
-        raise CaseError(msg)
-    kinds = kinds_of(settings, set_name, index)
     rng = generator(settings, set_name, index)
+    draft, truth, implants = next(frames_that_show(rng, settings, set_name, index))
+    if set_name in WEAK_SETS:
+        implants = tuple(
+            replace(i, amplitude=i.amplitude / settings.weaker, visible_db=np.nan) for i in implants
+        )
+    return _measured(rng, settings, set_name, index, draft, truth, implants)
+
+
+def frames_that_show(
+    rng: Generator,
+    settings: CaseSettings,
+    set_name: str,
+    index: int,
+    shortened: Callable[[Draft], Draft] = lambda draft: draft,
+) -> Iterator[tuple[Draft, TrueFrame, tuple[Implant, ...]]]:
+    """Yield frames that show what a case hides, each with its truth and the effects.
+
+    Raises
+    ------
+    CaseError
+        After ``DRAWS`` frames.
+    """
+    kinds = kinds_of(settings, set_name, index)
     families = SMALL if settings.small else tuple(FAMILIES)
-    for _ in range(40):
-        feet = any(KINDS[kind].elastic_feet for kind in kinds)
-        draft = draw_draft(rng, str(rng.choice(families)), settings.small, feet)
-        truth = perturbed(rng, draft, settings.material, settings.joint, settings.section, settings.damping)
+    feet = any(KINDS[kind].elastic_feet for kind in kinds)
+    for _ in range(DRAWS):
+        draft = shortened(draw_draft(rng, str(rng.choice(families)), settings.small, feet))
+        truth = perturbed(rng, draft, settings.material, settings.joint, settings.damping)
         implants = drawn_implants(rng, settings, draft, truth, kinds)
-        if implants is None:
-            continue
-        if set_name in WEAK_SETS:
-            implants = tuple(
-                replace(i, amplitude=i.amplitude / settings.weaker, visible_db=np.nan) for i in implants
-            )
-        return _measured(rng, settings, set_name, index, draft, truth, implants)
-    msg = f"no frame of 40 shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
+        if implants is not None:
+            yield draft, truth, implants
+    msg = f"no frame of {DRAWS} shows {' and '.join(kinds)} well enough (set {set_name}, case {index})"
     raise CaseError(msg)
 
 
@@ -414,18 +372,9 @@ def _measured(
     exclude = (
         tuple(k for i in implants for k in KINDS[i.hidden.kind].found_as) if set_name == "withheld" else ()
     )
+    nuisances = nuisances_of(settings, draft)
     return Case(
-        set_name,
-        index,
-        draft,
-        implants,
-        exact,
-        relative,
-        model,
-        measurement,
-        nuisances_of(settings, draft),
-        exclude,
-        baseline,
+        set_name, index, draft, implants, exact, relative, model, measurement, nuisances, exclude, baseline
     )
 
 
@@ -444,10 +393,8 @@ def _with_noise(
 
 def nuisances_of(settings: CaseSettings, draft: Draft) -> tuple[Nuisance, ...]:
     """Return the analyst's uncertain parameters; a uniform half width w has the standard deviation w/√3."""
-    # The section's width and height scale together: bending sees their square in E/ρ.
-    material = float(np.hypot(settings.material, 2 * settings.section) / np.sqrt(3))
     out = [
-        Nuisance("frame", f"{key}:{name}", round(material, 4))
+        Nuisance("frame", f"{key}:{name}", round(float(settings.material / np.sqrt(3)), 4))
         for name in dict.fromkeys(draft.materials.values())
         for key in ("E", "rho")
     ]

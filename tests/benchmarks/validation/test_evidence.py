@@ -6,18 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import calibration as picture
-from dovetail.validation import run as runner
-from dovetail.validation.calibration import (
+from benchmarks.validation import run as runner
+from benchmarks.validation.calibration import (
     RecordsError,
     as_markdown,
     calibrate,
+    main,
     read_records,
     reliability,
+    reliability_diagram,
 )
-from dovetail.validation.cases import CaseSettings, draw_case
-from dovetail.validation.evidence import Stated, at_truth, credible_set, loss_of
-from dovetail.validation.judging import is_hidden, stated
+from benchmarks.validation.cases import CaseSettings, draw_case
+from benchmarks.validation.evidence import Stated, at_truth, credible_set, loss_of
+from benchmarks.validation.judging import are_hidden, stated
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.diagnosis import Searched
 
@@ -77,7 +78,7 @@ def fake_search(candidates):
 
 def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffness(soft):
     search, begun = fake_search(propose(soft.model, test=soft.measurement))
-    truth = at_truth(search, [stated(soft)])
+    truth = at_truth(search, [stated(soft.model, soft.implants)])
     assert truth is not None
     wanted = {
         f"support_flexibility:{i.hidden.place.support}.{i.hidden.place.direction}":
@@ -89,7 +90,7 @@ def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffne
 
 def test_what_the_library_lacks_has_no_start_and_nothing_is_a_truth_too(soft):
     search, _ = fake_search([c for c in propose(soft.model) if c.kind != "support_flexibility"])
-    assert at_truth(search, [stated(soft)]) is None
+    assert at_truth(search, [stated(soft.model, soft.implants)]) is None
     search.known[frozenset()] = "nothing"
     assert at_truth(search, [()]) == "nothing"
 
@@ -112,12 +113,12 @@ def test_effects_are_what_is_hidden_only_with_all_directions_and_no_others(soft)
     hidden = {i.hidden.place.direction for i in soft.implants}
     right = [c for c in candidates if c.direction in hidden]
     other = next(c for c in candidates if c.direction not in hidden)
-    assert is_hidden(soft, right)
-    assert not is_hidden(soft, right[:1])
-    assert not is_hidden(soft, [*right, other])
-    assert not is_hidden(soft, [right[0], right[0]])
-    assert not is_hidden(soft, ())
-    assert is_hidden(draw_case(SETTINGS, "null", 0), ())
+    assert are_hidden(soft.model, soft.implants, right)
+    assert not are_hidden(soft.model, soft.implants, right[:1])
+    assert not are_hidden(soft.model, soft.implants, [*right, other])
+    assert not are_hidden(soft.model, soft.implants, [right[0], right[0]])
+    assert not are_hidden(soft.model, soft.implants, ())
+    assert are_hidden(soft.model, (), ())
 
 
 # --------------------------------------------------------------------------------------- calibration
@@ -130,7 +131,7 @@ def record(probability, right, *, verdict="effect", loss="information loss", hol
             "verdict": verdict, "right": right, "in_three": right, "probability": probability,
             "sure_and_wrong": verdict != "unexplained" and probability >= 0.9 and not right,
             "place_probability": probability, "place_right": place, "loss": "-" if right else loss,
-            "credible": [{"name": "h", "probability": 0.9, "right": holds}],
+            "credible": [{"name": "h", "probability": 0.9, "right": holds}], "covered": holds,
         },
     }  # fmt: skip
 
@@ -160,7 +161,7 @@ def test_shares_that_are_aimed_at():
     assert (c.attainable.hits, c.attainable.cases) == (2, 3)
     assert [(s.hits, s.cases) for s in c.places] == [(0, 1), (0, 0), (0, 0), (1, 1), (1, 1), (0, 0)]
     text = as_markdown(records)
-    assert "| a | 6 | 2 | 2 | 1 | 1 | 2 | 0 | 0 | 1 | 67 % | 3, 3 |" in text
+    assert "| a | 6 | 2 | 2 | 4 | 1 | 1 | 2 | 0 | 0 | 1 | 67 % | 3, 3 |" in text
     assert "| 95-99 % | 2 of 2, 100.0 %" in text
 
 
@@ -172,12 +173,12 @@ def test_records_of_several_sets_become_tables_and_a_picture(tmp_path, capsys):
     other.mkdir()
     (other / "records.jsonl").write_text(json.dumps(record(0.8, True, of="two", place=True)) + "\n")
     out = tmp_path / "pictures" / "reliability.png"
-    assert picture.main([str(own), str(other), "--out", str(out)]) == 0
+    assert main([str(own), str(other), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "| a | 2 | 1 |" in said
     assert "| two | 1 | 1 |" in said
     assert out.read_bytes()[:4] == b"\x89PNG"
-    figure = picture.reliability_diagram(calibrate([*read_records(own), *read_records(other)]))
+    figure = reliability_diagram(calibrate([*read_records(own), *read_records(other)]))
     answers, places = (len([c for c in ax.containers if len(c) == 3]) for ax in figure.axes)
     assert (answers, places) == (3, 1)
 
@@ -186,7 +187,7 @@ def test_records_without_probabilities_are_refused(tmp_path, capsys):
     with pytest.raises(RecordsError, match=r"neither cases\.jsonl nor records\.jsonl"):
         read_records(tmp_path)
     (tmp_path / "cases.jsonl").write_text('{"settings": {}}\n{"case": "single:0", "set": "single"}\n')
-    assert picture.main([str(tmp_path)]) == 2
+    assert main([str(tmp_path)]) == 2
     assert "no record has 'evidence'" in capsys.readouterr().err
 
 
@@ -195,7 +196,6 @@ def test_records_without_probabilities_are_refused(tmp_path, capsys):
 def test_a_small_case_of_each_set_ends_and_its_truth_was_within_reach(name):
     settings = CaseSettings(3, small=True)
     made = runner.run_case(settings, (name, 0))
-    assert made["outcome"] != "failed", made.get("traceback")
     told = made["evidence"]
     assert told["truth"] is not None
     assert told["right"] == (made["outcome"] == "right")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from dovetail.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
+from benchmarks.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
 from fem.declarations import Environment
 from fem.model import DIRECTIONS
 from fem.system import assemble
@@ -27,30 +27,15 @@ FOOT_INWARDS = (0.03, 0.08)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draft:
-    """A frame with nominal parameters and its test.
-
-    Attributes
-    ----------
-    family : str
-    frame : TrueFrame
-        With nominal parameters and without damping.
-    materials : dict of str to str
-        Material of each member.
-    sensors, drives : tuple of Reading
-        Drives are sensors too.
-    frequency : ndarray (n_freq,)
-        [Hz].
-    n_modes : int
-        Modes in the band, of the nominal model.
-    """
+    """A frame with nominal parameters and its test."""
 
     family: str
-    frame: TrueFrame
-    materials: dict[str, str]
-    sensors: tuple[Reading, ...]
+    frame: TrueFrame  # with nominal parameters and without damping
+    materials: dict[str, str]  # material of each member
+    sensors: tuple[Reading, ...]  # drives are sensors too
     drives: tuple[Reading, ...]
-    frequency: NDArray[np.float64]
-    n_modes: int
+    frequency: NDArray[np.float64]  # (n_freq,) [Hz]
+    n_modes: int  # modes in the band, of the nominal model
 
 
 Lines = dict[str, tuple[list[float], list[float]]]
@@ -63,16 +48,12 @@ class _Outline:
     lines: Lines
     joints: tuple[tuple[str, float, str, float], ...] = ()
     feet: tuple[tuple[str, int], ...] = ()
-    length: float = 1.0
 
 
 def _cross(rng: Generator) -> _Outline:
     a, b, gap = rng.uniform(0.5, 1.0), rng.uniform(0.4, 0.9), 0.02
     s, t = rng.uniform(0.3, 0.7, 2)
-    lines: Lines = {
-        "U": ([0, 0, gap], [a, 0, gap]),
-        "D": ([s * a, -t * b, 0], [s * a, (1 - t) * b, 0]),
-    }
+    lines: Lines = {"U": ([0, 0, gap], [a, 0, gap]), "D": ([s * a, -t * b, 0], [s * a, (1 - t) * b, 0])}
     return _Outline(lines, (("U", s, "D", t),))
 
 
@@ -117,9 +98,7 @@ def _bolted_portal(rng: Generator) -> _Outline:
         "beam": ([0.015, 0.02, 0.95 * h], [w - 0.015, 0.02, 0.95 * h]),
     }
     return _Outline(
-        lines,
-        (("left", 0.95, "beam", 0.0), ("right", 0.95 / 1.1, "beam", 1.0)),
-        (("left", 0), ("right", 0)),
+        lines, (("left", 0.95, "beam", 0.0), ("right", 0.95 / 1.1, "beam", 1.0)), (("left", 0), ("right", 0))
     )
 
 
@@ -164,16 +143,8 @@ def _box(rng: Generator) -> _Outline:
 
 
 FAMILIES: dict[str, Callable[[Generator], _Outline]] = {
-    "cross": _cross,
-    "lap": _lap,
-    "angle": _angle,
-    "tee": _tee,
-    "portal": _portal,
-    "bolted_portal": _bolted_portal,
-    "bracket": _bracket,
-    "ladder": _ladder,
-    "tower": _tower,
-    "box": _box,
+    draw.__name__[1:]: draw
+    for draw in (_cross, _lap, _angle, _tee, _portal, _bolted_portal, _bracket, _ladder, _tower, _box)
 }
 """Functions that draw an outline, by name."""
 SMALL = ("cross", "lap", "angle", "tee")
@@ -246,16 +217,9 @@ def draw_sensors(rng: Generator, frame: TrueFrame) -> tuple[tuple[Reading, ...],
 def build_model(
     frame: TrueFrame, materials: dict[str, str], sensors: tuple[Reading, ...], elements: int
 ) -> fem.Model:
-    """Return the finite-element model that a user would make of a nominal frame.
+    """Return the finite-element model that a user would make of a nominal frame, its springs as cords.
 
-    Parameters
-    ----------
-    frame : TrueFrame
-        Its attached springs are the cords.
-    materials : dict of str to str
-    sensors : tuple of Reading
-    elements : int
-        For each member, about.
+    Each member has about so many elements, short ones fewer.
     """
     points: list[list[float]] = []
     lines, sets = [], {}
@@ -349,17 +313,7 @@ def _stiffnesses(rng: Generator, member: Member) -> NDArray[np.float64]:
 
 
 def draw_draft(rng: Generator, family: str, small: bool = False, elastic_feet: bool = False) -> Draft:
-    """Draw a frame, its test and its band.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    family : str
-    small : bool
-        Few modes and lines, for trying things out.
-    elastic_feet : bool
-        Whether elastic feet stand in the place of clamps.
-    """
+    """Draw a frame, its test and its band; a small one has few modes and lines."""
     frame, materials = draw_frame(rng, family)
     if elastic_feet:
         frame = on_elastic_feet(rng, frame)
@@ -386,24 +340,15 @@ def draw_draft(rng: Generator, family: str, small: bool = False, elastic_feet: b
     return Draft(family, frame, materials, sensors, drives, frequency, n_modes)
 
 
-def perturbed(
-    rng: Generator, draft: Draft, material: float, joint: float, section: float, damping: float
-) -> TrueFrame:
-    """Return the frame as it really is: moduli, densities, sections, joints and damping not as assumed.
+def perturbed(rng: Generator, draft: Draft, material: float, joint: float, damping: float) -> TrueFrame:
+    """Return the frame as it really is: moduli, densities, joints and damping not as assumed.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    draft : Draft
-    material, joint, section : float
-        Half widths of uniform relative deviations of E and ρ, of joint stiffnesses, and of b and h
-        together (one factor for all members, as of one batch).
-    damping : float
-        Damping lies within this factor of the model's.
+    Half widths of uniform relative deviations of E and ρ, and of joint stiffnesses, are given; damping lies
+    within a factor of the model's.
     """
     frame = draft.frame
     factor = {m: 1 + material * rng.uniform(-1, 1, 2) for m in dict.fromkeys(draft.materials.values())}
-    size = 1 + section * rng.uniform(-1, 1)
+    rng.uniform()  # keeps the cases of a seed
     ratio = NOMINAL_RATIO * damping ** rng.uniform(-1, 1)
     share = rng.dirichlet([3.0, 1.0, 1.0])
     low, high = 2 * np.pi * draft.frequency[[0, -1]]
@@ -414,27 +359,16 @@ def perturbed(
             m,
             E=m.E * factor[draft.materials[name]][0],
             rho=m.rho * factor[draft.materials[name]][1],
-            b=m.b * size,
-            h=m.h * size,
             loss=loss * rng.uniform(0.9, 1.1),
         )
         for name, m in frame.members.items()
     }
+    law = constant_loss(2 * ratio)
     joints = tuple(
-        replace(
-            j,
-            K=j.K * np.diag(1 + joint * rng.uniform(-1, 1, 6)),
-            law=constant_loss(2 * ratio),
-        )
-        for j in frame.joints
+        replace(j, K=j.K * np.diag(1 + joint * rng.uniform(-1, 1, 6)), law=law) for j in frame.joints
     )
-    return replace(
-        frame,
-        members=members,
-        joints=joints,
-        alpha=2 * ratio * share[1] * middle,
-        beta=2 * ratio * share[2] / middle,
-    )
+    alpha, beta = 2 * ratio * share[1] * middle, 2 * ratio * share[2] / middle
+    return replace(frame, members=members, joints=joints, alpha=alpha, beta=beta)
 
 
 def constant_loss(eta: float) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:

@@ -8,8 +8,9 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from dovetail.validation.spectral import Assembly, Law, Segment, SpectralFrame
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+from benchmarks.validation.frames import Draft
+from benchmarks.validation.spectral import Assembly, Law, Segment, SpectralFrame
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
 
 Floats = NDArray[np.float64]
 CLAMPED = 22.37
@@ -78,6 +79,14 @@ def true_modes(
         omega = np.array([np.sqrt(square)])
         shapes[:, k] = [float((whole.row(p, omega)[0, 0] @ q).real) for p in probes]
     return np.sqrt([s for s, _ in found]) / (2 * np.pi), shapes
+
+
+def seen_modes(frame: TrueFrame, draft: Draft) -> tuple[Floats, Floats]:
+    """Return the modes in the band of a test, but for those all along directions that no sensor has."""
+    f, phi = true_modes(frame, draft.sensors, float(draft.frequency[0]), float(draft.frequency[-1]))
+    size = np.sqrt((phi**2).mean(axis=0))
+    seen = size > 1e-3 * size.max()
+    return f[seen], phi[:, seen]
 
 
 def _linear_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:

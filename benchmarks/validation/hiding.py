@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.spectral import Law
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, rectangle_constants, rigid_body
 
 NEAR = 0.05
 """A place is right within this part of the member's length [-]."""
@@ -20,71 +19,39 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Where something is hidden; fields that are None or empty need not agree.
-
-    Attributes
-    ----------
-    words : str
-    member : str or None
-    xyz : ndarray (3,) or None
-        [m].
-    tolerance : float
-        How far from there a found effect may lie [m].
-    joint, direction, support : str or None
-    pair : tuple of str
-        Two directions that are coupled.
-    of_member : bool
-        Whether an effect at a corner must be of the very member.
-    sensors : tuple of str
-        Of faults.
-    turns : tuple of (str, str)
-        Members and local directions of which one must agree, as one rotation at a corner has several names.
-    """
+    """Where something is hidden; fields that are None or empty need not agree."""
 
     words: str
     member: str | None = None
-    xyz: NDArray[np.float64] | None = None
-    tolerance: float = 0.0
+    xyz: NDArray[np.float64] | None = None  # (3,) [m]
+    tolerance: float = 0.0  # how far from there a found effect may lie [m]
     joint: str | None = None
     direction: str | None = None
     support: str | None = None
-    pair: tuple[str, ...] = ()
-    of_member: bool = False
-    sensors: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()  # two directions that are coupled
+    of_member: bool = False  # whether an effect at a corner must be of the very member
+    sensors: tuple[str, ...] = ()  # of faults
+    # members and local directions of which one must agree, as one rotation at a corner has several names
     turns: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hidden:
-    """An effect at a place, its strength still open.
+    """An effect at a place, its strength still open."""
 
-    Attributes
-    ----------
-    kind : str
-    place : Place
-    bounds : (float, float)
-        Least and largest amplitude.
-    change : callable
-        From the true frame and the amplitude to the frame with the effect.
-    values : callable
-        From the amplitude to parameters as the candidates name them; only those that can be compared.
-    readings : callable or None
-        From the sensors to the places and directions where they really are.
-    data : callable or None
-        From frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to the recorded data.
-    parts : tuple of Hidden
-        Effects at one place that are hidden together, each with a strength of its own. Nothing but they is
-        hidden then.
-    """
-
-    kind: str
     place: Place
-    bounds: tuple[float, float]
+    bounds: tuple[float, float]  # least and largest amplitude
+    # from the true frame and the amplitude to the frame with the effect
     change: Callable[[TrueFrame, float], TrueFrame] = lambda frame, a: frame
+    # from the amplitude to parameters as the candidates name them; only those that can be compared
     values: Callable[[float], dict[str, float]] = lambda a: {}
+    # from the sensors to the places and directions where they really are
     readings: Callable[[Readings, float], Readings] | None = None
+    # from frequencies (n_freq,), exact FRFs (n_freq, n_out, n_in) and the amplitude to the recorded data
     data: Callable[[NDArray[np.float64], NDArray[Any], float], NDArray[Any]] | None = None
+    # effects at one place that are hidden together, alone, each with its strength
     parts: tuple["Hidden", ...] = ()
+    kind: str = ""  # filled in by `hidden.draw_hidden`
 
 
 Draw = Callable[[Generator, Draft, TrueFrame], Hidden | None]
@@ -92,27 +59,13 @@ Draw = Callable[[Generator, Draft, TrueFrame], Hidden | None]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of effect or fault.
-
-    Attributes
-    ----------
-    name : str
-    found_as : tuple of str
-        Kinds of candidates (of faults, for faults) that are the right answer. The program may not know any
-        of them yet.
-    draw : callable
-        Gives a place, or None if the frame has none.
-    fault : bool
-        True for faults of the measurement.
-    elastic_feet : bool
-        Whether it needs a frame on elastic feet in place of clamps.
-    """
+    """A kind of effect or fault."""
 
     name: str
-    found_as: tuple[str, ...]
-    draw: Draw = field(repr=False)
-    fault: bool = False
-    elastic_feet: bool = False
+    found_as: tuple[str, ...]  # kinds of candidates, or of faults, that are the right answer
+    draw: Draw = field(repr=False)  # gives a place, or None if the frame has none
+    fault: bool = False  # of the measurement
+    elastic_feet: bool = False  # it needs a frame on elastic feet in place of clamps
 
 
 def some_member(rng: Generator, draft: Draft) -> tuple[str, Member]:
@@ -154,12 +107,6 @@ def some_fastening(rng: Generator, draft: Draft) -> tuple[str, Member, float]:
     return at.member, draft.frame.members[at.member], at.position
 
 
-def some_joint(rng: Generator, draft: Draft, elastic: bool = False) -> int | None:
-    """Return the index of a joint drawn at random, None if there is none."""
-    allowed = [i for i, j in enumerate(draft.frame.joints) if not (elastic and j.rigid[0])]
-    return int(rng.choice(allowed)) if allowed else None
-
-
 def middle_of_band(draft: Draft) -> float:
     """Return the middle of the band, geometric [rad/s]."""
     return float(2 * np.pi * np.sqrt(draft.frequency[0] * draft.frequency[-1]))
@@ -179,6 +126,7 @@ def felt_stiffness(draft: Draft, member: str, d: int) -> float:
     return 300 * EI / m.length if d > 2 else 1e5 * EI / m.length**3
 
 
-def product_of_laws(law: Law | None, other: Law) -> Law:
-    """Return the product of two laws of frequency; None stands for 1."""
-    return other if law is None else lambda omega: law(omega) * other(omega)
+def some_body(m: Member, rotary: bool) -> tuple[Matrix, float]:
+    """Return a body for the scale of a member: its matrix (6, 6), and its mass [kg] or inertia [kg·m²]."""
+    unit = m.mass * m.length**2 / 12 if rotary else m.mass
+    return (rigid_body(0.0, unit) if rotary else rigid_body(unit)), unit

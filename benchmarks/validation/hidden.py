@@ -6,15 +6,14 @@ the truth; the effect's change is proportional to the amplitude as long as it is
 
 from dataclasses import replace
 
-from dovetail.validation.frames import Draft, Generator
-from dovetail.validation.hidden_at_joints import AT_JOINTS
-from dovetail.validation.hidden_at_points import AT_POINTS
-from dovetail.validation.hidden_connections import CONNECTIONS
-from dovetail.validation.hidden_faults import IN_RECORDS
-from dovetail.validation.hidden_in_members import IN_MEMBERS
-from dovetail.validation.hidden_mountings import MOUNTINGS
-from dovetail.validation.hiding import Hidden, Kind
-from dovetail.validation.truth import TrueFrame
+from benchmarks.validation.frames import Draft, Generator
+from benchmarks.validation.hidden_at_joints import AT_JOINTS
+from benchmarks.validation.hidden_at_points import AT_POINTS
+from benchmarks.validation.hidden_connections import CONNECTIONS, MOUNTINGS
+from benchmarks.validation.hidden_faults import IN_RECORDS
+from benchmarks.validation.hidden_in_members import IN_MEMBERS
+from benchmarks.validation.hiding import Hidden, Kind
+from benchmarks.validation.truth import TrueFrame
 
 _SINGLE = (*AT_JOINTS, *IN_MEMBERS, *AT_POINTS)
 

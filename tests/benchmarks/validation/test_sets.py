@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import fem
-from dovetail.validation.cases import EACH_DB, CaseSettings, Implant, _Scale, draw_case, kinds_of
-from dovetail.validation.frames import Draft, build_model, draw_draft, on_elastic_feet
-from dovetail.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
-from dovetail.validation.truth import Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
+from benchmarks.validation.cases import EACH_DB, CaseSettings, Implant, _Scale, draw_case, kinds_of
+from benchmarks.validation.frames import Draft, build_model, draw_draft, on_elastic_feet
+from benchmarks.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
+from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
 from fem.system import assemble
 from tests.frames import rows_at
 from updating.diagnosis.candidates import propose

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 import fem
-from dovetail.validation import spectral as sp
-from dovetail.validation.frames import build_model, constant_loss, draw_draft
-from dovetail.validation.truth import (
+from benchmarks.validation import spectral as sp
+from benchmarks.validation.frames import build_model, constant_loss, draw_draft
+from benchmarks.validation.truth import (
     Attached,
     Cut,
     EndSpring,
@@ -121,13 +121,7 @@ def test_elements_without_shear_are_too_stiff_by_what_is_predicted():
     p = fem.MemberProperties(
         fem.Material("m", E, RHO, NU), fem.Section.rectangle(B, H), theory="euler-bernoulli"
     )
-    model = fem.Model(
-        mesh,
-        (
-            fem.Frame(members={"a": p}),
-            fem.Support(name="S", point=0),
-        ),
-    )
+    model = fem.Model(mesh, (fem.Frame(members={"a": p}), fem.Support(name="S", point=0)))
     modes = fem.solve_modes(assemble(model), max_frequency=900.0)
     vertical = [f for f, s in zip(modes.frequency, modes.shapes.T, strict=True) if abs(s[6 * n + 2]) > 1.0]
     Z = euler()
