@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import number_up_to, positive, values_by_name, whole_up_to
-from dovetail.commands.common import Options, say, warn
+from dovetail.commands.common import Options, noted, warn
 from dovetail.disk.output import Output, OutputError, Progress, check_outputs
 from dovetail.file.paths import InputFile
+from dovetail.report.table import Column, Table
 from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
 from fem.io.atomic import replacing
 
@@ -106,7 +108,7 @@ class _Chosen:
     of_motion: bool = False
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Estimate FRFs and write them."""
     from fem.io.time_data import read_time_data
 
@@ -134,8 +136,7 @@ def run(options: Options, progress: Progress) -> None:
 
         with replacing(options.picture) as scratch:
             save(plot_estimate(estimate, title=options.out.stem), scratch)
-    progress.close()
-    _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
+    return _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
 
 
 def _channels(options: Options, data: "TimeData") -> _Chosen:
@@ -343,31 +344,33 @@ def _write(path: Path, estimate: "EstimatedFRF") -> None:
     write_uff(path, frf, functions=coherences)
 
 
-def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> None:
+def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> Answer:
     frf = estimate.frf
-    width = max(len(o) + len(i) for o in frf.outputs for i in frf.inputs) + 3
+    pairs = [(i, j) for j in range(len(frf.inputs)) for i in range(len(frf.outputs))]
+    spread = estimate.std / np.maximum(np.abs(frf.H), 1e-300)
+    table = Table.of(
+        "FRFs",
+        Column("FRF", [f"{frf.outputs[i]}/{frf.inputs[j]}" for i, j in pairs]),
+        Column("least coherence", [_least(estimate, i, j) for i, j in pairs]),
+        Column("median", [np.median(estimate.coherence[:, i, j]) for i, j in pairs], show=".4f"),
+        Column("std of |H|, median", [np.median(spread[:, i, j]) for i, j in pairs], "%", ".3g", 100),
+    )
     averages = max(1, int(np.floor(estimate.effective_averages.min())))
     uff = options.out.suffix.lower() != ".npz"
-    say(
-        options,
-        f"{options.out}: {frf.quantity} [{frf.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
-        f"{'reference' if frf.base else 'force'}(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to "
-        f"{frf.frequency[-1]:.4g} Hz, "
-        f"{options.estimator} of {estimate.n_averages[0]} blocks worth {estimate.effective_averages[0]:.3g} "
-        "independent ones",
-        f"{'FRF':{width}}  {'least coherence':>15}  {'median':>7}  {'std of |H|, median %':>20}",
-        *(
-            f"{f'{o}/{i}':{width}}  {_least(estimate, a, b):>15}  "
-            f"{np.median(estimate.coherence[:, a, b]):7.4f}  "
-            f"{100 * np.median(estimate.std[:, a, b] / np.maximum(np.abs(frf.H[:, a, b]), 1e-300)):20.3g}"
-            for b, i in enumerate(frf.inputs)
-            for a, o in enumerate(frf.outputs)
-        ),
-        *(f"note: {note}" for note in notes),
-        "in a study:",
-        "  [[measurements]]",
-        f'  file = "{options.out.name}"',
-        *([f"  averages = {averages}"] if uff else []),
+    return Answer(
+        None,
+        [
+            f"{options.out}: {frf.quantity} [{frf.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
+            f"{'reference' if frf.base else 'force'}(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to "
+            f"{frf.frequency[-1]:.4g} Hz, {options.estimator} of {estimate.n_averages[0]} blocks worth "
+            f"{estimate.effective_averages[0]:.3g} independent ones",
+            table,
+            *noted(notes),
+            "in a study:",
+            "  [[measurements]]",
+            f'  file = "{options.out.name}"',
+            *([f"  averages = {averages}"] if uff else []),
+        ],
     )
 
 

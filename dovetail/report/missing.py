@@ -207,7 +207,7 @@ def _excluded(result: RunResult, shown: Shown) -> list[Markup]:
     kinds = (tag("option", name) for name, _ in planning.named_kinds(result.excluded))
     return [
         paragraph(planning.EXCLUDED),
-        table(planning.EXCLUDED_HEAD, planning.excluded_rows(result.excluded)),
+        table(*planning.table_of_excluded(result.excluded).texts()),
         shown.figure(
             "excluded",
             "The structure coloured by the sizes above; the list above the figure chooses the effect.",

@@ -122,7 +122,7 @@ def test_a_notebook_shows_shares_rows_and_pairs(file):
     assert shown.twins == [planning.twin_text(*pair) for pair in shown.plan.twins]
     html = shown._repr_html_()
     assert "<table" in html
-    assert all(cell in html for cell in planning.HEAD)
+    assert all(cell in html for cell in planning.table_of_kinds(shown.rows).texts()[0])
 
 
 # The command ----------------------------------------------------------------------------------------------
@@ -268,8 +268,9 @@ def test_a_map_without_relevant_sizes_is_not_drawn(planned, tmp_path):
 
 def test_sizes_at_which_nothing_is_named_have_words(planned):
     row = planning.kind_rows(planned)[0]
-    nowhere = planning.cells_of(replace(row, smallest="", largest="", blind=row.n))
-    partly = planning.cells_of(replace(row, smallest="mass 1 kg", largest="", blind=3))
+    sizes = (("", row.n), ("mass 1 kg", 3))
+    rows = [replace(row, smallest=smallest, largest="", blind=blind) for smallest, blind in sizes]
+    nowhere, partly = planning.table_of_kinds(rows).texts()[1]
     assert nowhere[-2:] == ("none", "")
     assert partly[-2:] == ("mass 1 kg", "not at 3")
 
@@ -346,8 +347,9 @@ def test_the_report_has_a_table_of_what_is_excluded(sound, tmp_path):
     html = "".join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
     assert "<figure" not in html  # without a figure the table stands alone
     assert planning.EXCLUDED in html
-    assert all(head in html for head in planning.EXCLUDED_HEAD)
-    (row,) = (r for r in planning.excluded_rows(plan) if r[0] == "point mass")
+    head, rows = planning.table_of_excluded(plan).texts()
+    assert all(text in html for text in head)
+    (row,) = (r for r in rows if r[0] == "point mass")
     assert row[1].startswith("mass ")
     assert re.sub(r"\s", " ", row[1]) in re.sub(r"\s|&nbsp;", " ", html)
     assert missing._excluded(SimpleNamespace(excluded=None), Shown(Album(tmp_path))) == []
