@@ -8,7 +8,7 @@ from typing import Any
 from dovetail.commands.common import Options
 from dovetail.disk.output import write_json
 from dovetail.file.contents import Study
-from dovetail.report.table import Table, write_csv, write_xlsx
+from dovetail.report.table import Column, Table, write_csv, write_xlsx
 from fem.io.atomic import goes_to_stdout
 
 
@@ -74,7 +74,8 @@ class Answer:
         }
 
     def _tables(self) -> list[Table]:
-        """Return all tables: large ones in the place of printed ones of their title."""
+        """Return all tables, large ones in the place of printed ones; without any, the lines."""
         large = {t.title: t for t in (self.full, *self.sheets) if t is not None}
         shown = [large.pop(p.title, p) for p in self.printed if isinstance(p, Table)]
-        return [*shown, *large.values()]
+        lines = [p for p in self.printed if isinstance(p, str)]
+        return [*shown, *large.values()] or [Table.of("result", Column("result", lines))]

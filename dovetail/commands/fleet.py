@@ -42,7 +42,16 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.fleet.diagnosing import diagnose_outliers
     from dovetail.fleet.run import JOURNAL, UNITS, run_fleet
     from dovetail.fleet.triage import Fleet
-    from dovetail.fleet.written import PAGE, PICTURE, RANKING, as_dict, lines_of, rows_of, write_files
+    from dovetail.fleet.written import (
+        PAGE,
+        PICTURE,
+        RANKING,
+        as_dict,
+        lines_of,
+        ranking,
+        rows_of,
+        write_files,
+    )
 
     folder: Path = options.out or Path(f"fleet-{options.study.stem}")
     files = [Path(f) for f in dict.fromkeys(options.units)]
@@ -65,4 +74,4 @@ def run(options: Options, progress: Progress) -> Answer:
     progress("writing", 1, 1)
     write_files(found, rows, study, folder, failures)
     printed = [*lines_of(found, rows, study, failures), f"written to {folder}"]
-    return Answer(study, printed, as_dict(found, rows, study, diagnoses, failures))
+    return Answer(study, printed, as_dict(found, rows, study, diagnoses, failures), full=ranking(rows))

@@ -43,12 +43,12 @@ def run(options: Options, progress: Progress) -> Answer:
         found = run_modes(study, options.out, progress, force=options.force)
         notes = noted(found.study.measured_notes)
         printed = [*mode_lines(study.name, found.diagnosis), *notes, "", str(found.report)]
-        return Answer(study, printed, mode_result_dict(found))
+        return Answer(None, printed, mode_result_dict(found))
     done = pipeline.run(
         study, options.out, progress, force=options.force, processes=options.processes or cores()
     )
     return Answer(
-        study,
+        None,  # JSON is result.json
         [
             f"{study.name}: {done.diagnosis.verdict}",
             words.headline(done),

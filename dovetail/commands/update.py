@@ -86,7 +86,7 @@ def run(options: Options, progress: Progress) -> Answer:
             write_csv(scratch / REFITS, _table_of(refits))
     u = result.updated
     return Answer(
-        study,
+        None,  # JSON is update.json
         [
             f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
             u.table(),

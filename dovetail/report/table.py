@@ -157,10 +157,10 @@ class Table:
 
 
 def columns_of(
-    names: Iterable[str], values: np.ndarray, unit: str = "", show: str = ".5g", scale: float = 1.0
+    names: Iterable[str], values: np.ndarray, unit: str = "", show: str = ".5g", **more: Any
 ) -> list[Column]:
     """Return a column for each of the columns of ``values`` (n_rows, n)."""
-    return [Column(name, v, unit, show, scale) for name, v in zip(names, np.transpose(values), strict=True)]
+    return [Column(n, v, unit, show, **more) for n, v in zip(names, np.transpose(values), strict=True)]
 
 
 def write_csv(path: Path, table: Table) -> None:
