@@ -51,8 +51,8 @@ COMMANDS = (
     buckling, transient, spectrum, psd, open_desk, run, report, export, compare, candidates, locate, diagnose,
     history, identify_modes, match, update, identify_joint, fleet,
 )  # fmt: skip
-"""In the order of the help; each has HELP, EXAMPLE, add_arguments and run, which returns an `Answer`;
-RESULTS, if there are some, are its files."""
+"""In the order of the help; each has HELP, EXAMPLE and run, which returns an `Answer`; RESULTS are its
+files and add_arguments adds its other options, if there are some."""
 
 WITHOUT_STUDY = (new, frf_estimate, report)
 WITHOUT_TABLES = (*WITHOUT_STUDY, open_desk, run, export, identify_joint)
@@ -184,7 +184,8 @@ def build_parser() -> argparse.ArgumentParser:
             p.add_argument("--xlsx", type=Path, metavar="FILE", help="also write the tables for Excel: .xlsx")
         p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
         p.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        command.add_arguments(p)
+        if hasattr(command, "add_arguments"):
+            command.add_arguments(p)
         if results is not None:
             results.add_arguments(p)
     return parser

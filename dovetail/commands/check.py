@@ -1,6 +1,5 @@
 """``dovetail check``: probable faults of the model, and what ``dovetail run`` would refuse."""
 
-import argparse
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
@@ -17,10 +16,6 @@ from fem.summary import counted
 HELP = "list probable faults of the model, such as loose parts, and what 'run' would refuse"
 EXAMPLE = "dovetail check study.toml --picture faults.png"
 RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True)
-
-
-def add_arguments(_: argparse.ArgumentParser) -> None:
-    """Add no option besides those of the files."""
 
 
 def run(options: Options, progress: Progress) -> Answer:

@@ -47,7 +47,7 @@ def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] =
     Parameters
     ----------
     options : Options
-        With the study and, if asked for, the files for JSON and Excel.
+        With the study, if the command has one, and the files for JSON and Excel, if asked for.
     outputs : Output
         All others.
     more : sequence of InputFile
@@ -65,8 +65,10 @@ def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] =
         raise OutputError(msg)
     if xlsx is not None:
         office("openpyxl")
-    known = (*input_files(options.study), *more)
-    check_outputs(known, *outputs, Output("--json", options.json), Output("--xlsx", xlsx))
+    study = getattr(options, "study", None)
+    known = (*(() if study is None else input_files(study)), *more)
+    json = getattr(options, "json", None)
+    check_outputs(known, *outputs, Output("--json", json), Output("--xlsx", xlsx))
 
 
 def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import AddEffect, SetValues, values_by_name, whole_up_to
+from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
 from dovetail.commands.bands import columns_of_bands
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.disk.output import Progress
@@ -52,13 +52,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--fitted", action="store_true", help="fit the uncertain parameters and the added effects first"
     )
     p.set_defaults(added=[])
-    p.add_argument(
-        "--bands",
-        type=whole_up_to(1000),
-        default=6,
-        metavar="N",
-        help="number of equal frequency bands (default 6)",
-    )
+    add_bands(p)
 
 
 def run(options: Options, progress: Progress) -> Answer:

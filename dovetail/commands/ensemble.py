@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_pool, whole, whole_up_to
+from dovetail.commands.argument_types import add_kind, add_pool, whole, whole_up_to
 from dovetail.commands.common import Options, assumptions, check_places, loaded
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.load_cases import refuse_gauges
@@ -41,11 +41,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="folder of samples and results (default: ensemble-STUDY); a run that was stopped, and one with "
         "more samples, continues there",
     )
-    p.add_argument(
-        "--kind",
-        choices=["receptance", "mobility", "accelerance"],
-        help="kind of FRF (default: that of the measurement, or accelerance)",
-    )
+    add_kind(p)
     add_lines(p)
     add_pool(p, "samples")
 

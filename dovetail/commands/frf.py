@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import positive
+from dovetail.commands.argument_types import add_kind, positive
 from dovetail.commands.common import Options, loaded, noted, write_with_nodes
 from dovetail.commands.labels import NodeNumbers, own_labels
 from dovetail.commands.results import Results, Written
@@ -28,11 +28,7 @@ MOST_VALUES = 50_000_000
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--kind",
-        choices=["receptance", "mobility", "accelerance"],
-        help="kind of FRF (default: that of the measurement, or accelerance)",
-    )
+    add_kind(p)
     add_rpm(p)
     add_lines(p)
 

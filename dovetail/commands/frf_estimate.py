@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import number_up_to, positive, values_by_name, whole_up_to
 from dovetail.commands.common import Options, noted, warn
-from dovetail.disk.output import Output, OutputError, Progress, check_outputs
-from dovetail.file.paths import InputFile
+from dovetail.commands.results import Results, Written
+from dovetail.disk.output import OutputError, Progress
 from dovetail.report.table import Column, Table
 from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
 from fem.io.atomic import replacing
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 HELP = "estimate FRFs from time data, with coherence"
 EXAMPLE = "dovetail frf-estimate hits.wav --force ch1 --scale ch1=230,ch2=98.1 --hits 0.8 --out frf.npz"
 
+RESULTS = Results(
+    picture="FRFs and coherences",
+    more=(Written("--out", "file to write", (".npz", ".uff", ".unv"), required=True),),
+    read={"records": "a record of time data"},
+)
 Floats = NDArray[np.float64]
 STILL_RINGING = 0.05
 """A response whose level at the end of a block is above this part of its peak has not died away [-]."""
@@ -36,7 +41,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "records", type=Path, nargs="+", metavar="FILE",
         help="time data: .wav, .tdms, .csv, .txt, .npz, .mat, .h5 or .uff; records of hits are joined",
     )  # fmt: skip
-    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz or .uff")
     p.add_argument(
         "--force", "--reference", nargs="+", metavar="CHANNEL",
         help="channels of forces (default: those in a unit of force), or of the motions that "
@@ -80,7 +84,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--estimator", choices=["H1", "H2", "Hv"], default="H1", help="default H1")
     p.add_argument("--band", type=positive, nargs=2, metavar="HZ", help="lines to keep")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw FRFs and coherences (.png)")
 
 
 def labels_by_name(text: str) -> dict[str, str]:
@@ -112,15 +115,6 @@ def run(options: Options, progress: Progress) -> Answer:
     """Estimate FRFs and write them."""
     from fem.io.time_data import read_time_data
 
-    suffix = options.out.suffix.lower()
-    if suffix not in (".npz", ".uff", ".unv"):
-        msg = f"{options.out}: estimated FRFs are written as .npz or .uff, not '{suffix}'"
-        raise OutputError(msg)
-    if options.picture is not None and options.picture.suffix.lower() != ".png":
-        msg = f"{options.picture}: the picture is written as .png"
-        raise OutputError(msg)
-    inputs = [InputFile(path, "a record of time data") for path in options.records]
-    check_outputs(inputs, Output("--out", options.out), Output("--picture", options.picture))
     if len(options.records) > 1 and options.hits is None:
         msg = "several records are joined where --hits cuts blocks of them; give one record, or --hits"
         raise OutputError(msg)

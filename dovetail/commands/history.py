@@ -1,7 +1,5 @@
 """``dovetail history``: what has changed since the first of several states, state by state."""
 
-import argparse
-
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, loaded, noted
 from dovetail.commands.results import Results
@@ -12,10 +10,6 @@ from fem.model import Effect
 HELP = "find what has changed in each of several states since the first one"
 EXAMPLE = "dovetail history study.toml --picture history.png"
 RESULTS = Results(picture="what changed when")
-
-
-def add_arguments(_: argparse.ArgumentParser) -> None:
-    """Add no option besides those of the files."""
 
 
 def run(options: Options, progress: Progress) -> Answer:

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import count, whole_up_to
+from dovetail.commands.argument_types import add_bands, count
 from dovetail.commands.bands import columns_of_bands
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.disk.output import Progress
@@ -18,13 +18,7 @@ SHARE = "share of the misfit that a small change would explain"
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--bands",
-        type=whole_up_to(1000),
-        default=6,
-        metavar="N",
-        help="number of equal frequency bands (default 6)",
-    )
+    add_bands(p)
     p.add_argument(
         "--number", type=count, default=20, metavar="N", help="sensors and places to print (default 20)"
     )
@@ -57,7 +51,7 @@ def run(options: Options, progress: Progress) -> Answer:
     places = Table.of(
         "places",
         Column("place", [words.place(name) for name, _ in shares]),
-        Column(SHARE, [s for _, s in shares], "%", ".1f", 100),
+        Column(SHARE, [s for _, s in shares], "%", "{:.1f} %".format, 100, head=SHARE),
     )
     return Answer(
         study,

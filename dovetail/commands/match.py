@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import positive
+from dovetail.commands.argument_types import add_placing
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
@@ -27,14 +27,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "geometry", type=Path, help="universal file with points, or a table (CSV) of name, x, y, z"
     )
-    p.add_argument(
-        "--tolerance", type=positive, default=0.01, metavar="M", help="largest distance [m] (default 0.01)"
-    )
-    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
-    p.add_argument("--same-axes", action="store_true", help="the geometry has the model's axes and origin")
-    p.add_argument(
-        "--alternative", type=int, metavar="K", help="which of several placements, as an error numbers them"
-    )
+    add_placing(p, "model")
 
 
 def run(options: Options, progress: Progress) -> Answer:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import positive
+from dovetail.commands.argument_types import add_placing, positive
 from dovetail.commands.common import Options, noted, warn
 from dovetail.disk.output import OutputError, Progress, result_folder
 
@@ -49,17 +49,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="S",
         help="metres in the mesh's unit, 0.001 for mm",
     )
-    p.add_argument(
-        "--tolerance", type=positive, default=0.01, metavar="M", help="largest distance [m] (default 0.01)"
-    )
-    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
-    p.add_argument("--same-axes", action="store_true", help="the geometry has the mesh's axes and origin")
-    p.add_argument(
-        "--alternative",
-        type=int,
-        metavar="K",
-        help="which of several placements, as 'dovetail match' numbers them",
-    )
+    add_placing(p, "mesh")
 
 
 def run(options: Options, progress: Progress) -> Answer:

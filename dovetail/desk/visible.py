@@ -93,7 +93,7 @@ class PlanView:
                 "label": h,
                 "field": h,
                 "align": "left",
-                "classes": "desk-share" if h.removesuffix(" %") in SHARES else "",
+                "classes": "desk-share" if h in SHARES else "",
             }
             for h in head
         ]

@@ -90,6 +90,7 @@ def table_of_excluded(plan: Plan) -> Table:
     )
 
 
+PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
 """At most so many pairs that a test does not tell apart are printed."""
 SHARES = ("seen", "located", "named")
@@ -125,9 +126,9 @@ def table_of_kinds(rows: Sequence[KindRow]) -> Table:
         Column("kind", [r.kind for r in rows]),
         Column("relevant size", [r.relevant for r in rows]),
         Column("n", [r.n for r in rows]),
-        Column("seen", [r.seen for r in rows], "%", ".0f", 100),
-        Column("place", [r.located for r in rows], "%", ".0f", 100),
-        Column("named", [r.named for r in rows], "%", ".0f", 100),
+        Column("seen", [r.seen for r in rows], "%", PERCENT, 100, head="seen"),
+        Column("place", [r.located for r in rows], "%", PERCENT, 100, head="place"),
+        Column("named", [r.named for r in rows], "%", PERCENT, 100, head="named"),
         Column("named from", [r.smallest or "none" for r in rows]),
         Column("to", to),
     )
@@ -274,7 +275,7 @@ def table_of_check(checked: Sequence[Trial]) -> Table:
             column
             for k, what in enumerate(("seen", "named"))
             for column in (
-                Column(f"{what}: map", chances[:, k], "%", ".0f", 100),
+                Column(f"{what}: map", chances[:, k], "%", PERCENT, 100, head=f"{what}: map"),
                 Column(
                     "drawn (95 %)",
                     [_with_interval(sum(getattr(t, what) for t in some), len(some)) for some in groups],

@@ -129,6 +129,7 @@ def test_a_notebook_shows_shares_rows_and_pairs(file):
 
 KEYS = {
     "study", "measured", "noise_db", "left_db", "relevant_sizes", "coverage", "kinds", "effects", "warnings",
+    "mesh_notes", "measured_notes", "assumptions",
 }  # fmt: skip
 
 
