@@ -65,12 +65,13 @@ class Column:
         return any(isinstance(v, str) for v in self.values)
 
     def scaled(self) -> list[Any]:
-        """Return words, whole numbers and scaled numbers, None where a number is missing."""
+        """Return words, whole numbers and scaled numbers of Python; those that are missing as they are."""
         return [_scaled(v, self.scale) for v in self.values]
 
     def texts(self) -> list[str]:
         """Return the cells as they are printed, a dash where a number is missing."""
-        return ["-" if v is None else v if isinstance(v, str) else self._text(v) for v in self.scaled()]
+        cells = self.scaled()
+        return ["-" if _is_missing(v) else v if isinstance(v, str) else self._text(v) for v in cells]
 
     def _text(self, value: Any) -> str:
         if callable(self.show):
@@ -79,12 +80,13 @@ class Column:
 
 
 def _scaled(value: Any, scale: float) -> Any:
-    """Return a number of Python, times its scale; None for a number that is missing."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, str | bool | int):
-        return value * scale if scale != 1 and isinstance(value, int) else value
-    return value * scale if math.isfinite(value) else None
+    """Return a number as one of Python, times its scale; words and None as they are."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return value if scale == 1 or value is None or isinstance(value, str) else value * scale
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and not math.isfinite(value))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +166,7 @@ def columns_of(
 
 
 def write_csv(path: Path, table: Table) -> None:
-    """Write a table as CSV with nine digits, whole or not at all; missing numbers are ``nan``."""
+    """Write a table as CSV with nine digits, whole or not at all; numbers that are None are ``nan``."""
     head, rows = table.of_files()
     with replacing(path) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         for row in (head, *rows):
@@ -213,7 +215,9 @@ def _add_sheet(book: Any, title: str, table: Table) -> None:
     for k, text in enumerate(head, 1):
         sheet.column_dimensions[letter(k)].width = max(WIDTH, len(text) + 2)
     for n, row in enumerate((head, *rows)):
-        sheet.append([_word_cell(sheet, v, None if n else bold) if isinstance(v, str) else v for v in row])
+        font = None if n else bold
+        cells = [None if _is_missing(v) else v for v in row]
+        sheet.append([_word_cell(sheet, v, font) if isinstance(v, str) else v for v in cells])
 
 
 def _word_cell(sheet: Any, text: str, font: Any) -> Any:
