@@ -219,11 +219,13 @@ def read_superelements(
         path = folder / file
         name = t.text("name", path.stem)
         units = t.get("units", "SI")
-        sets = t.text("node_sets", "")
+        sets, deck = t.text("node_sets", ""), t.text("deck", "")
+        for key, other in (("deck", deck), ("node_sets", sets)):
+            if other and not (folder / other).is_file():
+                t.refuse(key, f"there is no file '{folder / other}'")
         with t.at("file"):
-            part = read_matrices(path, units if isinstance(units, str) else tuple(units))
-        if sets and not (folder / sets).is_file():
-            t.refuse("node_sets", f"there is no file '{folder / sets}'")
+            places = folder / deck if deck else None
+            part = read_matrices(path, units if isinstance(units, str) else tuple(units), deck=places)
         with t.at("node_sets"):
             known = read_node_sets(folder / sets) if sets else {}
         attachments = [_attachment(a, geometry, known) for a in t.tables("attach")]

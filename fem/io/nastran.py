@@ -452,6 +452,41 @@ def _reals(column: list[str], n: int) -> NDArray[np.float64]:
         return np.array(list(map(real, column)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Grids:
+    """Grid points: numbers (n,), basic coordinates (n, 3), and displacement axes (3, 3) where not basic."""
+
+    numbers: NDArray[np.int64]
+    points: NDArray[np.float64]
+    axes: dict[int, NDArray[np.float64]]
+
+
+def read_grids(bulk: BulkData) -> Grids:
+    """Return the grid points of a deck.
+
+    Raises
+    ------
+    MeshError
+        As :func:`read_nastran`.
+    """
+    reader = _Reader(Path(), bulk)
+    for run in runs_of(bulk):
+        if run.name in ("GRID", "GRDSET", *SYSTEMS):
+            reader._run(run)
+    numbers, points = reader._points()
+    cd = dict(zip(*reader.grids.all()[0].T[[0, 2]].tolist(), strict=True))
+    default = reader._default_of("GRDSET", 5)
+    axes: dict[int, NDArray[np.float64]] = {}
+    for number, point in zip(numbers.tolist(), points, strict=True):
+        system = default if cd[number] == _BLANK else cd[number]
+        if system > 0:
+            axes[number] = reader.systems.axes_at(system, point, f"grid point {number}")
+        elif system < 0:
+            msg = f"grid point {number} is a fluid point (CD -1), which no part of a structure has"
+            raise MeshError(msg)
+    return Grids(numbers, points, axes)
+
+
 def read_nastran(path: Path) -> RawMesh:
     """Read the lines of a Nastran file; each property number is a set, ``"property 3"``.
 

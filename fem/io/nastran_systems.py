@@ -92,6 +92,28 @@ class Systems:
         axes, origin = self._frame(number, place)
         return _cartesian(self.named[number].kind, xyz) @ axes + origin
 
+    def axes_at(self, number: int, point: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+        """Return the directions of a system at a point in basic coordinates, as rows (3, 3).
+
+        Raises
+        ------
+        MeshError
+            As :meth:`to_basic`.
+        """
+        axes, origin = self._frame(number, place)
+        x, y, z = axes @ (point - origin)
+        kind = self.named[number].kind
+        if kind == "R":
+            return axes
+        phi = np.arctan2(y, x)
+        c, s = np.cos(phi), np.sin(phi)
+        radial, around = c * axes[0] + s * axes[1], c * axes[1] - s * axes[0]
+        if kind == "C":
+            return np.stack([radial, around, axes[2]])
+        theta = np.arctan2(np.hypot(x, y), z)
+        c, s = np.cos(theta), np.sin(theta)
+        return np.stack([s * radial + c * axes[2], c * radial - s * axes[2], around])
+
     def _frame(self, number: int, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         waiting: list[tuple[int, str]] = [(number, place)]
         under_way: dict[int, None] = {}
