@@ -8,6 +8,7 @@ import numpy as np
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
+from fem.effects.superelement import Superelement
 from fem.effects.places import OnJoint, frame_of, parameters_of
 from fem.elements.frame import Frame
 from fem.model import (
@@ -97,7 +98,9 @@ class JointOffset(OnJoint):
         out: list[Effect] = []
         if not model.of_kind(Frame):
             return ()
-        reach = float(np.median([np.sqrt(p.section.A) for p in frame_of(model).members.values()]))
+        sides = [np.sqrt(p.section.A) for p in frame_of(model).members.values()]
+        sides = sides or [2 * part.reach for part in model.of_kind(Superelement) if part.reach > 0]
+        reach = float(np.median(sides or [0.01 * model.mesh.size]))
         for j in model.of_kind(Joint):
             for d in DIRECTIONS[:3]:
                 L = _lever(d, reach)

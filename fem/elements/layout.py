@@ -110,7 +110,9 @@ def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[n
         "higher": np.array([float(p.mass == "higher-order") for p, _ in kinds]),
         "lumped": np.array([float(p.mass == "lumped") for p, _ in kinds]),
         "tension": np.array([p.pretension for p, _ in kinds]),
-        "up": np.array([np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]),
+        "up": np.array(
+            [np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]
+        ).reshape(-1, 3),
     }
     for d in ("y", "z"):
         # theories without shear have k = 0; section changes may ask for Timoshenko's value all the same
