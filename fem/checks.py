@@ -111,7 +111,9 @@ def _of_structure(model: Model, tolerance: float | None) -> tuple[Defect, ...]:
 
 def _geometry(mesh: Mesh, tolerance: float | None, ties: Pairs) -> tuple[Defect, ...]:
     length = mesh.lengths()
-    near = tolerance if tolerance is not None else min(1e-3 * mesh.size, 0.1 * float(length.min(initial=np.inf)))
+    near = (
+        tolerance if tolerance is not None else min(1e-3 * mesh.size, 0.1 * float(length.min(initial=np.inf)))
+    )
     part = _parts(mesh, ties)
     tied = _Linked(mesh, ties)
     return (

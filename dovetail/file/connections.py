@@ -2,15 +2,17 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.file.condensed import WORTH_KEEPING, fingerprint, store, stored
 from dovetail.file.geometry import Geometry
 from dovetail.file.parts import read_axes
+from dovetail.file.paths import CONDENSED
 from dovetail.file.table import Table, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
@@ -230,6 +232,8 @@ class ForeignPart:
     held : bool
     eta : float
         Loss factor [-].
+    folder : Path
+        Of the study; a large part that has been condensed is kept there.
     """
 
     table: Table
@@ -241,18 +245,30 @@ class ForeignPart:
     max_frequency: float | None
     held: bool
     eta: float
+    folder: Path
 
     def reduced(self, mesh: Mesh, highest: float, notes: list[str]) -> Superelement:
         """Return the part reduced to its points and modes; what looks odd is noted."""
-        top = self.max_frequency or 2 * highest
+        top = None if self.n_modes is not None else self.max_frequency or 2 * highest
+        file, key = self.folder / f"{self.name}{CONDENSED}", ""
+        if self.matrices.n >= WORTH_KEEPING:
+            key = fingerprint(self.matrices, mesh, self.attachments, (self.n_modes, top, self.held))
+            points = tuple(a.point for a in self.attachments)
+            known = stored(file, key, self.name, self.matrices, points)
+            if known is not None:
+                notes.extend(known[1])
+                return replace(known[0], eta=self.eta)
         with self.table.at(), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             out = Superelement.from_matrices(
                 self.name, self.matrices, mesh, self.attachments, held=self.held, eta=self.eta,
-                n_modes=self.n_modes, max_frequency=None if self.n_modes is not None else top,
+                n_modes=self.n_modes, max_frequency=top,
                 residual=self.n_modes is None,
             )  # fmt: skip
-        notes.extend(str(w.message) for w in caught)
+        said = [str(w.message) for w in caught]
+        if key:
+            store(file, key, out, said)
+        notes.extend(said)
         return out
 
 
@@ -282,7 +298,7 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
         )
         held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
         t.finish()
-        found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta)
+        found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta, folder)
         out.append(ForeignPart(t, name, part, *found))
     return tuple(out)
 

@@ -42,6 +42,9 @@ FILES: dict[tuple[str, ...], str] = {
 }
 """Keys of a study that name files, without the numbers of tables, and the files' roles."""
 
+CONDENSED = ".condensed.npz"
+"""End of the names of files with condensed parts, which follow from others."""
+
 INCLUDING = (".inp", ".bdf", ".dat", ".nas")
 """Suffixes of mesh files that may include others."""
 
@@ -142,7 +145,8 @@ def input_files(study: Path) -> tuple[InputFile, ...]:
                 with suppress(OSError, MatricesError):
                     base, files = matrix_files(path)
                     stems = (f"{path.stem}.", f"{base}.", *(f"{file.stem}." for file in files.values()))
-                    out += [InputFile(p, what) for p in path.parent.iterdir() if p.name.startswith(stems)]
+                    beside = [p for p in path.parent.iterdir() if p.name.startswith(stems)]
+                    out += [InputFile(p, what) for p in beside if not p.name.endswith(CONDENSED)]
             elif keys in (("mesh", "file"), ("superelements", "deck"), ("superelements", "node_sets")):
                 out += [InputFile(p, f"included by {what}") for p in _included(path)]
     return tuple(out)

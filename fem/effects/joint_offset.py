@@ -8,8 +8,8 @@ import numpy as np
 
 from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
-from fem.effects.superelement import Superelement
 from fem.effects.places import OnJoint, frame_of, parameters_of
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.model import (
     DIRECTIONS,

@@ -109,7 +109,7 @@ def _residual_modes(
     V = V[:, strong] / np.sqrt(strength[strong])
     X = X @ V  # of unit stiffness now, so that the eigenvalues of M are 1/ω²
     nu, V = np.linalg.eigh(symmetrised(X.T @ (M @ X)))
-    keep = nu > 1e-9 * nu.max(initial=0.0)
+    keep = np.flatnonzero(nu > 1e-9 * nu.max(initial=0.0))[::-1]
     return X @ V[:, keep] / np.sqrt(nu[keep]), 1 / nu[keep]
 
 
