@@ -31,9 +31,9 @@ def fingerprint(
     digest = hashlib.sha256(repr((FORMAT, *settings)).encode())
     for X in (part.K, part.M, part.C, part.D):
         for array in () if X is None else (X.data, X.indices, X.indptr):
-            digest.update(memoryview(np.ascontiguousarray(array)))
+            digest.update(np.ascontiguousarray(array).tobytes())
     for array in (part.node, part.direction, part.nodes, part.points):
-        digest.update(memoryview(np.ascontiguousarray(array)))
+        digest.update(np.ascontiguousarray(array).tobytes())
     for a in attachments:
         digest.update(repr((a.point, a.nodes, a.tie, a.weights, mesh.points[a.point].tolist())).encode())
     return digest.hexdigest()
@@ -42,7 +42,7 @@ def fingerprint(
 def stored(
     file: Path, key: str, name: str, part: Matrices, points: tuple[int, ...]
 ) -> tuple[Superelement, list[str]] | None:
-    """Return the condensed part of a file and its notes; None if there is none, or it is of something else."""
+    """Return the condensed part of a file and its notes; None if it is missing or of something else."""
     try:
         with np.load(file, allow_pickle=False) as arrays:
             if str(arrays["key"]) != key:

@@ -99,7 +99,8 @@ class JointOffset(OnJoint):
         if not model.of_kind(Frame):
             return ()
         sides = [np.sqrt(p.section.A) for p in frame_of(model).members.values()]
-        sides = sides or [2 * part.reach for part in model.of_kind(Superelement) if part.reach > 0]
+        # a joint between parts is among the nodes of its attachments: bounds of twice their reach
+        sides = sides or [part.reach / 5 for part in model.of_kind(Superelement) if part.reach > 0]
         reach = float(np.median(sides or [0.01 * model.mesh.size]))
         for j in model.of_kind(Joint):
             for d in DIRECTIONS[:3]:

@@ -255,7 +255,7 @@ class Superelement(Effect):
         mode of the model by λ² (pᵀu)²/(λ_k - λ), to first order; u is the mode at the points. All of them
         together lower it by at most λ² uᵀ G u/(1 - λ/λ_limit), G = :attr:`left_out`. Half of that relative
         to λ is the error of the frequency, which is too high. With residual modes the terms in λ and λ² of
-        1/(λ_k - λ) are exact, and λ⁴ takes the place of λ².
+        1/(λ_k - λ) are exact, and λ⁴ takes the place of λ²; it is an estimate then, good to a factor of 2.
 
         Parameters
         ----------

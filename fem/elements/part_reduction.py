@@ -87,9 +87,9 @@ def reduce_inside(
     rest = symmetrised(P.T @ static - (p.T / omega2) @ p)
     if residual:
         more, higher = _residual_modes(static - modes @ (p / omega2[:, None]), rest, Mzz)
-        q = more.T @ P
-        Y = Mzz @ static
-        rest = symmetrised(Y.T @ solve(Y) - (p.T / omega2**3) @ p - (q.T / higher**3) @ q)
+        inertia = Mzz @ (more @ ((more.T @ P) / higher[:, None]))
+        W = solve(inertia) - more @ ((more.T @ inertia) / higher[:, None])
+        rest = symmetrised(W.T @ (Kzz @ W))
         modes, omega2 = np.hstack([modes, more]), np.concatenate([omega2, higher])
     return psi, modes, omega2, rest, following
 
