@@ -116,6 +116,8 @@ def _run(result: RunResult | ModeRunResult) -> list[tuple[str, str]]:
 
 def _mesh(study: Study) -> tuple[str, str]:
     mesh = study.model.mesh
+    if not mesh.n_lines:
+        return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"
     size = describe_sizes(mesh.lengths())
     return (
         "mesh",
