@@ -12,8 +12,6 @@ from PIL import Image, features
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
 CSS = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
-bullets, paragraph, table = Items, Text, Table
-"""Blocks as a page written in HTML uses them, see `dovetail.commands.update_report`."""
 _QUALITY = 82
 """Of pictures in the page; the files beside it are whole."""
 

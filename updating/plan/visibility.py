@@ -382,6 +382,23 @@ class Sight:
             return np.maximum(level - (1 / self.averaged - 1) * noise, self.averaged * level)
         return level + noise + self.left**2
 
+    @cached_property
+    def _learned(self) -> tuple[Floats, Floats]:
+        """What the data say of combinations of uncertain parameters, (n,), and each group's part, (n, g).
+
+        Shares of all that is known of them afterwards. With a larger misfit the data say less, and the
+        evidence takes less for parameters that are free: that counts for the wrong model.
+        """
+        look, m = self.look, self._n
+        J, known = look.slopes[:, : 2 * m] * np.sqrt(np.tile(look.weights[:m], 2)), look.slopes[:, 2 * m :]
+        groups = np.tile(look.share > 0, (2, 1)).T
+        said = [J[:, here] @ J[:, here].T for here in groups]
+        total = np.sum(said, axis=0) + known @ known.T
+        L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
+        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in said]
+        values, U = np.linalg.eigh(np.sum(parts, axis=0))
+        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
+
     def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes (n, m).
 
@@ -408,20 +425,26 @@ class Sight:
         levels = self.look.likelihood
         floor, beyond = levels.cost(self._level), self._level - levels.noise
         least = levels.least + np.maximum(beyond, 0.0)
+        learned, by_group = self._learned
 
         def gains(a: Floats) -> Floats:
             v = np.maximum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
             below = np.minimum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
             cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
-            out: Floats = cost - floor + a**2 * squares[:, -1]
+            weaker = least / (levels.least + v)
+            unpaid = 0.5 * np.log(1 - learned + weaker @ by_group.T + 1e-12).sum(axis=1)
+            out: Floats = cost - floor + a**2 * squares[:, -1] + unpaid
             return out
 
         slope = 0.5 * squares[:, :-1] @ (levels.n / least) + squares[:, -1]
         seen = slope > 0
-        low = np.where(seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), np.inf)  # gains are concave in a²
+        low = np.where(
+            seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), np.inf
+        )  # gains are no more than linear in a²
         squares, high = np.where(seen[:, None], squares, 1.0), np.where(seen, low, 1.0)
         for _ in range(N_DOUBLED):
             high = np.where(gains(high) < wanted, 2 * high, high)
+        seen &= gains(high) >= wanted  # of more parameters than data nothing is ever seen
         bottom = np.where(seen, low, 1.0)
         for _ in range(N_HALVED):
             middle = np.sqrt(bottom * high)
