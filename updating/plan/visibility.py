@@ -52,7 +52,7 @@ LITTLE, FAR = 0.1, 4.0
 """What uncertain parameters do is compared at so many prior standard deviations."""
 WIDE = 0.3
 """Of those with larger standard deviations of a logarithm [-]."""
-MOST_POSITIONS = 12_000
+MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
