@@ -4,8 +4,8 @@ A missing effect changes what is measured. What uncertain parameters, the form a
 of that is taken away, with their priors. The rest makes the effect likelier than nothing, and than any other
 effect at its best. The map shows the least sizes at which either is enough.
 
-All this is by small changes: whatever is fitted follows resonances wherever they go, so that what is left is
-small. How much a large effect is of a small one is seen where resonances are broad, at complex frequencies.
+The computation is linear in small changes: a fit follows resonances wherever they move, so that the rest is
+small. Complex frequencies, at which resonances are broad, show how many small changes a large effect makes.
 """
 
 from collections.abc import Callable, Sequence
@@ -114,7 +114,7 @@ class Visible:
 
     @property
     def effect(self) -> Effect:
-        """The effect as it is not, at the position."""
+        """The effect at the position, with size zero."""
         return self._of(0.0)
 
     @property
