@@ -49,7 +49,7 @@ class KindRow:
 
 
 def size_text(effect: Effect) -> str:
-    """Return the size of an effect in words of the field, such as a depth of a cut, or its first parameter."""
+    """Return the size of an effect in words of the field, or its first parameter."""
     if said := effect.size_in_words():
         return said
     p = effect.parameters()[0]
