@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from docs.make import gallery, pages
-from docs.make.stored import Store
+from docs.make.stored import CACHE, Store
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,4 +44,4 @@ if __name__ == "__main__":
     parser.add_argument("out", type=Path, help="folder of the pages; its earlier contents are removed")
     parser.add_argument("--fresh", action="store_true", help="compute all results again")
     options = parser.parse_args()
-    main(options.out, Store(ROOT / ".docs-cache", options.fresh))
+    main(options.out, Store(CACHE / "results", options.fresh))

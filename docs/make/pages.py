@@ -9,7 +9,7 @@ import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from docs.make.stored import NO_STORE, Result, Store, contents, digest, program
+from docs.make.stored import CACHE, NO_STORE, Result, Store, contents, digest, program
 
 COMMANDS = re.compile(r"^```console (\S+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 """Commands that are run in a folder of the repository, or a copy of it: ```console examples/first-frame."""
@@ -101,6 +101,8 @@ def expand(text: str, target: Path, root: Path, store: Store = NO_STORE) -> str:
 def environment_of(root: Path, **more: str) -> dict[str, str]:
     """Return the environment of a process that imports the packages of a checkout."""
     paths = os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])
+    if sys.dont_write_bytecode:  # else each of forty processes would compile all modules
+        more |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(CACHE / "bytecode")}
     return {**os.environ, "PYTHONPATH": paths, **more}
 
 

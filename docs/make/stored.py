@@ -17,6 +17,7 @@ from platform import machine, python_version
 from threading import get_ident
 
 ROOT = Path(__file__).parents[2]
+CACHE = ROOT / ".docs-cache"
 PACKAGES = ("dovetail", "viz", "joint", "updating", "fem")
 """In the order of the import contracts: each imports only those after it."""
 
