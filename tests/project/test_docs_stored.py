@@ -1,5 +1,8 @@
 """Stored results of the documentation: reused where nothing has changed, computed again where it has."""
 
+import subprocess
+import sys
+
 import pytest
 
 from docs.make import gallery, pages, stored
@@ -129,6 +132,15 @@ def test_an_example_runs_again_only_when_an_input_has_changed(tmp_path, store, p
     assert built() == ("4\n5", True)
     program["fem"] = "2"
     assert built() == ("4\n5", True)
+
+
+def test_processes_compile_modules_once_even_where_byte_code_is_not_wanted(monkeypatch):
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setattr("sys.dont_write_bytecode", True)
+    code = "import sys; print(sys.dont_write_bytecode, sys.pycache_prefix)"
+    environment = pages.environment_of(stored.ROOT)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.split() == ["False", str(stored.CACHE / "bytecode")]
 
 
 @pytest.mark.parametrize(
