@@ -20,6 +20,7 @@ from fem.io.abaqus_content import (
 )
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
+from fem.io.faults import error_at
 from fem.io.frame_deck import Equation, Link
 from fem.mesh import MeshError
 
@@ -86,8 +87,7 @@ class ConstraintBuilder:
             self.links.append(Link(name=name, node=b, dependents=(a,), directions=directions))
         elif kind == "LINK":
             if near:
-                msg = f"{place}: *MPC LINK joins nodes at one place; write PIN"
-                raise MeshError(msg)
+                raise error_at(place, "*MPC LINK joins nodes at one place; write PIN")
             along = self.content.points[b] - self.content.points[a]
             along = along / np.linalg.norm(along)
             self._add(

@@ -9,6 +9,7 @@ from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, fault, lines_of
 from fem.io.abaqus_deck import Block
 from fem.io.abaqus_systems import Systems
+from fem.io.faults import error_at
 from fem.io.frame_deck import Body, Connection, Link
 from fem.mesh import MeshError
 
@@ -147,8 +148,7 @@ class PointBuilder:
         for row, kind in enumerate(self.content.kinds):
             if kind.name in keywords and row not in seen:
                 number, keyword = self.content.number(row), keywords[kind.name]
-                msg = f"{kind.place}: *ELEMENT {number} of type {kind.name} has no {keyword}"
-                raise MeshError(msg)
+                raise error_at(kind.place, f"*ELEMENT {number} of type {kind.name} has no {keyword}")
 
     def connectors(self) -> tuple[Link, ...]:
         """Return rigid connectors: BEAM, WELD and, between nodes at one place, JOIN.

@@ -147,9 +147,8 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     offsets = offsets + profile.centroid @ _along(axis, up)[1:]
     if profile.centroid.any():
         deck.notes.add(
-            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear "
-            "centre, which "
-            "is elsewhere, needs the effect of the shear centre", profile.card)  # fmt: skip
+            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear centre, "
+            "which is elsewhere, needs the effect of the shear centre", profile.card)  # fmt: skip
     stiffness = np.stack([_pins(card, 8 + end) for end in (0, 1)])
     return Bar(card, ends, place, profile, up, offsets, _turned(card, _needed(stiffness), profile))
 

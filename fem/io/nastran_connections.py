@@ -45,9 +45,10 @@ def _conm2(deck: NastranDeck, card: Card) -> Body:
 def _body(deck: NastranDeck, card: Card, node: int, mass: float, arm: Floats, inertia: Floats) -> Body:
     """Return a body of a mass and inertia in the deck's units, and an arm in SI."""
     if mass < 0 or np.linalg.eigvalsh(inertia)[0] < -1e-6 * max(np.abs(inertia).max(), 1e-300):
-        card.refuse(f"has the mass {mass:g} and an inertia of the principal values "
-                    f"{', '.join(f'{v:g}' for v in np.linalg.eigvalsh(inertia))}; they cannot be "
-                    f"negative")  # fmt: skip
+        values = ", ".join(f"{v:g}" for v in np.linalg.eigvalsh(inertia))
+        card.refuse(
+            f"has the mass {mass:g} and an inertia of the principal values {values}; they cannot be negative"
+        )
     factor, units = deck.mass_factor, deck.units
     return Body(
         name=str(card),
@@ -98,9 +99,8 @@ def _scalar_body(
     values = {at.get(k, 0.0) for k in range(3) if DIRECTIONS[k] not in fixed or not _global(axes)}
     if len(values) > 1:
         card.refuse(
-            "is a mass in some directions only, and the grid point is free in others; a body has the "
-            "same mass "
-            "in all of them"
+            "is a mass in some directions only, and the grid point is free in others; a body has the same "
+            "mass in all of them"
         )
     turning = np.diag([at.get(k, 0.0) for k in (3, 4, 5)])
     return _body(deck, card, node, values.pop() if values else 0.0, np.zeros(3), axes.T @ turning @ axes)
@@ -183,9 +183,8 @@ def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], f
     turning = [n for n in (a, b) if not set(DIRECTIONS[3:]) <= set(fixed.get(n, ()))]
     if component < 3 and turning and np.linalg.norm(np.cross(axis, arm)) > 1e-6 * np.linalg.norm(arm):
         deck.notes.add(
-            "it acts across the line between its grid points, where Nastran leaves the moments "
-            "unbalanced; here "
-            "rigid arms from the middle balance them", card)  # fmt: skip
+            "it acts across the line between its grid points, where Nastran leaves the moments unbalanced; "
+            "here rigid arms from the middle balance them", card)  # fmt: skip
 
 
 def _scale(deck: NastranDeck, translation: bool, damper: bool) -> float:

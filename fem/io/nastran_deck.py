@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.io.deck import integer
 from fem.io.deck_units import Units
+from fem.io.faults import error_at
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, each_card, real
 from fem.mesh import MeshError
@@ -38,8 +39,7 @@ class Card:
 
     def refuse(self, reason: str) -> NoReturn:
         """Raise a MeshError that names the card."""
-        msg = f"{self.place}: {self} {reason}"
-        raise MeshError(msg)
+        raise error_at(self.place, f"{self} {reason}")
 
     def __str__(self) -> str:
         return f"{self.name} {self.text(0)}".strip()

@@ -158,16 +158,14 @@ class Properties:
         kinds = {key[0] for key in self.made}
         if self.consistent:
             yield (
-                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods "
-                "lumped mass, "
-                "which is nearer to Nastran's coupled mass: that of motions along them lies midway "
+                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods lumped "
+                "mass, which is nearer to Nastran's coupled mass: that of motions along them lies midway "
                 "between the two"
             )
         elif "CBAR" in kinds:
             yield (
-                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for "
-                "CBAR without "
-                "inertia of torsion"
+                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for CBAR "
+                "without inertia of torsion"
             )
         else:
             yield "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end"
@@ -292,8 +290,7 @@ def _tapered(
             if error > STATION_ERROR:
                 card.refuse(
                     f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a "
-                    f"taper; "
-                    "divide the beam there"
+                    "taper; divide the beam there"
                 )
             reader.deck.notes.add("stations between the ends are left out; the section tapers evenly", card)
     if not same and not first.shape:

@@ -59,8 +59,7 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
         if len(roots) > 1:
             cards[0].refuse(
                 f"is in one of the sets {', '.join(map(str, roots))}, and there is no case control that "
-                f"selects "
-                f"one; write {key} = {roots[0]} and BEGIN BULK before the cards, or delete the others"
+                f"selects one; write {key} = {roots[0]} and BEGIN BULK before the cards, or delete the others"
             )
         chosen = roots[0]
         deck.notes.plain.append(f"there is no case control; {key} set {chosen} is taken")
