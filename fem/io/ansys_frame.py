@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from fem.io.ansys_deck import AnsysDeck, Element, ignored_notes, read_deck
-from fem.io.ansys_sections import PlacedSection, placed_section, round_of_area, section_of_constants
+from fem.io.ansys_sections import PlacedSection, placed_section
 from fem.io.deck import named
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, Floats, FrameDeck, Link
+from fem.io.frame_sections import rod
 from fem.materials import Material, PropertyError
 from fem.model import DIRECTIONS, Damping
 from fem.sections.section import Section
@@ -332,7 +333,7 @@ class _Frame:
         r, u = lambda k: self._real(e, k), self.units
         if kind in _LINKS:
             added = {180: r(2), 8: 0.0}.get(kind, 0.0) * u.mass_per_length
-            one = PlacedSection(round_of_area(r(1) * u.area), (0.0, 0.0), added)
+            one = PlacedSection(rod(r(1) * u.area), (0.0, 0.0), added)
             return one, one
         if kind == 16:
             one = PlacedSection(Section.tube(r(1) * u.length, r(2) * u.length))
@@ -355,7 +356,7 @@ class _Frame:
         """Return a section of real constants; SHEARZ goes with IZZ, and its inverse is ky."""
         a, i = self.units.area, self.units.second_moment
         ky, kz = (1 / f if f else 0.0 for f in (fz, fy))
-        section = section_of_constants(A * a, Iy * i, Iz * i, (J or Iy + Iz) * i, ky, kz)
+        section = Section(A * a, Iy * i, Iz * i, (J or Iy + Iz) * i, ky, kz, label="constants")
         return PlacedSection(section, (0.0, 0.0), added * self.units.mass_per_length)
 
     def _taper(
