@@ -25,6 +25,7 @@ from fem.io.deck_units import Units
 from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck
 from fem.io.frame_nodes import Nodes
+from fem.io.frame_parts import terms_of
 from fem.materials import PropertyError
 from fem.mesh import Mesh, MeshWarning, free_name
 from fem.model import DIRECTIONS, Damping, Effect, Model, ModelError, lever_matrix
@@ -351,18 +352,13 @@ def _carried_terms(
     terms: Sequence[tuple[int, str, float]], nodes: Nodes
 ) -> tuple[tuple[int, str, float], ...]:
     """Return the terms of an equation at points of the mesh."""
-    out: dict[tuple[int, str], float] = {}
+    motions = []
     for row, direction, coefficient in terms:
         carrier = nodes.carrier(row)
-        if carrier is None:
-            continue
-        lever = lever_matrix(nodes.deck.points[row] - nodes.deck.points[carrier])
-        for d, factor in zip(DIRECTIONS, lever[DIRECTIONS.index(direction)], strict=True):
-            if factor:
-                key = (nodes.index(carrier), d)
-                out[key] = out.get(key, 0.0) + coefficient * float(factor)
-    largest = max((abs(v) for v in out.values()), default=0.0)
-    return tuple((p, d, v) for (p, d), v in out.items() if abs(v) > 1e-12 * largest)
+        if carrier is not None:
+            lever = lever_matrix(nodes.deck.points[row] - nodes.deck.points[carrier])
+            motions.append((nodes.index(carrier), coefficient * lever[DIRECTIONS.index(direction)]))
+    return terms_of(motions)
 
 
 def _joint(deck: FrameDeck, nodes: Nodes, c: Connection) -> Iterator[Joint]:

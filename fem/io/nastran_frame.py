@@ -19,7 +19,7 @@ from fem.io.nastran_connections import BODIES, bodies_of, connections_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_names import HARMLESS, READ
 from fem.io.nastran_properties import BEAMS
-from fem.io.nastran_rigid import constraints_of, supports_of
+from fem.io.nastran_rigid import constraints_of, fixed_of
 from fem.model import Damping, ModelError
 
 APPLIED: Final = (
@@ -83,7 +83,7 @@ def read_nastran_frame(path: Path, units: Units) -> FrameDeck:
     """
     deck = open_deck(path, units)
     _check(deck)
-    supports, skew = supports_of(deck)
+    supports, skew = fixed_of(deck)
     bars, properties, twists = bars_of(deck)
     bodies = bodies_of(deck, supports)
     connections = [*connections_of(deck, supports), *twists]
