@@ -25,6 +25,7 @@ from fem.io.abaqus import read_abaqus_nodes
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of
+from fem.io.faults import error_at
 from fem.io.matrix_market import MOST_ROWS
 from fem.io.part_files import ENDINGS, matrix_files, read_part
 from fem.matrices import Matrices, MatricesError
@@ -131,8 +132,7 @@ def write_matrices(
             np.savez_compressed(file, **arrays)
         return (path,)
     if path.suffix.lower() != ".mtx":
-        msg = f"{path.name}: matrices are written as .npz or .mtx, not '{path.suffix}'"
-        raise MatricesError(msg)
+        raise error_at(path.name, f"matrices are written as .npz or .mtx, not '{path.suffix}'", MatricesError)
     files = []
     for key in "KMCDQ":
         X = getattr(matrices, key)
@@ -227,8 +227,7 @@ def read_matrices(
         msg = f"{path.name}: matrices are read from {allowed}, .mat and .sti files, not '{path.suffix}'"
         raise MatricesError(msg)
     if suffix == ".npz" and not path.is_file():
-        msg = f"{path}: there is no such file"
-        raise MatricesError(msg)
+        raise error_at(path, "there is no such file", MatricesError)
     found = _npz(path) if suffix == ".npz" else read_part(path, None if deck is None else Path(deck))
     for base in {path.stem, matrix_files(path)[0]} if suffix != ".npz" and "K" in found else ():
         table = path.with_name(f"{base}.dofs.csv")
@@ -277,8 +276,7 @@ def _built(
         axes = {p: R.T for p, R in found.get("axes", {}).items()}
         return (matrices.turned(axes) if axes else matrices).scaled(units)
     except MatricesError as reason:
-        msg = f"{name}: {reason}"
-        raise MatricesError(msg) from reason
+        raise error_at(name, f"{reason}", MatricesError) from reason
 
 
 def _parsed(
@@ -304,8 +302,7 @@ def _npz(path: Path) -> dict[str, Any]:
             loaded: Any = np.load(file, allow_pickle=False)
             arrays = {"array": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
         except Exception as reason:  # damaged archives raise whatever zipfile, zlib and numpy come upon
-            msg = f"{path.name}: it cannot be read as .npz ({reason})"
-            raise MatricesError(msg) from reason
+            raise error_at(path.name, f"it cannot be read as .npz ({reason})", MatricesError) from reason
     name = path.name
     found: dict[str, Any] = {
         key: typed(arrays, key, name, what, n_axes, MatricesError)
@@ -324,8 +321,7 @@ def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_arra
     """Return the matrix whose entries are ``K_row``, ``K_column`` and ``K_value``."""
     missing = [f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays]
     if missing:
-        msg = f"{name}: {key}_value is there, but {', '.join(missing)} is missing"
-        raise MatricesError(msg)
+        raise error_at(name, f"{key}_value is there, but {', '.join(missing)} is missing", MatricesError)
     row, column, shape = (
         typed(arrays, f"{key}_{part}", name, "whole", 1, MatricesError) for part in ("row", "column", "shape")
     )
@@ -350,11 +346,9 @@ def _table(file: Path, n: int) -> dict[str, Any]:
     try:
         lines = list(csv.reader(text_of(file).splitlines()))
     except csv.Error as reason:
-        msg = f"{file.name}: it is no table ({reason})"
-        raise MatricesError(msg) from None
+        raise error_at(file.name, f"it is no table ({reason})", MatricesError) from None
     if not lines or lines[0] != ["row", "label", "node", "direction", "x_m", "y_m", "z_m"]:
-        msg = f"{file.name}: its first line is not row,label,node,direction,x_m,y_m,z_m"
-        raise MatricesError(msg)
+        raise error_at(file.name, "its first line is not row,label,node,direction,x_m,y_m,z_m", MatricesError)
     labels, place = [""] * n, {}
     for k, cells in enumerate(lines[1:], start=2):
         try:
@@ -374,8 +368,7 @@ def _table(file: Path, n: int) -> dict[str, Any]:
             msg = f"{file.name}: line {k} is {','.join(cells)[:80]!r}; seven cells are expected"
             raise MatricesError(msg) from None
     if "" in labels:
-        msg = f"{file.name}: there is no line about row {labels.index('') + 1} of {n}"
-        raise MatricesError(msg)
+        raise error_at(file.name, f"there is no line about row {labels.index('') + 1} of {n}", MatricesError)
     return {
         "labels": np.array(labels),
         "nodes": np.array(list(place)),
@@ -444,8 +437,7 @@ def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     bad = next((k for k, pair in enumerate(pairs) if pair is None), None)
     if bad is not None:
         found = f"line {bad + 1} is {words[bad][:30]!r}"
-        msg = f"{file.name}: {found}; node and direction are expected, such as 12.3"
-        raise MatricesError(msg)
+        raise error_at(file.name, f"{found}; node and direction are expected, such as 12.3", MatricesError)
     numbers = np.array([[int(p.group(1)), int(p.group(2))] for p in pairs if p], dtype=np.int64).reshape(
         -1, 2
     )
@@ -469,8 +461,7 @@ def _triplets(file: Path, n: int, diagonal: bool) -> sp.csr_array:
             warnings.simplefilter("error")  # so NumPy says that it met something else than a number
             table = np.fromstring(text, sep=" ").reshape(-1, 3)
     except (ValueError, DeprecationWarning):
-        msg = f"{file.name}: row, column and value are expected on every line"
-        raise MatricesError(msg) from None
+        raise error_at(file.name, "row, column and value are expected on every line", MatricesError) from None
     rows, cols = (table[:, k].astype(np.int64) - 1 for k in (0, 1))
     outside = (np.minimum(rows, cols) < 0) | (np.maximum(rows, cols) >= n)
     if outside.any():

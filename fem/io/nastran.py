@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck import Budget, integer, named
+from fem.io.faults import error_at
 from fem.io.nastran_cards import BulkData, Replicator, Run, columns_of, fields_of, real, runs_of
 from fem.io.nastran_names import DEFAULTS, HARMLESS, LINES, NAMED, READ, REFUSED, SYSTEMS
 from fem.io.nastran_systems import Systems
@@ -170,18 +171,15 @@ class _Reader:
             raise
         except ValueError as reason:
             shown = ", ".join(fields[:6]).rstrip(", ")
-            msg = f"{self.bulk.place(row)}: {name} {shown[:60]} cannot be read: {reason}"
-            raise MeshError(msg) from reason
+            raise error_at(self.bulk.place(row), f"{name} {shown[:60]} cannot be read: {reason}") from reason
 
     def _default(self, name: str, fields: list[str], row: int) -> None:
         place = self.bulk.place(row)
         before = self.defaults.setdefault(name, (fields, place))
         if before[0] != fields:
-            msg = (
-                f"{place}: {name} gives other defaults than the one at {before[1]}; only one {name} is "
-                "allowed"
+            raise error_at(
+                place, f"{name} gives other defaults than the one at {before[1]}; only one {name} is allowed"
             )
-            raise MeshError(msg)
 
     def _grid_card(self, fields: list[str], row: int) -> None:
         cp, cd = (integer(f) if f else _BLANK for f in (fields[1], fields[5]))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck import Budget, DeckFile, Files, integer
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 _CONTROL = re.compile(r"^[ \t]*(BEGIN|ENDDATA|INCLUDE)\b", re.MULTILINE | re.IGNORECASE)
@@ -460,8 +461,7 @@ class Replicator:
         elif name == "=" or name == self.before[0]:
             self._pattern, count = fields, 1
         else:
-            msg = f"{place()}: {name[:20]} takes fields of a {self.before[0]} card, which is another"
-            raise MeshError(msg)
+            raise error_at(place(), f"{name[:20]} takes fields of a {self.before[0]} card, which is another")
         self.budget.take(count, place(), name)
         found = []
         for _ in range(count):
