@@ -21,7 +21,7 @@ TABLE = re.compile(r"^<!-- table (\S+) -->$", re.MULTILINE)
 """A table of comma-separated values: <!-- table benchmarks/validation/seeds.csv -->"""
 
 FILE = re.compile(r"^<!-- file (\S+) -->$", re.MULTILINE)
-"""A text file, shown as it is: <!-- file examples/first-frame/study.toml -->"""
+"""A text file of the repository, or one that a command has written: <!-- file examples/first-frame/study.toml -->"""
 
 BOOK = re.compile(r"^<!-- book (\w+) -->$", re.MULTILINE)
 """A table of the benchmark book, by the name of its source, or ``summary``."""
@@ -89,11 +89,17 @@ def expand(text: str, target: Path, root: Path, store: Store = NO_STORE) -> str:
         shutil.copy(source, work / source.name)
         return f"![{match[2]}]({work.name}/{source.name})"
 
+    def file(match: re.Match[str]) -> str:
+        written = work / "_run" / match[1]
+        return listing(written if written.is_file() else root / match[1])
+
     text = COMMANDS.sub(commands, text)
     text = PICTURE.sub(picture, text)
     text = TABLE.sub(lambda match: table(root / match[1]), text)
     text = FILE.sub(lambda match: listing(root / match[1]), text)
     text = BOOK.sub(lambda match: shelved(match[1], store), text)
+    text = FILE.sub(file, text)
+    text = BOOK.sub(lambda match: shelved(match[1]), text)
     shutil.rmtree(work / "_run", ignore_errors=True)
     return text
 
