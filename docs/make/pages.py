@@ -96,10 +96,8 @@ def expand(text: str, target: Path, root: Path, store: Store = NO_STORE) -> str:
     text = COMMANDS.sub(commands, text)
     text = PICTURE.sub(picture, text)
     text = TABLE.sub(lambda match: table(root / match[1]), text)
-    text = FILE.sub(lambda match: listing(root / match[1]), text)
-    text = BOOK.sub(lambda match: shelved(match[1], store), text)
     text = FILE.sub(file, text)
-    text = BOOK.sub(lambda match: shelved(match[1]), text)
+    text = BOOK.sub(lambda match: shelved(match[1], store), text)
     shutil.rmtree(work / "_run", ignore_errors=True)
     return text
 
