@@ -21,7 +21,7 @@ TABLE = re.compile(r"^<!-- table (\S+) -->$", re.MULTILINE)
 """A table of comma-separated values: <!-- table benchmarks/validation/seeds.csv -->"""
 
 FILE = re.compile(r"^<!-- file (\S+) -->$", re.MULTILINE)
-"""A text file of the repository, or one that a command has written: <!-- file examples/first-frame/study.toml -->"""
+"""A text file, of the repository or written by a command: <!-- file examples/first-frame/study.toml -->"""
 
 BOOK = re.compile(r"^<!-- book (\w+) -->$", re.MULTILINE)
 """A table of the benchmark book, by the name of its source, or ``summary``."""
