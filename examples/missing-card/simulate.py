@@ -6,6 +6,7 @@ The truth shares no code with Dovetail: K and M are those of OpenSees' Timoshenk
 modulus is 1 % below the deck's and the damping is modal. The bolts at one end of the crossbeam let it turn.
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,8 @@ LINES += [(CROSS, FRONT, BACK, UP), (ROD, FEET[3], TOP[2], (0, 1, 0))]
 
 PLACES = {  # node of the test: position [m], directions of its accelerometers
     1: ((0, 0, 0.8), "xy"), 2: ((0.9, 0, 0.8), "y"), 3: ((0.9, 0.6, 0.8), "x"), 4: ((0.45, 0.15, 0.8), "xz"),
-    5: ((0.45, 0.45, 0.8), "z"), 6: ((0.9, 0.3, 0.8), "z"), 7: ((0.9, 0.6, 0.4), "xy"), 8: ((0.45, 0.6, 0.4), "z"),
+    5: ((0.45, 0.45, 0.8), "z"), 6: ((0.9, 0.3, 0.8), "z"), 7: ((0.9, 0.6, 0.4), "xy"),
+    8: ((0.45, 0.6, 0.4), "z"),
 }  # fmt: skip
 HAMMER = ("1x", "2y", "4z")
 FREQUENCY = np.arange(5.0, 150.25, 0.5)
@@ -77,11 +79,13 @@ def matrices(hidden=HIDDEN):
             ops.node(tags[0], *FRONT)
         x = np.subtract(b, a) / np.linalg.norm(np.subtract(b, a))
         ops.geomTransf("Linear", k, *np.cross(x, h_axis).tolist())
-        for i, j in zip(tags, tags[1:], strict=False):  # h is along local y
+        for i, j in pairwise(tags):  # h is along local y
             n_elements += 1
             G = E / 2 / (1 + NU)
-            ops.element("ElasticTimoshenkoBeam", n_elements, i, j, E, G, A, J, Ib, Ih, shear * A, shear * A, k,
-                        "-mass", RHO * A, "-cMass")  # fmt: skip
+            ops.element(
+                "ElasticTimoshenkoBeam", n_elements, i, j, E, G, A, J, Ib, Ih, shear * A, shear * A, k,
+                "-mass", RHO * A, "-cMass",
+            )  # fmt: skip
     ops.system("FullGeneral")
     ops.numberer("Plain")
     ops.constraints("Plain")
