@@ -12,12 +12,22 @@ from dovetail.report import words
 from dovetail.result import RunResult, bands_of_lines
 from fem.analysis.frf import FRF
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
+
+STAIRCASE = (
+    "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
+    "lines held out from it. The grey floor is measurement noise and mesh error."
+)
+
+FRF_ERROR = (
+    "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself."
+)
 
 _NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
@@ -39,6 +49,18 @@ class Models:
     frfs: Mapping[str, FRF]
     steps: tuple[int, ...]
     deviations: Mapping[str, NDArray[np.float64]]
+
+
+def staircase_alt(d: Diagnosis) -> str:
+    """Return the staircase in words."""
+    steps = "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
+    return f"Error after each step: {steps}; noise floor {d.noise_floor_db:.2f} dB."
+
+
+def error_steps(d: Diagnosis) -> list[tuple[str, float, float | None]]:
+    """Return label and errors of each step, on the lines of the fit and on those held out [dB]."""
+    held = (s.held_out_db if np.isfinite(s.held_out_db) else None for s in d.steps)
+    return [(words.step_label(s.label), s.fit_db, h) for s, h in zip(d.steps, held, strict=True)]
 
 
 def compared_models(result: RunResult) -> Models:

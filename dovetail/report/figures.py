@@ -16,6 +16,7 @@ from dovetail.report.drawn import (
     candidate_labels,
     compared_models,
     error_bands,
+    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
@@ -158,12 +159,7 @@ def _misfit(result: RunResult) -> Figure | None:
 
 
 def _staircase(result: RunResult) -> Figure:
-    d = result.diagnosis
-    steps = [
-        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
-        for s in d.steps
-    ]
-    return staircase_figure(steps, d.noise_floor_db, height=430)
+    return staircase_figure(error_steps(result.diagnosis), result.diagnosis.noise_floor_db, height=430)
 
 
 def _probability(result: RunResult) -> Figure | None:

@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 
 from dovetail.report import words
+from dovetail.report.blocks import Picture
 from dovetail.report.drawn import (
+    FRF_ERROR,
+    STAIRCASE,
     candidate_labels,
     compared_models,
     error_bands,
+    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
@@ -20,6 +24,7 @@ from dovetail.report.drawn import (
     misfit_steps,
     ranking_caption,
     rivals,
+    staircase_alt,
     telling_pairs,
 )
 from dovetail.result import RunResult
@@ -47,15 +52,6 @@ MANY = 40
 Say = Callable[[str, float], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A picture: its file, its description for readers who cannot see it, and its caption."""
-
-    file: Path
-    alt: str
-    caption: str
-
-
 @dataclass(slots=True)
 class Album:
     """The pictures of a report by name, and failures of drawing.
@@ -74,10 +70,6 @@ class Album:
 
     def __getitem__(self, name: str) -> Picture | None:
         return self.pictures.get(name)
-
-    def starting(self, prefix: str) -> list[Picture]:
-        """Return the pictures whose names begin so, in the order in which they were drawn."""
-        return [p for name, p in self.pictures.items() if name.startswith(prefix)]
 
     def add(
         self, name: str, draw: Callable[[Path], Any], alt: str, caption: str = "", suffix: str = ".png"
@@ -124,18 +116,11 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
 
 def _draw_errors(result: RunResult, album: Album) -> None:
     d = result.diagnosis
-    steps = [
-        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
-        for s in d.steps
-    ]
     album.add(
         "staircase",
-        lambda p: save_staircase(steps, d.noise_floor_db, p),
-        "Error after each step: "
-        + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
-        + f"; noise floor {d.noise_floor_db:.2f} dB.",
-        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
-        "lines held out from it. The grey floor is measurement noise and mesh error.",
+        lambda p: save_staircase(error_steps(d), d.noise_floor_db, p),
+        staircase_alt(d),
+        STAIRCASE,
     )
     top = misfit_limit(result)
     for name, step, what in misfit_steps(result):
@@ -250,8 +235,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
             DPI,
         ),
         "Relative error of all FRFs together over frequency, for " + ", ".join(models) + ".",
-        "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response "
-        "itself.",
+        FRF_ERROR,
     )
 
 
