@@ -79,6 +79,16 @@ def compared_models(result: RunResult) -> Models:
     )
 
 
+def noise_of(d: Diagnosis) -> NDArray[np.float64]:
+    """Return the standard deviation of the measured FRFs by noise, (n_freq, n_out, n_in)."""
+    return np.abs(d.measured.H) * np.broadcast_to(d.problem.data.noise, d.measured.H.shape)
+
+
+def smoothing(frf: FRF) -> int:
+    """Return the number of lines over which errors of FRFs are smoothed."""
+    return max(1, frf.n_freq // 150)
+
+
 def rivals(result: RunResult) -> dict[int, Ranked]:
     """Return the candidate that comes nearest to each finding, by the finding's number."""
     d = result.diagnosis
@@ -170,17 +180,25 @@ def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
     return out
 
 
-def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None = None) -> str:
-    """Return the caption of a round's candidates."""
+def ranking_bars(result: RunResult, k: int) -> tuple[list[str], list[float], float, list[int], int | None]:
+    """Return a round's labels, residual levels and the level before [dB], twins, and the one accepted."""
     d = result.diagnosis
-    ranked = d.rounds[k] if ranked is None else ranked
-    found = d.findings[k] if k < len(d.findings) else None
-    labels = dict(zip([r.name for r in ranked], candidate_labels(ranked), strict=True))
-    accepted = labels.get(found.effect.name) if found else None
-    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
+    ranked, found = d.rounds[k], d.findings[k] if k < len(d.findings) else None
+    names = [r.name for r in ranked]
+    others = {t.name for t in found.twins} if found else set()
+    twins = [n for n, name in enumerate(names) if name in others]
+    accepted = names.index(found.effect.name) if found and found.effect.name in names else None
+    before = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
+    return candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked], before, twins, accepted
+
+
+def ranking_caption(result: RunResult, k: int) -> str:
+    """Return the caption of a round's candidates."""
+    labels, *_, accepted = ranking_bars(result, k)
+    outcome = "none of them" if accepted is None else labels[accepted]
     return (
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        f"uncertain parameters; {outcome}. They are ranked by their evidence, which also "
+        f"uncertain parameters; {outcome} is accepted. They are ranked by their evidence, which also "
         "counts the parameters of a law."
     )
 
