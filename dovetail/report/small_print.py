@@ -116,5 +116,7 @@ def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], 
 
 def _mesh(study: Study) -> tuple[str, str]:
     mesh = study.model.mesh
+    if not mesh.n_lines:
+        return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"
     size = f"{mesh.n_lines} elements of {describe_sizes(mesh.lengths())}"
     return "mesh", f"{size}, {study.model.n_dof} degrees of freedom before constraints"
