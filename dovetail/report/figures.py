@@ -276,7 +276,7 @@ def _frf_error(result: RunResult) -> Figure:
 def _modes(result: RunResult) -> Figure | None:
     d = result.diagnosis
     _, without, fitted = modes_of(d)
-    pair = most_changed(pair_modes(without, fitted)) if d.verdict == EFFECT else None
+    pair = most_changed(pair_modes(without, fitted, d.model.mesh.n_points)) if d.verdict == EFFECT else None
     return moving_modes(
         d.model, fitted, list(range(fitted.n_rigid, fitted.n_modes)), measured_shapes(result, fitted),
         first=pair.index if pair else -1,

@@ -73,6 +73,9 @@ class Outline:
 ID = "outline"
 """Of the element of a page that holds the outline."""
 
+_EMBEDDED = r'src="data:[^,]*,([^"]*)"[^>]*data-file="([^"]*)"'
+_WRITERS = "'dovetail run' or 'dovetail update'"
+
 
 def packed_outline(report: made.Report) -> str:
     """Return the story of a report as deflated JSON in base64, with pictures by the names of their files."""
@@ -118,7 +121,7 @@ def _values(block: made.Block) -> list[Any]:
 
 
 def read_outline(folder: Path) -> Outline:
-    """Return the story of the report in a folder that ``dovetail run`` has written.
+    """Return the story of the report in a folder of ``dovetail run`` or ``dovetail update``.
 
     Folded parts of the page and figures drawn by a script are left out; pictures come from ``pictures/``
     where they are there, else from the page.
@@ -130,28 +133,30 @@ def read_outline(folder: Path) -> Outline:
     """
     file = folder / REPORT
     if not file.is_file():
-        msg = f"{folder} has no {REPORT}; give a folder that 'dovetail run STUDY --out DIR' has written"
+        msg = f"{folder} has no {REPORT}; give a folder that {_WRITERS} has written"
         raise ReportError(msg)
     try:
         page = file.read_text(encoding="utf-8")
         found = re.search(f' id="{ID}">([^<]*)<', page)
         name, parts = json.loads(zlib.decompress(base64.b64decode(found[1] if found else "")))
+        (_, _, first), *rest = parts
+        embedded = {
+            k: data for data, k in re.findall(r'src="data:[^,]*,([^"]*)"[^>]*data-file="([^"]*)"', page)
+        }
+
+        def block(kind: str, *values: Any) -> Block:
+            if kind == "Picture":
+                return Picture(_content(folder / PICTURES / Path(values[0]).name, embedded), *values[1:])
+            return {"Text": Text, "Items": Items, "Table": Table}[kind](*values)
+
+        parts = (Part(heading, level, tuple(block(*b) for b in blocks)) for heading, level, blocks in rest)
+        return Outline(name, tuple(block(*b) for b in first), tuple(parts))
     except UnicodeDecodeError as reason:
-        msg = f"{file}: byte {reason.start} is not UTF-8; is it a report of 'dovetail run'?"
+        msg = f"{file}: byte {reason.start} is not UTF-8; is it a report of {_WRITERS}?"
         raise ReportError(msg) from reason
-    except (zlib.error, ValueError) as reason:
-        msg = f"{file} has no outline for other programs; write it again with this version's 'dovetail run'"
+    except (zlib.error, ValueError, LookupError, TypeError) as reason:
+        msg = f"{file} has no outline for other programs; write it again with this version by {_WRITERS}"
         raise ReportError(msg) from reason
-    embedded = {k: data for data, k in re.findall(r'src="data:[^,]*,([^"]*)"[^>]*data-file="([^"]*)"', page)}
-
-    def block(kind: str, *values: Any) -> Block:
-        if kind == "Picture":
-            return Picture(_content(folder / PICTURES / values[0], embedded), *values[1:])
-        return {"Text": Text, "Items": Items, "Table": Table}[kind](*values)
-
-    (_, _, first), *rest = parts
-    told = (Part(heading, level, tuple(block(*b) for b in blocks)) for heading, level, blocks in rest)
-    return Outline(name, tuple(block(*b) for b in first), tuple(told))
 
 
 def _content(file: Path, embedded: dict[str, str]) -> bytes:

@@ -31,8 +31,6 @@ from dovetail.report.outline import ID, packed_outline
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
 CSS = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
-bullets, paragraph, table = Items, Text, Table
-"""Blocks by the names that a page written in HTML uses, see `dovetail.commands.update_report`."""
 _QUALITY = 82
 """Of pictures in the page; the files beside it are whole."""
 
@@ -178,11 +176,6 @@ def _(block: Section) -> Markup:
 @html.register
 def _(block: Details) -> Markup:
     return tag("details", tag("summary", block.title), *block.blocks) + Markup("\n") if block else Markup()
-
-
-def image(file: Path, alt: str, caption: str = "") -> Markup:
-    """Return a figure with the image in it."""
-    return html(Picture(file, alt, caption))
 
 
 def figure(*content: object, caption: str = "", **attributes: object) -> Markup:

@@ -253,7 +253,7 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
     add_modes(album, model, fitted, titles, {}, say)
     if result.diagnosis.verdict != EFFECT:
         return
-    pair = most_changed(pair_modes(without, fitted))
+    pair = most_changed(pair_modes(without, fitted, model.mesh.n_points))
     if pair is None:
         return
     say("drawing the mode that changed most", 0.9)
