@@ -8,10 +8,11 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.stepping import said
-from dovetail.commands.update_report import REPORT, errors_before_and_after, write_update_report
+from dovetail.commands.update_report import errors_before_and_after, write_update_report
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
 from dovetail.report.table import Column, Table, columns_of, write_csv
+from dovetail.result import PICTURES, REPORT
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
 from updating.inference.updated import Updated
@@ -61,7 +62,7 @@ def run(options: Options, progress: Progress) -> Answer:
     if options.bootstrap is not None and options.bootstrap < LEAST:
         msg = f"--bootstrap {options.bootstrap}: at least {LEAST} resamples are needed"
         raise OutputError(msg)
-    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, "pictures"))]
+    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, PICTURES))]
     folder = options.out.with_name(f"{options.out.name}-bootstrap")
     if options.bootstrap is not None:
         places.append(Output("--out", folder, (JOURNAL,)))

@@ -50,7 +50,7 @@ class KindRow:
 
 
 def size_text(effect: Effect) -> str:
-    """Return the size of an effect as its trade says it, or else its first parameter."""
+    """Return the size of an effect in words of the field, or its first parameter."""
     if said := effect.size_in_words():
         return said
     p = effect.parameters()[0]
@@ -96,7 +96,7 @@ MOST_TWINS = 10
 SHARES = ("seen", "located", "named")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
-    "90 %. Where the estimate was checked, up to twice the size was needed."
+    "90 %. Where the estimate was checked, up to 1.7 times the size was needed."
 )
 
 

@@ -16,6 +16,7 @@ from fem.io.arrays import (
     write_npz,
 )
 from fem.io.column_frf import read_csv
+from fem.io.faults import error_at
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
 from fem.io.frame_model import model_of, read_model
 from fem.io.frf_files import READERS, read_frfs, reader_of
@@ -92,8 +93,7 @@ def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **
         return read_uff(path, kind=kind, **options).frf()
     reading = read_frfs(file, Asked(kind, **options))
     if not reading.phase:
-        msg = f"{file.name}: {WITHOUT_PHASE}"
-        raise TableError(msg)
+        raise error_at(file.name, f"{WITHOUT_PHASE}", TableError)
     return reading.frfs[0]
 
 

@@ -31,6 +31,7 @@ from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECT
 from fem.io.abaqus_parts import Part, Skipped
 from fem.io.abaqus_sets import Entry
 from fem.io.deck import Budget, integer, real
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.mesh import Mesh, MeshError
 
@@ -94,8 +95,7 @@ class DeckReader:
             except MeshError:
                 raise
             except (ValueError, IndexError) as reason:
-                msg = f"{block.place}: *{block.name} cannot be read: {reason}"
-                raise MeshError(msg) from reason
+                raise error_at(block.place, f"*{block.name} cannot be read: {reason}") from reason
         elif block.keyword in REFUSED:
             msg = (
                 f"{block.place}: *{block.name} {REFUSED[block.keyword]}, which is not supported; write the "
@@ -136,11 +136,10 @@ class DeckReader:
         name = block.option("NAME", "NAME=")
         if name in self.instances:
             before = self.instances[name].place
-            msg = (
-                f"{block.place}: the instance {name} is defined a second time, after {before}; give it "
-                "another name"
+            raise error_at(
+                block.place,
+                f"the instance {name} is defined a second time, after {before}; give it another name",
             )
-            raise MeshError(msg)
         data = [[real(c) for c in cells] for _, cells in block.rows()]
         turn, shift = generate.shift_and_turn(data)
         instance = Instance(name, block.option("PART", "PART="), block.place, turn, shift)
@@ -321,8 +320,7 @@ def element_rows(
         try:
             values = [integer(cell) for cell in cells_of(text) if cell]
         except ValueError as reason:
-            msg = f"{rows.place(k)}: *{block.name} takes whole numbers, but {reason}"
-            raise MeshError(msg) from reason
+            raise error_at(rows.place(k), f"*{block.name} takes whole numbers, but {reason}") from reason
         goes_on = bool(found) and len(found[-1]) <= count and rows.texts[k - 1].rstrip().endswith(",")
         if goes_on:
             found[-1] += values
@@ -363,8 +361,7 @@ def _first_cells(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[n
         try:
             numbers.append(integer(rows.texts[k].split(",", 1)[0]))
         except ValueError as reason:
-            msg = f"{rows.place(k)}: *{block.name} takes whole numbers, but {reason}"
-            raise MeshError(msg) from reason
+            raise error_at(rows.place(k), f"*{block.name} takes whole numbers, but {reason}") from reason
     return np.array(numbers, dtype=np.int64), np.asarray(rows.lines)[list(begins)]
 
 
@@ -372,11 +369,9 @@ def _span(cells: list[str], place: str) -> tuple[int, int, int]:
     try:
         first, last, step = (integer(cell) for cell in [*cells, "1"][:3])
     except ValueError as reason:
-        msg = f"{place}: first, last and step of a range are expected ({reason})"
-        raise MeshError(msg) from reason
+        raise error_at(place, f"first, last and step of a range are expected ({reason})") from reason
     if last < first or step < 1:
-        msg = f"{place}: the range {first} to {last} in steps of {step} is empty"
-        raise MeshError(msg)
+        raise error_at(place, f"the range {first} to {last} in steps of {step} is empty")
     return first, last, step
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fem.io.abaqus_parts import Part, Table
 from fem.io.abaqus_sets import Entry, Resolver
 from fem.io.deck import Budget, named
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
@@ -159,10 +160,9 @@ class Assembly:
         for name, instance in self.instances.items():
             part = self.parts.get(instance.part)
             if part is None:
-                msg = (
-                    f"{instance.place}: instance {name} refers to part {instance.part}, which the file lacks"
+                raise error_at(
+                    instance.place, f"instance {name} refers to part {instance.part}, which the file lacks"
                 )
-                raise MeshError(msg)
             owners[name] = (instance, [instance.own, part])
         used = {instance.part for instance in self.instances.values()}
         if not self.instances:
@@ -206,10 +206,9 @@ class Assembly:
         )
         if same.any():
             row = int(np.flatnonzero(same)[0])
-            msg = (
-                f"{elements[2](row)}: element {elements[0][row]} joins a node with itself; give it two nodes"
+            raise error_at(
+                elements[2](row), f"element {elements[0][row]} joins a node with itself; give it two nodes"
             )
-            raise MeshError(msg)
         self._points.append(nodes[1] @ instance.turn.T + instance.shift if instance.place else nodes[1])
         self._lines.append(chains)
         self._numbers[0].append(nodes[0])

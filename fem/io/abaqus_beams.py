@@ -1,6 +1,6 @@
 """Sections of Abaqus' and CalculiX' decks: *BEAM SECTION, *BEAM GENERAL SECTION and *SOLID SECTION."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from fem.io.abaqus_content import Content, Placed, check, data, fault, lines_of, numbers_of, whole
 from fem.io.abaqus_deck import Block
-from fem.io.abaqus_materials import Materials, material
-from fem.io.abaqus_sections import ABAQUS_K, DIMENSIONS, SHAPES, Shape, arbitrary, general
+from fem.io.abaqus_materials import Materials
+from fem.io.abaqus_sections import ABAQUS_K, SHAPES, Shape, arbitrary
 from fem.io.deck import real
+from fem.io.frame_sections import material_of, of_constants, rod, with_shear
 from fem.materials import Material, PropertyError
 from fem.sections.section import Section
 
@@ -53,8 +54,9 @@ class BeamReader:
         area = data(block, 0, 1, 1, "an area", 1)[0] * self.content.units.area
         if not area > 0:
             raise fault(block, f"has the area {area:g} m²; it must be positive")
-        circle = Shape(Section.circle(d=2 * np.sqrt(area / np.pi)))
-        return Beam(block, circle, self.materials.find(block.option("MATERIAL", "MATERIAL="), block))
+        return Beam(
+            block, Shape(rod(area)), self.materials.find(block.option("MATERIAL", "MATERIAL="), block)
+        )
 
     def beam(self, placed: Placed) -> Beam:
         """Return the section of beams.
@@ -101,15 +103,17 @@ class BeamReader:
         try:
             if kind == "GENERAL":
                 v = numbers_of(block, place, cells, 5, 7, "A, I11, I12, I22, J")
-                return Shape(general(v[0] * units.area, *(np.array(v[1:5]) * units.second_moment)))
+                I11, I12, I22, J = np.array(v[1:5]) * units.second_moment
+                return Shape(of_constants("GENERAL", v[0] * units.area, (I11, I22, I12), J, (1.0, 1.0)))
             if kind == "ARBITRARY":
                 first = numbers_of(block, place, cells[1:], 5, 5, "the ends of a segment and its thickness")
                 others = [numbers_of(block, p, c, 3, 3, "an end and a thickness") for p, c in rows[1:]]
                 return arbitrary([[x * units.length for x in row] for row in (first, *others)])
-            given = numbers_of(block, place, cells, *DIMENSIONS[kind])
+            least, most, what, section = SHAPES[kind]
+            given = numbers_of(block, place, cells, least, most, what)
             if kind == "CIRC" and len(given) == 1 and self.content.calculix:
                 given *= 2  # CalculiX takes thicknesses, Abaqus a radius
-            return SHAPES[kind]([x * units.length for x in given], max(nu, 0.0))
+            return section([x * units.length for x in given], max(nu, 0.0))
         except PropertyError as reason:
             raise fault(block, f": {reason}", place) from reason
 
@@ -143,28 +147,25 @@ class BeamReader:
             raise fault(block, f"has E = {E:g} and G = {G:g}; both must be positive", rows[0][0])
         if density is None:
             raise fault(block, "has no density, which natural frequencies need; write DENSITY=")
-        nu = E / (2 * G) - 1
-        kept = float(np.clip(nu, -0.9, 0.5))
         name = block.option("ELSET", "ELSET=")
-        return (1 + kept) * 2 * G / E, material(block, name, E * units.stress, density, kept)
+        try:
+            material, factor = material_of(name, E * units.stress, G * units.stress, E / (2 * G) - 1, density)
+        except PropertyError as reason:
+            raise fault(block, f": {reason}") from reason
+        return factor, material
 
     def _with_shear(self, placed: Placed, section: Section, mat: Material, factor: float) -> Section:
         """Return a section with another G, by a factor, and the areas of *TRANSVERSE SHEAR STIFFNESS."""
         block = placed.subs.get("TRANSVERSESHEARSTIFFNESS")
-        ky, kz = section.ky * factor, section.kz * factor
-        if block is not None:
-            K23, K13 = [*data(block, 0, 1, 2, "K23 and K13", 2), 0.0][:2]
-            ky, kz = (K * self.content.units.force / (mat.G * section.A) for K in (K13 or K23, K23))
-            if section.angle and ky != kz:
-                raise fault(block, "differs along 1 and 2, which are no principal axes of the section")
-        elif factor == 1.0:
-            return section
-        try:
-            return replace(
-                section, J=section.J * factor, ky=ky, kz=kz, shape="", dimensions={}, estimated_k=False
-            )
-        except PropertyError as reason:
-            raise fault(block or placed.block, f": {reason}") from reason
+        if block is None:
+            return with_shear(section, factor)
+        K23, K13 = [*data(block, 0, 1, 2, "K23 and K13", 2), 0.0][:2]
+        ky, kz = (K * self.content.units.force / (mat.G * section.A) for K in (K13 or K23, K23))
+        if section.angle and ky != kz:
+            raise fault(block, "differs along 1 and 2, which are no principal axes of the section")
+        if min(ky, kz) < 0:
+            raise fault(block, "is negative")
+        return with_shear(section, factor, (ky, kz))
 
     def _offset(self, placed: Placed, kind: str, shape: Shape) -> tuple[float, float]:
         """Return the centroid of the shape or of *CENTROID, and what OFFSET1 and OFFSET2 of CalculiX add.

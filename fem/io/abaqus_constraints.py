@@ -1,6 +1,5 @@
 """Constraints of Abaqus' and CalculiX' decks: *MPC, *EQUATION, *COUPLING, *RIGID BODY."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,7 +7,6 @@ from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import (
-    DIRECTIONS,
     Content,
     Placed,
     check,
@@ -20,24 +18,24 @@ from fem.io.abaqus_content import (
 )
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_systems import Systems
+from fem.io.faults import error_at
 from fem.io.frame_deck import Equation, Link
+from fem.io.frame_parts import Constraints
 from fem.mesh import MeshError
 
 Floats = NDArray[np.float64]
-Term = tuple[int, str, float]
-
-SMALL = 1e-12
-"""Coefficient, relative to the largest of an equation, that counts as zero."""
 
 
 @dataclass(slots=True)
 class ConstraintBuilder:
-    """Links and equations as they are read."""
+    """Reads constraints."""
 
     content: Content
     systems: Systems
-    links: list[Link] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
+    found: Constraints = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.found = Constraints(self.content.points, self.systems.axes)
 
     def build(self) -> tuple[tuple[Link, ...], tuple[Equation, ...]]:
         """Return links and equations.
@@ -56,7 +54,7 @@ class ConstraintBuilder:
         }
         for placed, instance in self.content.model_data(*readers):
             readers[placed.keyword](placed, instance)
-        return tuple(self.links), tuple(self.equations)
+        return tuple(self.found.links), tuple(self.found.equations)
 
     # Multi-point constraints --------------------------------------------------------------------------------
 
@@ -81,31 +79,16 @@ class ConstraintBuilder:
     def _joined(self, kind: str, a: int, b: int, place: str) -> None:
         name = f"MPC {kind} ({place})"
         near = self.content.near(a, b)
-        if kind == "BEAM" or (kind != "LINK" and near):
-            directions = DIRECTIONS[:3] if kind == "PIN" else DIRECTIONS
-            self.links.append(Link(name=name, node=b, dependents=(a,), directions=directions))
-        elif kind == "LINK":
+        components = range(3 if kind == "PIN" else 6)
+        if kind == "LINK":
             if near:
-                msg = f"{place}: *MPC LINK joins nodes at one place; write PIN"
-                raise MeshError(msg)
-            along = self.content.points[b] - self.content.points[a]
-            along = along / np.linalg.norm(along)
-            self._add(
-                name, [(n, d, s * along[k]) for n, s in ((a, 1.0), (b, -1.0)) for k, d in enumerate("xyz")]
-            )
+                raise error_at(place, "*MPC LINK joins nodes at one place; write PIN")
+            self.found.keep_distance(name, a, b)
+        elif kind == "BEAM" or near:
+            self.found.follow(name, b, [a], components, np.eye(3))
         else:  # equal motions of nodes apart, without an arm
-            for d in DIRECTIONS[:3] if kind == "PIN" else DIRECTIONS:
-                self._add(name, [(a, d, 1.0), (b, d, -1.0)])
-
-    def _add(self, name: str, terms: Iterable[Term]) -> None:
-        """Add an equation; terms of one degree of freedom are summed, those of rounding size left out."""
-        total: dict[tuple[int, str], float] = {}
-        for node, direction, value in terms:
-            total[node, direction] = total.get((node, direction), 0.0) + float(value)
-        largest = max(map(abs, total.values()), default=0.0)
-        kept = tuple((n, d, c) for (n, d), c in total.items() if abs(c) > SMALL * largest)
-        if kept:
-            self.equations.append(Equation(name=name, terms=kept))
+            for row in np.eye(6)[components]:
+                self.found.equate(name, [(a, row), (b, -row)])
 
     def _equation(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
@@ -136,51 +119,24 @@ class ConstraintBuilder:
             if not 0 <= d < 6:
                 raise fault(block, f"has the degree of freedom {d + 1}; 1 to 6 are allowed", place)
             coefficient = numbers_of(block, place, [value], 1, 1, "coefficients")[0]
-            # in the deck's units: Σ c u = 0 holds for lengths in metres if rotations get the unit of length
-            factors.append((d, coefficient * (self.content.units.length if d > 2 else 1.0)))
+            factors.append((d, coefficient))
+        scale = self.content.units.of_motions
         most = max(map(len, sets))
         if any(len(found) not in (1, most) for found in sets):
             counts = ", ".join(str(len(nodes)) for nodes in sets)
             raise fault(block, f"has sets of {counts} nodes; give sets of equal numbers", place)
         for j in range(most):
-            found: list[Term] = []
-            for nodes, (d, c) in zip(sets, factors, strict=True):
-                found += self._along(nodes[j if len(nodes) > 1 else 0], d, c)
-            self._add(f"EQUATION ({place})", found)
-
-    def _along(self, node: int, d: int, c: float) -> list[Term]:
-        """Return the terms of a degree of freedom along the node's axes in global directions."""
-        axes, start = self.systems.nodal.get(node), 3 * (d // 3)
-        if axes is None:
-            return [(node, DIRECTIONS[d], c)]
-        return [(node, DIRECTIONS[start + k], c * float(axes[d - start, k])) for k in range(3)]
+            rows = [nodes[j if len(nodes) > 1 else 0] for nodes in sets]
+            motions = [
+                (row, c * self.found.motion(row, d)) for row, (d, c) in zip(rows, factors, strict=True)
+            ]
+            self.found.equate(f"EQUATION ({place})", [(row, scale * v) for row, v in motions])
 
     # Rigid regions ------------------------------------------------------------------------------------------
 
     def _follow(self, name: str, node: int, dependents: list[int], dofs: set[int], axes: Floats) -> None:
         """Let nodes follow another as a rigid body in some directions of axes."""
-        others = [row for row in dependents if row != node]
-        skew = not np.allclose(axes, np.eye(3), rtol=0, atol=1e-12)
-        groups = [{start, start + 1, start + 2} for start in (0, 3)]
-        if not others or not dofs:
-            return
-        if not skew or all(not dofs & group or group <= dofs for group in groups):
-            directions = tuple(DIRECTIONS[d] for d in sorted(dofs))
-            self.links.append(Link(name=name, node=node, dependents=tuple(others), directions=directions))
-            return
-        for row in others:
-            arm = self.content.points[row] - self.content.points[node]
-            for d in sorted(dofs):
-                axis, start = axes[d % 3], 3 * (d // 3)
-                terms = [
-                    (n, DIRECTIONS[start + k], s * axis[k])
-                    for n, s in ((row, 1.0), (node, -1.0))
-                    for k in range(3)
-                ]
-                if d < 3:  # a · (u - u0 - θ x r) = 0, and a · (θ x r) = θ · (r x a)
-                    turn = np.cross(arm, axis)
-                    terms += [(node, DIRECTIONS[3 + k], -turn[k]) for k in range(3)]
-                self._add(name, terms)
+        self.found.follow(name, node, [row for row in dependents if row != node], dofs, axes)
 
     def _reference(self, placed: Placed, instance: Instance) -> int:
         block = placed.block
@@ -232,28 +188,14 @@ class ConstraintBuilder:
         rotations: set[int],
         axes: Floats,
     ) -> None:
-        """Let a node follow the weighted mean motion of others: u = ū + θ x r, θ = T⁻¹ Σ w r x u."""
+        """Let a node follow the weighted mean motion of others."""
         check(block, "COUPLING", "WEIGHTINGMETHOD")
-        w = np.array([weight for _, weight in members])
-        if block.options.get("WEIGHTINGMETHOD", "UNIFORM").upper() != "UNIFORM" or not (w > 0).all():
+        uniform = block.options.get("WEIGHTINGMETHOD", "UNIFORM").upper() == "UNIFORM"
+        if not uniform or any(not weight > 0 for _, weight in members):
             raise fault(block, "has weights that are not UNIFORM and positive, which are not read")
-        w = w / w.sum()
-        rows = [row for row, _ in members]
-        centre = w @ self.content.points[rows]
-        arms, arm = self.content.points[rows] - centre, self.content.points[node] - centre
-        mean = np.kron(w, np.eye(3))
-        turn = np.zeros((3, mean.shape[1]))
-        if rotations or np.linalg.norm(arm) > 1e-9 * self.content.size:
-            T = (w * (arms**2).sum(axis=1)).sum() * np.eye(3) - (arms.T * w) @ arms
-            if np.linalg.matrix_rank(T, tol=1e-12 * self.content.size**2) < 3:
-                raise fault(block, ": the nodes lie on one line, about which they have no mean rotation")
-            turn = np.linalg.solve(T, np.hstack([c * _cross_matrix(a) for c, a in zip(w, arms, strict=True)]))
-        for d in (0, 1, 2, *sorted(rotations)):
-            axis, start = axes[d % 3], 3 * (d // 3)
-            given = axis @ (turn if start else mean - _cross_matrix(arm) @ turn)
-            terms = [(node, DIRECTIONS[start + k], float(axis[k])) for k in range(3)]
-            terms += [(rows[j // 3], DIRECTIONS[j % 3], -float(c)) for j, c in enumerate(given)]
-            self._add(name, terms)
+        rows = [(row, c, weight) for row, weight in members for c in range(3)]
+        if self.found.average(name, node, (0, 1, 2, *sorted(rotations)), rows, axes) is not None:
+            raise fault(block, ": the nodes lie on one line, about which they have no mean rotation")
 
     def _kinematic(self, placed: Placed, instance: Instance) -> None:
         block = placed.block
@@ -286,9 +228,3 @@ class ConstraintBuilder:
         name = f"RIGID BODY ({block.place})"
         self._follow(name, node, list(dict.fromkeys(tied)), set(range(6)), np.eye(3))
         self._follow(name, node, sorted(pinned), {0, 1, 2}, np.eye(3))
-
-
-def _cross_matrix(arm: Floats) -> Floats:
-    """Return R with R u = arm x u."""
-    x, y, z = arm
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -18,6 +18,7 @@ from fem.io.abaqus_parts import LARGEST as LARGEST_NUMBER
 from fem.io.abaqus_parts import Part
 from fem.io.deck import integer, named, real
 from fem.io.deck_units import Units
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
@@ -103,10 +104,9 @@ class FrameReader(DeckReader):
     def _nodes(self, block: Block) -> None:
         for place, cells in block.rows():
             if len(cells) > 4 and any(cells[4:]):
-                msg = (
-                    f"{place}: *NODE gives a normal, which turns sections; give n1 with *BEAM SECTION instead"
+                raise error_at(
+                    place, "*NODE gives a normal, which turns sections; give n1 with *BEAM SECTION instead"
                 )
-                raise MeshError(msg)
         DeckReader._nodes(self, block)
 
     def parts_of(self, block: Block) -> list[Rows]:
@@ -276,8 +276,7 @@ def read_content(path: Path, units: Units) -> Content:
     kinds: list[Kind] = []
     owners: list[str] = []
     if not len(mesh.lines):
-        msg = f"{path.name}: the deck has no elements; a frame needs beams or trusses"
-        raise MeshError(msg)
+        raise error_at(path.name, "the deck has no elements; a frame needs beams or trusses")
     for owner, numbers, parts in assembly.elements_of_owners():
         types: dict[int, Kind] = {}
         for part in reversed(parts):
@@ -287,8 +286,7 @@ def read_content(path: Path, units: Units) -> Content:
     points = np.asarray(mesh.points, dtype=float).reshape(-1, 3) * units.length
     bad = np.flatnonzero(~(np.abs(points) < LARGEST).all(axis=1))
     if bad.size:
-        msg = f"{path.name}: {mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m"
-        raise MeshError(msg)
+        raise error_at(path.name, f"{mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m")
     return Content(
         path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners,
         mesh.notes, stand_ins,

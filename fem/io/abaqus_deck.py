@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fem.io.abaqus_keywords import READ
 from fem.io.deck import DeckFile, Files, named
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 
@@ -69,8 +70,7 @@ class Block:
             If it is not.
         """
         if not self.options.get(key):
-            msg = f"{self.place}: *{self.name} has no {key.lower()}; write {what}"
-            raise MeshError(msg)
+            raise error_at(self.place, f"*{self.name} has no {key.lower()}; write {what}")
         return self.options[key]
 
 
@@ -111,8 +111,7 @@ class Deck:
         comments = [k for k in stars if lines[k].lstrip()[1:2] == "*"]
         heads = [k for k in stars if lines[k].lstrip()[1:2] != "*"] if comments else stars
         if file.text[:2_000_000].count("\x00") > 0 and not heads:
-            msg = f"{file.name}: this is a binary file, no text with keywords"
-            raise MeshError(msg)
+            raise error_at(file.name, "this is a binary file, no text with keywords")
         self._data(file, _rows(file.name, lines, 0, heads[0] if heads else len(lines), comments))
         for head, after in pairwise([*heads, len(lines)]):
             text, start = _whole_head(lines, head, after)

@@ -18,10 +18,11 @@ from fem.io.abaqus_content import Content, read_content
 from fem.io.abaqus_deck import Block, Deck
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_points import PointBuilder
-from fem.io.abaqus_supports import fixed_of, supports_of
+from fem.io.abaqus_supports import fixed_of
 from fem.io.abaqus_systems import Systems
 from fem.io.deck_units import Units
 from fem.io.frame_deck import Bars, FrameDeck
+from fem.io.frame_parts import supports_of
 from fem.mesh import MeshError
 
 
@@ -53,10 +54,12 @@ def read_abaqus_frame(path: Path, units: Units) -> FrameDeck:
     links, equations = ConstraintBuilder(content, systems).build()
     fixed = fixed_of(content)
     _fix_plane(content, fixed)
-    supports, skew = supports_of(content, systems, fixed)
+    numbers = np.asarray(content.mesh.point_numbers, dtype=np.int64)
+    ordered = dict(sorted(fixed.items()))
+    supports, skew = supports_of(ordered, systems.axes, lambda row: f"BOUNDARY at node {numbers[row]}")
     return FrameDeck(
         file=content.file,
-        nodes=np.asarray(content.mesh.point_numbers, dtype=np.int64),
+        nodes=numbers,
         points=content.points,
         bars=bars,
         properties=properties,

@@ -12,6 +12,7 @@ from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_parts import Part, Skipped
 from fem.io.abaqus_sets import Entry
 from fem.io.deck import Budget, integer, real
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 _SAME_CIRCLE = 1e-3
@@ -91,8 +92,7 @@ def system_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64]] |
         x = x * [1.0, 1.0, 0.0]
     lengths = np.linalg.norm(x), np.linalg.norm(z)
     if not min(lengths) > 1e-9 * max(*lengths, float(np.linalg.norm(x)) ** 2):
-        msg = f"{place}: *SYSTEM defines no axes: its points lie on one line, or two of them coincide"
-        raise MeshError(msg)
+        raise error_at(place, "*SYSTEM defines no axes: its points lie on one line, or two of them coincide")
     x, z = x / lengths[0], z / lengths[1]
     return np.stack([x, np.cross(z, x), z]), a
 
@@ -112,8 +112,7 @@ def ngen(block: Block, part: Part, budget: Budget) -> None:
     """Generate the nodes between two: on a line, on a parabola (``LINE=P``) or on an arc (``LINE=C``)."""
     line = block.options.get("LINE", "")
     if line not in ("", "P", "C"):
-        msg = f"{block.place}: *NGEN, LINE={line} is not read; P and C are"
-        raise MeshError(msg)
+        raise error_at(block.place, f"*NGEN, LINE={line} is not read; P and C are")
     for place, cells in block.rows():
         cells = [*cells, *[""] * 10][: max(10, len(cells))]
         first, last = integer(cells[0]), integer(cells[1])
@@ -142,11 +141,10 @@ def _at(place: str) -> tuple[int, str]:
 def _intervals(first: int, last: int, step: int, place: str) -> int:
     n, rest = divmod(abs(last - first), abs(step)) if step else (0, 1)
     if rest or n < 1:
-        msg = (
-            f"{place}: *NGEN runs from node {first} to {last} in steps of {step}; the step must divide the "
-            "difference"
+        raise error_at(
+            place,
+            f"*NGEN runs from node {first} to {last} in steps of {step}; the step must divide the difference",
         )
-        raise MeshError(msg)
     return n
 
 
@@ -154,8 +152,7 @@ def _extra_point(block: Block, part: Part, cells: list[str], place: str) -> NDAr
     if cells[3] and integer(cells[3]):
         return part.coordinates(integer(cells[3]), place)
     if not any(cells[4:7]):
-        msg = f"{place}: *NGEN, LINE={block.options['LINE']} needs a third node or a point"
-        raise MeshError(msg)
+        raise error_at(place, f"*NGEN, LINE={block.options['LINE']} needs a third node or a point")
     local = np.array([real(c) for c in cells[4:7]])
     return to_global(part, from_polar(block.options.get("SYSTEM", ""), local))
 
@@ -179,23 +176,20 @@ def _arc(
     u, v = a - centre, b - centre
     r1, r2 = np.linalg.norm(u), np.linalg.norm(v)
     if not min(r1, r2) > 0 or abs(r1 - r2) > _SAME_CIRCLE * max(r1, r2):
-        msg = (
-            f"{place}: *NGEN, LINE=C has ends at distances of {r1:g} and {r2:g} from the centre; they must "
-            "be equal"
+        raise error_at(
+            place,
+            f"*NGEN, LINE=C has ends at distances of {r1:g} and {r2:g} from the centre; they must be equal",
         )
-        raise MeshError(msg)
     if normal.any():
         n = normal / np.linalg.norm(normal)
         if max(abs(n @ u), abs(n @ v)) > _SAME_CIRCLE * r1:
-            msg = f"{place}: *NGEN, LINE=C has a normal that is not square to the plane of its nodes"
-            raise MeshError(msg)
+            raise error_at(place, "*NGEN, LINE=C has a normal that is not square to the plane of its nodes")
         angle = np.arctan2(n @ np.cross(u, v), u @ v)
         angle = angle + 2 * np.pi if angle <= 1e-9 else angle
     else:
         n = np.cross(u, v)
         if np.linalg.norm(n) < 1e-6 * r1 * r2:
-            msg = f"{place}: *NGEN, LINE=C spans 0° or 180°; the normal to its plane must be given"
-            raise MeshError(msg)
+            raise error_at(place, "*NGEN, LINE=C spans 0° or 180°; the normal to its plane must be given")
         angle = np.arctan2(np.linalg.norm(n), u @ v)
     n = n / np.linalg.norm(n)
     turned = np.cos(angle * t)[:, None] * u + np.sin(angle * t)[:, None] * np.cross(n, u)
@@ -216,8 +210,7 @@ def nfill(block: Block, part: Part, budget: Budget, notes: list[str]) -> None:
         second = members_so_far(part, "NSET", cells[1], place, budget)
         n, step = integer(cells[2]), integer(cells[3]) if len(cells) > 3 and cells[3] else 1
         if n < 1 or not bias > 0 or step == 0:
-            msg = f"{place}: *NFILL has {n} intervals, step {step} and bias {bias:g}; none may be 0"
-            raise MeshError(msg)
+            raise error_at(place, f"*NFILL has {n} intervals, step {step} and bias {bias:g}; none may be 0")
         if len(first) != len(second):
             notes.append(
                 f"*NFILL ({place}) joins {len(first)} and {len(second)} nodes; the last ones of the "
@@ -240,16 +233,14 @@ def ncopy(block: Block, part: Part, budget: Budget) -> None:
     old = members_so_far(part, "NSET", block.option("OLDSET", "OLD SET="), block.place, budget)
     times = integer(block.options.get("MULTIPLE") or "1")
     if part.system is not None:
-        msg = (
-            f"{block.place}: *NCOPY is not read while *SYSTEM is in effect; end that by an empty *SYSTEM "
-            "before it"
+        raise error_at(
+            block.place,
+            "*NCOPY is not read while *SYSTEM is in effect; end that by an empty *SYSTEM before it",
         )
-        raise MeshError(msg)
     data = [[real(c) for c in cells] for _, cells in block.rows()]
     reflect = block.options.get("REFLECT")
     if ("SHIFT" in block.options) == (reflect is not None) or times < 1 or (times > 1 and reflect):
-        msg = f"{block.place}: *NCOPY needs either SHIFT, with MULTIPLE if need be, or REFLECT"
-        raise MeshError(msg)
+        raise error_at(block.place, "*NCOPY needs either SHIFT, with MULTIPLE if need be, or REFLECT")
     turn, shift = _reflection(reflect, data) if reflect is not None else shift_and_turn(data)
     budget.take(len(old) * times, block.place, "*NCOPY")
     xyz = np.array([part.coordinates(n, block.place) for n in old.tolist()]).reshape(-1, 3)
@@ -341,8 +332,7 @@ def _copy_elements(
     for number, copy in zip(old[~is_line].tolist(), new[~is_line].tolist(), strict=True):
         kind = part.kind_of_skipped(number)
         if kind is None:
-            msg = f"{place}: element {number} is to be copied, but is not defined before this line"
-            raise MeshError(msg)
+            raise error_at(place, f"element {number} is to be copied, but is not defined before this line")
         kinds.setdefault(kind, []).append(copy)
     line, file = _at(place)
     for kind, numbers in kinds.items():

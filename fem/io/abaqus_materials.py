@@ -57,7 +57,10 @@ class Materials:
         if density is None:
             density = self._first(self._of(block, subs, "DENSITY"), 1, "a density")[0] * units.density
         loss = self._damping(name, subs.get("DAMPING"))
-        return material(user, name, E * units.stress, density, nu, loss)
+        try:
+            return Material(name, E * units.stress, density, nu, loss)
+        except PropertyError as reason:
+            raise fault(user, f": {reason}") from reason
 
     def _of(self, block: Block, subs: dict[str, Block], keyword: str) -> Block:
         if keyword not in subs:
@@ -115,17 +118,3 @@ def damping_of(block: Block) -> tuple[float, float, float]:
     if min(alpha, beta, loss) < 0:
         raise fault(block, "has a negative number; damping is 0 or more")
     return alpha, beta, loss
-
-
-def material(user: Block, name: str, E: float, rho: float, nu: float, loss: float = 0.0) -> Material:
-    """Return a material in SI units.
-
-    Raises
-    ------
-    MeshError
-        For constants that cannot be, a density of 0 among them.
-    """
-    try:
-        return Material(name, E, rho, nu, loss)
-    except PropertyError as reason:
-        raise fault(user, f": {reason}") from reason

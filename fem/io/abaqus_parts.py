@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.io.abaqus_sets import Sets
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 LARGEST = 2**31 - 1
@@ -174,8 +175,7 @@ class Part:
         """
         row = self.nodes.find(number)
         if row is None:
-            msg = f"{place}: node {number} is not defined before this line"
-            raise MeshError(msg)
+            raise error_at(place, f"node {number} is not defined before this line")
         return self.nodes.values(row)
 
     def kind_of_skipped(self, number: int) -> str | None:

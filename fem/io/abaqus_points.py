@@ -1,6 +1,7 @@
 """Masses, springs, dashpots and connectors of Abaqus' and CalculiX' decks."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,9 @@ from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, fault, lines_of
 from fem.io.abaqus_deck import Block
 from fem.io.abaqus_systems import Systems
+from fem.io.faults import error_at
 from fem.io.frame_deck import Body, Connection, Link
+from fem.io.frame_parts import axes_along, entry
 from fem.mesh import MeshError
 
 
@@ -100,17 +103,15 @@ class PointBuilder:
             self.content.notes.append(
                 f"*{block.name} at line {block.line} has several values; the first one is taken"
             )
-        spring = placed.keyword == "SPRING"
-        forces = (units.stiffness, units.damping), (units.moment, units.rotational_damping)
-        matrix = np.zeros((6, 6))
-        matrix[d, d] = value * forces[d > 2][not spring]
         if len(nodes) == 2 and d < 3 and not axial:
             self._check_arm(row, block, nodes, axes[d])
-        name = f"{kind} {self.content.number(row)}"
+        matrices: Any = (
+            {"K": entry(d, value * units.stiffness[d])}
+            if placed.keyword == "SPRING"
+            else {"C": entry(d, value * units.damping[d])}
+        )
         ends = (nodes[0], nodes[1] if len(nodes) == 2 else None)
-        if spring:
-            return Connection(name=name, nodes=ends, K=matrix, axes=axes)
-        return Connection(name=name, nodes=ends, C=matrix, axes=axes)
+        return Connection(name=f"{kind} {self.content.number(row)}", nodes=ends, axes=axes, **matrices)
 
     def _along(self, row: int, nodes: list[int]) -> NDArray[np.float64]:
         x = self.content.points[nodes[1]] - self.content.points[nodes[0]]
@@ -118,10 +119,7 @@ class PointBuilder:
             kind = self.content.kinds[row]
             msg = f"{kind.place}: *ELEMENT {self.content.number(row)} of type {kind.name} has no length"
             raise MeshError(msg)
-        x = x / np.linalg.norm(x)
-        y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
-        y /= np.linalg.norm(y)
-        return np.array([x, y, np.cross(x, y)])
+        return axes_along(x)
 
     def _direction(self, block: Block, kind: str) -> int:
         """Return the direction of a spring, counted from 0."""
@@ -147,8 +145,7 @@ class PointBuilder:
         for row, kind in enumerate(self.content.kinds):
             if kind.name in keywords and row not in seen:
                 number, keyword = self.content.number(row), keywords[kind.name]
-                msg = f"{kind.place}: *ELEMENT {number} of type {kind.name} has no {keyword}"
-                raise MeshError(msg)
+                raise error_at(kind.place, f"*ELEMENT {number} of type {kind.name} has no {keyword}")
 
     def connectors(self) -> tuple[Link, ...]:
         """Return rigid connectors: BEAM, WELD and, between nodes at one place, JOIN.

@@ -3,18 +3,16 @@
 Abaqus' local axes 1 (n1) and 2 (n2 = t x n1) are y and z here: I11, bending about 1, is Iy, and b is along 2.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.frame_sections import angle, box, of_constants, with_walls
 from fem.materials import PropertyError
-from fem.sections.outlines import integrate, turned
+from fem.sections.outlines import turned
 from fem.sections.section import Section
-from fem.sections.walls import Walls, wall_constants
 
 ABAQUS_K: Final = {
     "RECT": 0.85, "CIRC": 0.89, "PIPE": 0.53, "THICKPIPE": 0.89, "BOX": 0.44, "I": 0.44, "L": 1.0,
@@ -32,20 +30,6 @@ class Shape(NamedTuple):
     flipped: bool = False
 
 
-DIMENSIONS: Final[dict[str, tuple[int, int, str]]] = {
-    "RECT": (2, 2, "a, b"),
-    "CIRC": (1, 2, "a radius, or the two thicknesses of CalculiX"),
-    "PIPE": (2, 2, "outer radius and wall thickness"),
-    "THICKPIPE": (2, 2, "outer radius and wall thickness"),
-    "BOX": (6, 6, "a, b, t1, t2, t3, t4"),
-    "I": (7, 7, "l, h, b1, b2, t1, t2, t3"),
-    "L": (4, 4, "a, b, t1, t2"),
-    "HEX": (2, 2, "circumscribed radius and wall thickness"),
-    "TRAPEZOID": (4, 4, "a, b, c, d"),
-}
-"""Least and greatest count of dimensions, and what they are."""
-
-
 def _circle(d: list[float], nu: float) -> Shape:
     if len(d) == 2 and d[0] != d[1]:
         return Shape(Section.ellipse(b=d[0], h=d[1], nu=nu))
@@ -54,14 +38,7 @@ def _circle(d: list[float], nu: float) -> Shape:
 
 def _box(d: list[float], nu: float) -> Shape:
     a, b, right, top, left, bottom = d
-    if right == left == top == bottom:
-        return Shape(Section.hollow_rectangle(b=a, h=b, t=top, nu=nu))
-    corners = [(0.0, 0.0), (a, 0.0), (a, b), (0.0, b)]
-    hole = [(left, bottom), (a - right, bottom), (a - right, b - top), (left, b - top)]
-    y1, y2, z1, z2 = left / 2, a - right / 2, bottom / 2, b - top / 2
-    points = [(y1, z1), (y2, z1), (y2, z2), (y1, z2)]
-    walls = [(0, 1), (1, 2), (2, 3), (3, 0)]
-    section, centroid = _walled(corners, [hole], points, walls, [bottom, right, top, left], "box")
+    section, centroid = box(a, b, (bottom, right, top, left), nu)
     return Shape(section, (centroid[0] - a / 2, centroid[1] - b / 2))
 
 
@@ -81,9 +58,7 @@ def _i(d: list[float], nu: float) -> Shape:
 
 def _l(d: list[float], nu: float) -> Shape:
     a, b, t1, t2 = d
-    corners = [(0.0, 0.0), (a, 0.0), (a, t1), (t2, t1), (t2, b), (0.0, b)]
-    points = [(a, t1 / 2), (t2 / 2, t1 / 2), (t2 / 2, b)]
-    section, centroid = _walled(corners, [], points, [(0, 1), (1, 2)], [t1, t2], "L")
+    section, centroid = angle(a, b, t1, t2)
     return Shape(section, (centroid[0] - t2 / 2, centroid[1] - t1 / 2))
 
 
@@ -97,52 +72,24 @@ def _trapezoid(d: list[float], nu: float) -> Shape:
     return Shape(section, (0.0, b * (a + 2 * c) / (3 * (a + c)) - node))
 
 
-SHAPES: Final[dict[str, Callable[[list[float], float], Shape]]] = {
-    "RECT": lambda d, nu: Shape(Section.rectangle(b=d[0], h=d[1], nu=nu)),
-    "CIRC": _circle,
-    "PIPE": lambda d, nu: Shape(Section.tube(d=2 * d[0], t=d[1], nu=nu)),
-    "THICKPIPE": lambda d, nu: Shape(Section.tube(d=2 * d[0], t=d[1], nu=nu)),
-    "BOX": _box,
-    "I": _i,
-    "L": _l,
-    "HEX": lambda d, nu: Shape(Section.hollow_polygon(n=6, d=np.sqrt(3.0) * d[0], t=d[1])),
-    "TRAPEZOID": _trapezoid,
-}
+Row = tuple[int, int, str, Callable[[list[float], float], Shape]]
+_TUBE: Row = (2, 2, "outer radius and wall thickness", lambda d, nu: Shape(Section.tube(2 * d[0], d[1], nu)))
 
-
-def _walled(
-    corners: Sequence[tuple[float, float]],
-    holes: Sequence[Sequence[tuple[float, float]]],
-    points: Sequence[tuple[float, float]],
-    walls: Sequence[tuple[int, int]],
-    thickness: Sequence[float],
-    label: str,
-) -> tuple[Section, NDArray[np.float64]]:
-    """Return a section of straight walls with an outline, and its centroid in the axes of the corners."""
-    if not min(thickness) > 0:
-        msg = f"{label} section: a wall is {min(thickness):g} m thick; walls must be positive"
-        raise PropertyError(msg)
-    outline, ends = np.array(corners), np.array(points)
-    flat = Section.polygon(outline, [np.array(hole) for hole in holes], J=1.0)
-    centroid = integrate([outline, *(np.array(hole) for hole in holes)]).centroid
-    section = _with_walls(flat, turned(ends, centroid, flat.angle), walls, np.array(thickness))
-    return replace(section, label=label), centroid
-
-
-def _with_walls(
-    section: Section, points: NDArray[np.float64], pairs: Sequence[tuple[int, int]], t: NDArray[np.float64]
-) -> Section:
-    """Return a section with J, k and shear centre of thin walls, open or closed (`fem.sections.walls`)."""
-    flow = wall_constants(points, pairs, t)
-    length = np.array([np.linalg.norm(points[b] - points[a]) for a, b in pairs])
-    return replace(
-        section,
-        J=flow.J_cells + float((length * t**3).sum()) / 3,
-        ky=flow.area_y / section.A,
-        kz=flow.area_z / section.A,
-        shear_centre=(float(flow.shear_centre[0]), float(flow.shear_centre[1])),
-        walls=Walls(points, tuple(pairs), t),
-    )
+SHAPES: Final[dict[str, Row]] = {
+    "RECT": (2, 2, "a, b", lambda d, nu: Shape(Section.rectangle(*d, nu=nu))),
+    "CIRC": (1, 2, "a radius, or the two thicknesses of CalculiX", _circle),
+    "PIPE": _TUBE,
+    "THICKPIPE": _TUBE,
+    "BOX": (6, 6, "a, b, t1, t2, t3, t4", _box),
+    "I": (7, 7, "l, h, b1, b2, t1, t2, t3", _i),
+    "L": (4, 4, "a, b, t1, t2", _l),
+    "HEX": (
+        2, 2, "circumscribed radius and wall thickness",
+        lambda d, nu: Shape(Section.hollow_polygon(n=6, d=np.sqrt(3.0) * d[0], t=d[1])),
+    ),
+    "TRAPEZOID": (4, 4, "a, b, c, d", _trapezoid),
+}  # fmt: skip
+"""Least and greatest count of dimensions, what they are, and the section of them [m] and Poisson's ratio."""
 
 
 def arbitrary(rows: list[list[float]]) -> Shape:
@@ -164,23 +111,7 @@ def arbitrary(rows: list[list[float]]) -> Shape:
     a, b = a - centroid, b - centroid
     # ∫ s sᵀ dA along a straight segment from a to b is A (a aᵀ + b bᵀ + (a bᵀ + b aᵀ)/2) / 3
     second = (a.T * area) @ (a + b / 2) / 3 + (b.T * area) @ (b + a / 2) / 3
-    flat = general(float(area.sum()), second[1, 1], second[0, 1], second[0, 0], 1.0, label="ARBITRARY")
-    section = _with_walls(flat, turned(points, centroid, flat.angle), pairs, t)
-    return Shape(replace(section, label="ARBITRARY"), (float(centroid[0]), float(centroid[1])))
-
-
-def general(A: float, I11: float, I12: float, I22: float, J: float, label: str = "GENERAL") -> Section:
-    """Return a section of given constants, in its principal axes; k is 1, as Abaqus has it.
-
-    Raises
-    ------
-    PropertyError
-        Unless I11 I22 > I12².
-    """
-    angle = 0.0
-    if I12:  # as `fem.sections.outlines.Integrals.principal_angle`: within ±45° of the axis 1
-        angle = float(np.arctan(2 * I12 / (I22 - I11)) / 2) if I22 != I11 else np.copysign(np.pi / 4, I12)
-    c, s = np.cos(angle), np.sin(angle)
-    Iy = I11 * c * c - 2 * I12 * s * c + I22 * s * s
-    Iz = I11 * s * s + 2 * I12 * s * c + I22 * c * c
-    return Section(A, Iy, Iz, J, 1.0, 1.0, label=label, angle=float(angle))
+    moments = (second[1, 1], second[0, 0], second[0, 1])
+    flat = of_constants("ARBITRARY", float(area.sum()), moments, 1.0, (1.0, 1.0))
+    section = with_walls(flat, turned(points, centroid, flat.angle), pairs, t)
+    return Shape(section, (float(centroid[0]), float(centroid[1])))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 MOST_ENTRIES = 2_000_000
@@ -185,10 +186,9 @@ class Resolver:
     def _count(self, n: int) -> None:
         self._total += n
         if self._total > MOST_MEMBERS:
-            msg = (
-                f"{self.file}: the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
+            raise error_at(
+                self.file, f"the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
             )
-            raise MeshError(msg)
 
     def _rows_of(self, owner: str, name: str, entry: Entry) -> NDArray[np.int64]:
         key = (owner, id(entry))

@@ -2,13 +2,9 @@
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, dofs_of, fault, lines_of, numbers_of
+from fem.io.abaqus_content import Content, Placed, check, dofs_of, fault, lines_of, numbers_of
 from fem.io.abaqus_deck import Block, name_of
-from fem.io.abaqus_systems import Systems
-from fem.io.frame_deck import Connection
 
 TYPES = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -101,30 +97,3 @@ def _dofs(content: Content, block: Block, place: str, cells: list[str]) -> Itera
     if moves:
         content.notes.append(f"*BOUNDARY at line {block.line} moves nodes; they are taken to be fixed")
     return dofs_of(block, place, cells)
-
-
-def supports_of(
-    content: Content, systems: Systems, fixed: dict[int, dict[int, Block]]
-) -> tuple[dict[int, tuple[str, ...]], tuple[Connection, ...]]:
-    """Return the fixed global directions of nodes, and rigid connections to the ground along other axes."""
-    supports: dict[int, tuple[str, ...]] = {}
-    skew: list[Connection] = []
-    for row, dofs in sorted(fixed.items()):
-        axes = systems.nodal.get(row, np.eye(3))
-        found: set[int] = set()
-        rigid: list[str] = []
-        for start in (0, 3):
-            local = [d - start for d in dofs if start <= d < start + 3]
-            # the fixed axes span the global directions that they fix, unless some stay skew
-            spanned = (axes[local] ** 2).sum(axis=0) if local else np.zeros(3)
-            whole_axes = np.flatnonzero(spanned > 1 - 1e-9)
-            if len(whole_axes) == len(local):
-                found |= {start + int(d) for d in whole_axes}
-            else:
-                rigid += [DIRECTIONS[start + d] for d in sorted(local)]
-        if found:
-            supports[row] = tuple(DIRECTIONS[d] for d in sorted(found))
-        if rigid:
-            name = f"BOUNDARY at node {int(np.asarray(content.mesh.point_numbers)[row])}"
-            skew.append(Connection(name=name, nodes=(row, None), rigid=tuple(rigid), axes=axes))
-    return supports, tuple(skew)

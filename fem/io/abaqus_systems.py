@@ -9,6 +9,7 @@ from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, fault, lines_of, numbers_of
 from fem.io.abaqus_deck import Block
 from fem.io.abaqus_generate import rotation
+from fem.io.frame_parts import axes_along, parallel
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +66,10 @@ class Systems:
         radial = radial / np.linalg.norm(radial)
         return np.array([radial, np.cross(z, radial), z])
 
+    def axes(self, row: int) -> Floats:
+        """Return the axes of a node's degrees of freedom."""
+        return self.nodal.get(row, np.eye(3))
+
     def orientation(self, placed: Placed, instance: Instance) -> Floats:
         """Return the axes that a block's ORIENTATION names, the global ones without it.
 
@@ -113,8 +118,6 @@ def axes_of(block: Block, a: Floats, b: Floats) -> Floats:
     MeshError
         If a and b are on one line.
     """
-    z = np.cross(a, b)
-    if not np.linalg.norm(z) > 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
+    if parallel(a, b):
         raise fault(block, "defines no axes: its points are on one line with the origin")
-    x, z = a / np.linalg.norm(a), z / np.linalg.norm(z)
-    return np.array([x, np.cross(z, x), z])
+    return axes_along(a, b)

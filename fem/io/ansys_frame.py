@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from fem.io.ansys_deck import AnsysDeck, Element, ignored_notes, read_deck
-from fem.io.ansys_sections import PlacedSection, placed_section, round_of_area, section_of_constants
+from fem.io.ansys_sections import PlacedSection, placed_section
 from fem.io.deck import named
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, Floats, FrameDeck, Link
+from fem.io.frame_parts import along, axes_along, entry, supports_of, terms_of
+from fem.io.frame_sections import rod
 from fem.materials import Material, PropertyError
 from fem.model import DIRECTIONS, Damping
 from fem.sections.section import Section
@@ -94,8 +96,9 @@ class _Frame:
         supports = self._supports()
         links = self._links()
         self._constraints()
+        bars = Bars.of([(n, [self.rows[k] for k in ends], *rest) for n, ends, *rest in self.bars])
         return FrameDeck(
-            file=self.source.file, nodes=np.array(numbers, dtype=np.int64), points=points, bars=self._bars(),
+            file=self.source.file, nodes=np.array(numbers, dtype=np.int64), points=points, bars=bars,
             properties=tuple(self.properties), supports=supports, bodies=tuple(self.bodies),
             connections=tuple(self.connections), links=links, equations=tuple(self.equations),
             damping=self._damping(), notes=self._all_notes(elements),
@@ -332,7 +335,7 @@ class _Frame:
         r, u = lambda k: self._real(e, k), self.units
         if kind in _LINKS:
             added = {180: r(2), 8: 0.0}.get(kind, 0.0) * u.mass_per_length
-            one = PlacedSection(round_of_area(r(1) * u.area), (0.0, 0.0), added)
+            one = PlacedSection(rod(r(1) * u.area), (0.0, 0.0), added)
             return one, one
         if kind == 16:
             one = PlacedSection(Section.tube(r(1) * u.length, r(2) * u.length))
@@ -355,7 +358,7 @@ class _Frame:
         """Return a section of real constants; SHEARZ goes with IZZ, and its inverse is ky."""
         a, i = self.units.area, self.units.second_moment
         ky, kz = (1 / f if f else 0.0 for f in (fz, fy))
-        section = section_of_constants(A * a, Iy * i, Iz * i, (J or Iy + Iz) * i, ky, kz)
+        section = Section(A * a, Iy * i, Iz * i, (J or Iy + Iz) * i, ky, kz, label="constants")
         return PlacedSection(section, (0.0, 0.0), added * self.units.mass_per_length)
 
     def _taper(
@@ -380,17 +383,6 @@ class _Frame:
             out.append(PlacedSection(section, (float(y), float(z)), made[0].mass_per_length))
         return out[0], out[1]
 
-    def _bars(self) -> Bars:
-        n = len(self.bars)
-        return Bars(
-            numbers=np.array([b[0] for b in self.bars], dtype=np.int64),
-            ends=np.array([[self.rows[k] for k in b[1]] for b in self.bars], dtype=np.int64).reshape(n, 2),
-            properties=np.array([b[2] for b in self.bars], dtype=np.int64),
-            height=np.array([b[3] for b in self.bars]).reshape(n, 3),
-            offsets=np.array([b[4] for b in self.bars]).reshape(n, 2, 3),
-            stiffness=np.array([b[5] for b in self.bars]).reshape(n, 2, 6),
-        )
-
     def _component_names(self) -> dict[int, str]:
         names: dict[int, str] = {}
         for name, (kind, items) in self.source.components.items():
@@ -408,7 +400,6 @@ class _Frame:
             text = f"element {e.number}: COMBIN14 with KEYOPT(1), KEYOPT(2) above 6 or CV2 is not linear"
             raise self.source.error(e.line, text)
         axes, x = self._axes(i), self._point(j) - self._point(i)
-        place = None
         if one:
             k = one - 1
             if k < 3 and np.linalg.norm(np.cross(x, axes[k])) > 1e-9 * max(1.0, np.linalg.norm(x)):
@@ -417,22 +408,15 @@ class _Frame:
                     "moment, in ANSYS nothing does"
                 )
         else:
-            length = np.linalg.norm(x)
-            if not length:
+            if not x.any():
                 raise self.source.error(
                     e.line, f"element {e.number}: COMBIN14 has no length, so no direction"
                 )
-            u = x / length
-            y = np.cross(np.eye(3)[np.argmin(np.abs(u))], u)
-            y /= np.linalg.norm(y)
-            axes, k = np.array([u, y, np.cross(u, y)]), 3 if form == 1 else 0
-        K, C, u = np.zeros((6, 6)), np.zeros((6, 6)), self.units
-        K[k, k] = self._real(e, 1) * (u.stiffness if k < 3 else u.moment)
-        C[k, k] = self._real(e, 2) * (u.damping if k < 3 else u.rotational_damping)
+            axes, k = axes_along(x), 3 if form == 1 else 0
+        K = entry(k, self._real(e, 1) * self.units.stiffness[k])
+        C = entry(k, self._real(e, 2) * self.units.damping[k])
         nodes = (self.rows[i], self.rows[j])
-        self.connections.append(
-            Connection(name=f"COMBIN14 {e.number}", nodes=nodes, K=K, C=C, axes=axes, place=place)
-        )
+        self.connections.append(Connection(name=f"COMBIN14 {e.number}", nodes=nodes, K=K, C=C, axes=axes))
 
     def _mass(self, e: Element) -> None:
         self._needs_reals(e)
@@ -474,33 +458,13 @@ class _Frame:
             fixed[n] |= missing
         if lacking:
             self.notes.append(f"{lacking} nodes lack degrees of freedom in ANSYS; these are fixed here")
-        out: dict[int, tuple[str, ...]] = {}
-        for n, ks in fixed.items():
-            straight, skew = self._in_global(n, ks)
-            if straight:
-                out[self.rows[n]] = tuple(DIRECTIONS[k] for k in sorted(straight))
-            if skew:
-                rigid = tuple(DIRECTIONS[k] for k in sorted(skew))
-                self.connections.append(
-                    Connection(name=f"D {n}", nodes=(self.rows[n], None), rigid=rigid, axes=self._axes(n))
-                )
-        return out
-
-    def _in_global(self, node: int, ks: set[int]) -> tuple[set[int], set[int]]:
-        """Split fixed directions of a node into global ones, and those that are skew."""
-        axes, straight, skew = self._axes(node), set(), set()
-        for start in (0, 3):
-            held = {k for k in ks if start <= k < start + 3}
-            if len(held) == 3:
-                straight |= held
-                continue
-            for k in held:
-                along = np.flatnonzero(np.abs(axes[k - start]) > 1 - 1e-12)
-                if along.size:
-                    straight.add(start + int(along[0]))
-                else:
-                    skew.add(k)
-        return straight, skew
+        nodes = list(self.rows)
+        by_row = {self.rows[n]: ks for n, ks in fixed.items()}
+        supports, skew = supports_of(
+            by_row, lambda row: self._axes(nodes[row]), lambda row: f"D {nodes[row]}"
+        )
+        self.connections += skew
+        return supports
 
     def _links(self) -> tuple[Link, ...]:
         """Return one rigid body for each set of connected rigid beams."""
@@ -520,22 +484,12 @@ class _Frame:
         )
 
     def _equation(self, name: str, terms: list[tuple[int, int, float]], rotated: bool = True) -> Equation:
-        """Return an equation in global directions; coefficients of rotations are lengths."""
-        total: dict[tuple[int, int], float] = defaultdict(float)
-        for node, k, c in terms:
-            axes = self._axes(node) if rotated else np.eye(3)
-            for g in range(3):
-                if axes[k % 3, g]:
-                    total[node, 3 * (k // 3) + g] += c * axes[k % 3, g]
-        turns = self.units.length if any(k < 3 for _, k in total) else 1.0
-        return Equation(
-            name=name,
-            terms=tuple(
-                (self.rows[n], DIRECTIONS[k], float(c) * (turns if k > 2 else 1.0))
-                for (n, k), c in total.items()
-                if c
-            ),
-        )
+        """Return an equation in global directions; beside translations, those of rotations are lengths."""
+        scale = self.units.of_motions if any(k < 3 for _, k, _ in terms) else np.ones(6)
+        motions = [
+            (self.rows[n], c * scale * along(k, self._axes(n) if rotated else np.eye(3))) for n, k, c in terms
+        ]
+        return Equation(name=name, terms=terms_of(motions))
 
     def _constraints(self) -> None:
         for name, terms, constant, line in self.source.equations:

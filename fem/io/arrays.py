@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, STRAIN, TRANSMISSIBILITY, FRFError, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.atomic import replacing
+from fem.io.faults import error_at
 
 
 class TableError(ValueError):
@@ -113,8 +114,7 @@ def _checked(
     try:
         return FRF.from_arrays(frequency, H, kind, outputs, inputs, base, strain)
     except (FRFError, ValueError, TypeError) as reason:
-        msg = f"{name}: {reason}"
-        raise TableError(msg) from reason
+        raise error_at(name, f"{reason}", TableError) from reason
 
 
 def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
@@ -140,11 +140,9 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
         )
         raise TableError(msg)
     if labels and len(labels) != len(shapes):
-        msg = f"{name}: {len(labels)} labels for {len(shapes)} rows of the shapes"
-        raise TableError(msg)
+        raise error_at(name, f"{len(labels)} labels for {len(shapes)} rows of the shapes", TableError)
     if zeta is not None and zeta.shape != frequency.shape:
-        msg = f"{name}: {zeta.size} damping ratios for {frequency.size} frequencies"
-        raise TableError(msg)
+        raise error_at(name, f"{zeta.size} damping ratios for {frequency.size} frequencies", TableError)
     if not 0 <= n_rigid <= frequency.size:
         msg = f"{name}: n_rigid is {n_rigid}; 0 to {frequency.size}, the number of modes, are allowed"
         raise TableError(msg)
@@ -242,15 +240,13 @@ def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     name = Path(path).name
     with Path(path).open("rb") as file:
         if file.read(2) not in (b"PK", b"\x93N"):
-            msg = f"{name}: it cannot be read as .npz (it begins as no NumPy archive does)"
-            raise TableError(msg)
+            raise error_at(name, "it cannot be read as .npz (it begins as no NumPy archive does)", TableError)
         file.seek(0)
         try:
             loaded: Any = np.load(file, allow_pickle=False)
             found = loaded if isinstance(loaded, np.ndarray) else dict(loaded)
         except Exception as reason:  # damaged archives raise whatever zipfile, zlib and numpy come upon
-            msg = f"{name}: it cannot be read as .npz ({reason})"
-            raise TableError(msg) from reason
+            raise error_at(name, f"it cannot be read as .npz ({reason})", TableError) from reason
     if isinstance(found, np.ndarray):
         msg = f"{name}: it holds one bare array; an .npz file with named arrays is expected"
         raise TableError(msg)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io.arrays import TableError
 from fem.io.columns import Columns, read_columns
+from fem.io.faults import error_at
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.units import LONGEST_HEADING, Heading, split_heading
@@ -84,8 +85,7 @@ def read_csv(
     asked = Asked(kind, outputs, inputs, form=form, delimiter=delimiter, header=header)
     reading = frf_of_columns(Path(path), asked)
     if not reading.phase:
-        msg = f"{Path(path).name}: {WITHOUT_PHASE}"
-        raise TableError(msg)
+        raise error_at(Path(path).name, f"{WITHOUT_PHASE}", TableError)
     return reading.frfs[0]
 
 
@@ -166,8 +166,7 @@ class _Table:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        msg = f"{self.table.name}: {text}"
-        raise TableError(msg)
+        raise error_at(self.table.name, f"{text}", TableError)
 
     def reading(self) -> Reading:
         """Return the FRFs."""
@@ -374,8 +373,7 @@ class _Table:
                 only = group[0]
                 self.refuse(
                     f"column {only.at + 1} ('{only.names[0]}') is a {only.part} part alone; the other part "
-                    "is "
-                    "needed beside it"
+                    "is needed beside it"
                 )
         return out
 
@@ -490,8 +488,7 @@ class _Table:
         if named and n > 1 and any(c.first.names for c in curves):
             self.notes.append(
                 f"the names above its columns ({', '.join(c.name for c in curves[:4])} …) do not say "
-                "response "
-                "and force as a/b does: they are taken for responses to one force, in their order"
+                "response and force as a/b does: they are taken for responses to one force, in their order"
             )
         n_in = len(asked.inputs) if asked.inputs is not None else max(1, n // len(asked.outputs or [0] * n))
         inputs = list(asked.inputs) if asked.inputs is not None else [f"in{k + 1}" for k in range(n_in)]
@@ -523,8 +520,7 @@ class _Table:
             if label and unit is None:
                 self.refuse(
                     f"column {curve.first.at + 1} has the unit '{label}', which is none of FRFs that is "
-                    "known; "
-                    "give scale, the factor to SI, with which unit labels do not count, and kind"
+                    "known; give scale, the factor to SI, with which unit labels do not count, and kind"
                 )
         found = {u.kind: k for k, u in reversed(list(enumerate(units))) if u is not None and u.kind}
         if len(found) > 1:
@@ -538,8 +534,7 @@ class _Table:
             label = labels[found[kind]]
             self.refuse(
                 f"its unit '{label}' is that of {kind}, and kind is {stated}; correct kind, or give scale, "
-                "with "
-                "which unit labels do not count"
+                "with which unit labels do not count"
             )
         kind = kind or stated
         if kind is None and None not in units:  # strains alone
@@ -587,6 +582,5 @@ def split_pair(text: str, name: str) -> tuple[str, str]:
     """
     response, mark, force = text.rpartition("/")
     if not (mark and response.strip() and force.strip()):
-        msg = f"{name}: the pair '{text}' is not allowed; \"response/force\" is needed"
-        raise TableError(msg)
+        raise error_at(name, f"the pair '{text}' is not allowed; \"response/force\" is needed", TableError)
     return response.strip(), force.strip()

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.arrays import TableError
+from fem.io.faults import error_at
 from fem.io.frf_labels import frequency_factor
 
 SEPARATORS = ("\t", ";", ",", " ")
@@ -119,8 +120,7 @@ def text_of(path: Path) -> str:
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", "replace")
     if b"\0" in raw:
-        msg = f"{path.name}: it is no text (it has bytes that are zero)"
-        raise TableError(msg)
+        raise error_at(path.name, "it is no text (it has bytes that are zero)", TableError)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -212,8 +212,7 @@ class _Text:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        msg = f"{self.name}: {text}"
-        raise TableError(msg)
+        raise error_at(self.name, f"{text}", TableError)
 
     def read(self, separator: str | None, header: bool | None) -> Columns:
         """Return the columns."""
@@ -288,8 +287,7 @@ class _Text:
         if comma and any("." in cell for row in rows for cell in row):
             self.refuse(
                 "its numbers have commas and points, so that one of them could part thousands; export it "
-                "with "
-                "one decimal mark"
+                "with one decimal mark"
             )
 
     def _refuse_two_commas(self, sample: Sequence[str]) -> None:
@@ -375,8 +373,7 @@ class _Text:
             row, column = (int(v) for v in bad[0])
             self.refuse(
                 f"line {body[row][0]}, column {column + 1} has a value that is not finite, {len(bad)} in "
-                "all; "
-                "leave such lines or channels out"
+                "all; leave such lines or channels out"
             )
 
     def _real(self, text: str) -> float:

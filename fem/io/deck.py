@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 MOST_GENERATED = 1_000_000
@@ -84,24 +85,21 @@ class Files:
         """
         place = f"{parent.name}: line {line}"
         if not name:
-            msg = f"{place}: it includes a file without a name"
-            raise MeshError(msg)
+            raise error_at(place, "it includes a file without a name")
         chain = (*parent.chain, parent.path)
         found = next((path for path in self._candidates(name, parent) if _is_file(path)), None)
         if found is None:
-            msg = (
-                f"{place}: the included file {_short(name)} cannot be read: the folder of {parent.name} has "
-                "none"
+            raise error_at(
+                place,
+                f"the included file {_short(name)} cannot be read: the folder of {parent.name} has none",
             )
-            raise MeshError(msg)
         resolved = found.resolve()
         if resolved in [path.resolve() for path in chain]:
             loop = " → ".join(path.name for path in (*chain, found))
             msg = f"{place}: the file {found.name} includes itself ({loop}); delete one of the include lines"
             raise MeshError(msg)
         if len(chain) > DEEPEST_INCLUDE:
-            msg = f"{place}: included files are nested more than {DEEPEST_INCLUDE} levels deep"
-            raise MeshError(msg)
+            raise error_at(place, f"included files are nested more than {DEEPEST_INCLUDE} levels deep")
         return self._open(found, chain, found.name, place)
 
     def _candidates(self, name: str, parent: DeckFile) -> list[Path]:

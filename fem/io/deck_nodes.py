@@ -348,7 +348,7 @@ def scale_of(direction: str, units: Units) -> float:
 def matrix_scale(n: int, quantity: str, units: Units) -> Floats:
     """Return one unit of each entry of a matrix K, M, C or D of n nodes, (6 n, 6 n) [SI]."""
     per_time = {"K": units.time**2, "D": units.time**2, "C": units.time, "M": 1.0}[quantity]
-    arm = np.tile([1.0, 1.0, 1.0, *[units.length] * 3], n)
+    arm = np.tile(units.of_motions, n)
     return units.mass / per_time * np.outer(arm, arm)
 
 

@@ -3,15 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fem.matrices import MatricesError, consistent_units
 from fem.mesh import MeshError
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
     """A consistent system of units; a deck's value times one of these is the value in SI.
 
-    Angles are in radians, so that a moment has the unit of an energy.
+    Angles are in radians.
 
     Attributes
     ----------
@@ -60,11 +65,6 @@ class Units:
         return self.mass * self.acceleration
 
     @property
-    def moment(self) -> float:
-        """One unit of a moment, and of a rotational stiffness [N·m, N·m/rad]."""
-        return self.force * self.length
-
-    @property
     def stress(self) -> float:
         """One unit of a stress or a modulus [Pa]."""
         return self.force / self.area
@@ -85,16 +85,16 @@ class Units:
         return self.mass * self.length**2
 
     @property
-    def stiffness(self) -> float:
-        """One unit of a spring along a direction [N/m]."""
-        return self.force / self.length
+    def stiffness(self) -> Floats:
+        """One unit of springs along and about x, y and z, (6,) [N/m, N·m/rad]."""
+        return self.mass / self.time**2 * self.of_motions**2
 
     @property
-    def damping(self) -> float:
-        """One unit of a dashpot along a direction [N·s/m]."""
+    def damping(self) -> Floats:
+        """One unit of dashpots along and about x, y and z, (6,) [N·s/m, N·m·s/rad]."""
         return self.stiffness * self.time
 
     @property
-    def rotational_damping(self) -> float:
-        """[N·m·s/rad]."""
-        return self.moment * self.time
+    def of_motions(self) -> Floats:
+        """Factors (6,) of forces, and of an equation's coefficients: those of rotations have a length."""
+        return np.repeat([1.0, self.length], 3)

@@ -16,6 +16,7 @@ from fem.analysis.modes import Modes
 from fem.elements.frame import Frame
 from fem.io.arrays import write_npz
 from fem.io.atomic import replacing
+from fem.io.faults import error_at
 from fem.io.meshfile import member_arrays, quiet, write_mesh
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Model, ModelError
@@ -112,8 +113,7 @@ def write_fields(
     """
     file = Path(path)
     if file.suffix.lower() not in (*_VTK, ".xdmf"):
-        msg = f"{file.name}: motions are written as .vtu, .vtk or .xdmf, not '{file.suffix}'"
-        raise MeshError(msg)
+        raise error_at(file.name, f"motions are written as .vtu, .vtk or .xdmf, not '{file.suffix}'")
     if subdivisions < 1 or (subdivisions > 1 and frame is None):
         msg = f"{subdivisions} subdivisions are asked for; 1 is allowed, and more with the frame given"
         raise MeshError(msg)

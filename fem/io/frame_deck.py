@@ -4,7 +4,7 @@ Readers of Nastran, Abaqus and ANSYS decks return a :class:`FrameDeck`. :mod:`fe
 model of it, and ``dovetail new --from`` a study.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,6 +76,17 @@ class Bars:
     height: Floats
     offsets: Floats
     stiffness: Floats
+
+    @classmethod
+    def of(cls, rows: Sequence[tuple]) -> "Bars":
+        """Return the bars of rows with the attributes of one bar each."""
+        columns = [list(column) for column in zip(*rows, strict=True)] or [[]] * 6
+        numbers, ends, properties = (np.array(column, dtype=np.int64) for column in columns[:3])
+        height, offsets, stiffness = (np.array(column, dtype=float) for column in columns[3:])
+        return cls(
+            numbers=numbers, ends=ends.reshape(-1, 2), properties=properties, height=height.reshape(-1, 3),
+            offsets=offsets.reshape(-1, 2, 3), stiffness=stiffness.reshape(-1, 2, 6),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

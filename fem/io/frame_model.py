@@ -22,10 +22,12 @@ from fem.elements.axes import axes_of, is_parallel
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.deck_units import Units
+from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck
 from fem.io.frame_nodes import Nodes
+from fem.io.frame_parts import terms_of
 from fem.materials import PropertyError
-from fem.mesh import Mesh, MeshError, MeshWarning, free_name
+from fem.mesh import Mesh, MeshWarning, free_name
 from fem.model import DIRECTIONS, Damping, Effect, Model, ModelError, lever_matrix
 
 READERS: Mapping[str, tuple[str, str]] = {
@@ -56,11 +58,9 @@ def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units
     """
     file = Path(path)
     if file.suffix.lower() not in READERS:
-        msg = f"{file.name}: models are read from {', '.join(READERS)} files, not '{file.suffix}'"
-        raise MeshError(msg)
+        raise error_at(file.name, f"models are read from {', '.join(READERS)} files, not '{file.suffix}'")
     if not file.is_file():
-        msg = f"{file}: there is no such file"
-        raise MeshError(msg)
+        raise error_at(file, "there is no such file")
     module, function = READERS[file.suffix.lower()]
     reader: Callable[[Path, Units], FrameDeck] = getattr(importlib.import_module(module), function)
     return reader(file, Units.of(units))
@@ -105,8 +105,7 @@ def model_of(deck: FrameDeck) -> Model:
     """
     if not deck.properties or not len(deck.bars.numbers):
         found = "no bars" if not len(deck.bars.numbers) else "bars without sections and materials"
-        msg = f"{deck.file}: it has {found}; a model needs bars with both"
-        raise MeshError(msg)
+        raise error_at(deck.file, f"it has {found}; a model needs bars with both")
     _check_bars(deck)
     nodes = Nodes.of(deck)
     try:
@@ -114,8 +113,7 @@ def model_of(deck: FrameDeck) -> Model:
         effects = (Frame(members=members), *_effects(deck, nodes, mesh, members))
         return Model(mesh, _with_own_names(effects), deck.damping or Damping())
     except (ModelError, PropertyError) as reason:
-        msg = f"{deck.file}: {reason}"
-        raise MeshError(msg) from reason
+        raise error_at(deck.file, f"{reason}") from reason
 
 
 def _check_bars(deck: FrameDeck) -> None:
@@ -131,8 +129,7 @@ def _check_bars(deck: FrameDeck) -> None:
         if bad.any():
             row = int(np.argmax(bad))
             a, b = deck.nodes[deck.bars.ends[row]]
-            msg = f"{deck.file}: element {deck.bars.numbers[row]}, from node {a} to node {b}, {why}"
-            raise MeshError(msg)
+            raise error_at(deck.file, f"element {deck.bars.numbers[row]}, from node {a} to node {b}, {why}")
 
 
 def _axes(deck: FrameDeck) -> NDArray[np.float64]:
@@ -355,18 +352,13 @@ def _carried_terms(
     terms: Sequence[tuple[int, str, float]], nodes: Nodes
 ) -> tuple[tuple[int, str, float], ...]:
     """Return the terms of an equation at points of the mesh."""
-    out: dict[tuple[int, str], float] = {}
+    motions = []
     for row, direction, coefficient in terms:
         carrier = nodes.carrier(row)
-        if carrier is None:
-            continue
-        lever = lever_matrix(nodes.deck.points[row] - nodes.deck.points[carrier])
-        for d, factor in zip(DIRECTIONS, lever[DIRECTIONS.index(direction)], strict=True):
-            if factor:
-                key = (nodes.index(carrier), d)
-                out[key] = out.get(key, 0.0) + coefficient * float(factor)
-    largest = max((abs(v) for v in out.values()), default=0.0)
-    return tuple((p, d, v) for (p, d), v in out.items() if abs(v) > 1e-12 * largest)
+        if carrier is not None:
+            lever = lever_matrix(nodes.deck.points[row] - nodes.deck.points[carrier])
+            motions.append((nodes.index(carrier), coefficient * lever[DIRECTIONS.index(direction)]))
+    return terms_of(motions)
 
 
 def _joint(deck: FrameDeck, nodes: Nodes, c: Connection) -> Iterator[Joint]:

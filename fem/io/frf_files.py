@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fem.io.arrays import TableError, named_arrays, read_npz, typed
 from fem.io.column_frf import frf_of_columns
+from fem.io.faults import error_at
 from fem.io.frf_reading import Asked, Reading
 from fem.io.mat_hdf5 import HDF5_MARK, read_hdf5, read_mat
 from fem.io.named_frf import frf_of_arrays
@@ -115,8 +116,7 @@ def reader_of(path: Path) -> FRFReader:
     found = found or next((r for r in READERS if suffix in r.suffixes), None)
     if found is None:
         known = "; ".join(f"{', '.join(r.suffixes)} ({r.words})" for r in READERS)
-        msg = f"{path.name}: FRFs are read from files that end in {known}, not '{suffix}'"
-        raise TableError(msg)
+        raise error_at(path.name, f"FRFs are read from files that end in {known}, not '{suffix}'", TableError)
     return found
 
 

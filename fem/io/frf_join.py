@@ -36,15 +36,13 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
             msg = (
                 f"{name}: it has {frf.n_freq} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz, "
                 f"{names[0]} {first.n_freq} from {first.frequency[0]:g} to {first.frequency[-1]:g} Hz; FRFs "
-                "of "
-                "one matrix need the same lines"
+                "of one matrix need the same lines"
             )
             raise TableError(msg)
         if frf.kind != first.kind or reading.phase != readings[0].phase:
             msg = (
                 f"{name}: its FRFs are {_words(reading)}, those of {names[0]} {_words(readings[0])}; one "
-                "kind "
-                "is needed"
+                "kind is needed"
             )
             raise TableError(msg)
     where: dict[tuple[str, str], tuple[int, int, int]] = {}
@@ -54,8 +52,7 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
                 if (output, force) in where:
                     msg = (
                         f"{names[k]}: {output}/{force} is in {names[where[output, force][0]]}, too; give "
-                        "pairs, "
-                        "response/force of each file"
+                        "pairs, response/force of each file"
                     )
                     raise TableError(msg)
                 where[output, force] = k, i, j
@@ -64,8 +61,7 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
     if missing:
         msg = (
             f"the files {', '.join(names[:4])}{' …' if len(names) > 4 else ''} lack "
-            f"{', '.join(missing[:5])}; each "
-            "response to each force is needed once"
+            f"{', '.join(missing[:5])}; each response to each force is needed once"
         )
         raise TableError(msg)
     H = np.empty((first.n_freq, len(outputs), len(inputs)), dtype=complex)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import error_at
 from fem.io.gmsh_elements import (
     Entity,
     Lines,
@@ -77,8 +78,7 @@ def _check_sections(file: MshFile) -> None:
     for needed in pair:
         if needed not in there:
             found = ", ".join(f"${name}" for name in dict.fromkeys(there))
-            msg = f"{file.name}: there is no section ${needed}; it has {found}"
-            raise MeshError(msg)
+            raise error_at(file.name, f"there is no section ${needed}; it has {found}")
 
 
 def _section_notes(file: MshFile) -> Iterator[str]:
@@ -263,8 +263,7 @@ def _distinct_nodes(file: MshFile, nodes: Nodes, notes: list[str]) -> Nodes:
     first, second = int(order[k - 1]), int(order[k])
     text = f"node {nodes.number[first]} is defined at {nodes.place(first)} and again at {nodes.place(second)}"
     if not same.all():
-        msg = f"{file.name}: {text}, with other coordinates; give one of them another number"
-        raise MeshError(msg)
+        raise error_at(file.name, f"{text}, with other coordinates; give one of them another number")
     notes.append(f"{text}, with the same coordinates{_more(again.size)}")
     keep = np.ones(len(nodes.number), dtype=bool)
     keep[order[again]] = False

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 _SPACE = np.zeros(256, dtype=bool)
@@ -69,8 +70,7 @@ class MshFile:
 
     def refuse(self, where: str, reason: str) -> NoReturn:
         """Raise an error that names the file and the place."""
-        msg = f"{self.name}: {where}: {reason}"
-        raise MeshError(msg)
+        raise error_at(self.name, f"{where}: {reason}")
 
     def section(self, name: str) -> Section | None:
         """Return the section of a name; more than one of it are refused, because each has its own count."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.arrays import TableError
+from fem.io.faults import error_at
 from fem.io.frf_reading import optional
 from fem.io.mat5 import read_mat5
 from fem.io.trial import end_of_trial
@@ -72,8 +73,7 @@ def read_hdf5(path: Path) -> dict[str, Named]:
     try:
         return _arrays(h5py, path)
     except Exception as reason:  # damaged files raise whatever the library comes upon
-        msg = f"{path.name}: it cannot be read as HDF5 ({_short(reason)})"
-        raise TableError(msg) from reason
+        raise error_at(path.name, f"it cannot be read as HDF5 ({_short(reason)})", TableError) from reason
 
 
 def _arrays(h5py: Any, path: Path) -> dict[str, Named]:

@@ -25,7 +25,9 @@ from fem.io.abaqus import read_abaqus_nodes
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of
-from fem.io.matrix_market import MOST_ROWS, read_matrix_market
+from fem.io.faults import error_at
+from fem.io.matrix_market import MOST_ROWS
+from fem.io.part_files import ENDINGS, matrix_files, read_part
 from fem.matrices import Matrices, MatricesError
 from fem.system import System, sum_contributions
 
@@ -130,8 +132,7 @@ def write_matrices(
             np.savez_compressed(file, **arrays)
         return (path,)
     if path.suffix.lower() != ".mtx":
-        msg = f"{path.name}: matrices are written as .npz or .mtx, not '{path.suffix}'"
-        raise MatricesError(msg)
+        raise error_at(path.name, f"matrices are written as .npz or .mtx, not '{path.suffix}'", MatricesError)
     files = []
     for key in "KMCDQ":
         X = getattr(matrices, key)
@@ -192,21 +193,25 @@ def read_matrices(
     labels: ArrayLike | None = None,
     nodes: ArrayLike | None = None,
     points: ArrayLike | None = None,
+    deck: str | os.PathLike[str] | None = None,
 ) -> Matrices:
-    """Read matrices of a structure: ``.npz``, ``.mtx`` as :func:`write_matrices` names them, or ``.sti``.
-
-    CalculiX writes ``.sti``; see :func:`read_calculix`.
+    """Read matrices of a structure; the ending and the content of a file say which format it has.
 
     Parameters
     ----------
     path : path
-        ``part.npz``; ``part.mtx`` for ``part.K.mtx``, ``part.M.mtx`` and so on; ``part.sti``.
+        ``part.npz``; ``part.mtx`` for ``part.K.mtx``, ``part.M.mtx`` and so on (Matrix Market, Abaqus);
+        ``part.sti`` (:func:`read_calculix`); ``part.pch``, ``part.bdf`` (DMIG) and ``part.op4`` of Nastran;
+        ``part.matrix`` and ``part.hb`` for ``part.K.matrix`` and so on (Harwell-Boeing); ``part.mat``.
     units : str or (length, mass, time)
         Units of the file, such as ``"mm-t-s"``; see :data:`fem.matrices.UNITS`.
     labels : sequence of str, optional
         Degrees of freedom of the rows, such as ``"12Z+"``, where the file does not say them.
     nodes, points : array_like (n_nodes,), (n_nodes, 3), optional
         Places of nodes in the file's unit of length, where it does not say them.
+    deck : path, optional
+        Deck of Abaqus, CalculiX or Nastran, or table (``.csv``: node, x, y, z) with the places of nodes; one
+        beside the file with the same name unless given.
 
     Raises
     ------
@@ -216,24 +221,35 @@ def read_matrices(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".sti":
-        return read_calculix(path, units=units, nodes=nodes, points=points)
-    if suffix not in (".npz", ".mtx"):
-        msg = f"{path.name}: matrices are read from .npz, .mtx and .sti files, not '{path.suffix}'"
+        return read_calculix(path, deck, units=units, nodes=nodes, points=points)
+    if suffix not in (".npz", *ENDINGS):
+        allowed = ", ".join((".npz", *ENDINGS[:-1]))
+        msg = f"{path.name}: matrices are read from {allowed}, .mat and .sti files, not '{path.suffix}'"
         raise MatricesError(msg)
     if suffix == ".npz" and not path.is_file():
-        msg = f"{path}: there is no such file"
-        raise MatricesError(msg)
-    found = _npz(path) if suffix == ".npz" else _matrix_market(path)
+        raise error_at(path, "there is no such file", MatricesError)
+    found = _npz(path) if suffix == ".npz" else read_part(path, None if deck is None else Path(deck))
+    for base in {path.stem, matrix_files(path)[0]} if suffix != ".npz" and "K" in found else ():
+        table = path.with_name(f"{base}.dofs.csv")
+        if table.is_file():
+            found |= _table(table, found["K"].shape[0])
     given = {"labels": labels, "nodes": nodes, "points": points}
     found |= {key: np.asarray(value) for key, value in given.items() if value is not None}
     for key, word in (("K", "stiffness"), ("M", "mass")):
         if key not in found:
-            msg = f"{path.name}: there is no {word} matrix {key}; it has {', '.join(found) or 'nothing'}"
+            others = ", ".join(k for k in found if k in "KMCDQ")
+            msg = f"{path.name}: there is no {word} matrix {key}; it has {others or 'none'}"
             raise MatricesError(msg)
-    if "labels" not in found:
-        msg = f"{path.name}: it does not say the degrees of freedom of its rows; give labels= such as '12Z+'"
+    if "labels" in found:
+        node, direction, sign = _parsed(np.atleast_1d(found["labels"]), path.name)
+    elif "node" in found:
+        node, direction, sign = found["node"], found["direction"], np.ones(found["node"].size)
+    else:
+        msg = (
+            f"{path.name}: it does not say the degrees of freedom of its rows; write {path.stem}.dofs.csv "
+            "beside it (row,label,node,direction,x_m,y_m,z_m), or give labels= such as '12Z+'"
+        )
         raise MatricesError(msg)
-    node, direction, sign = _parsed(np.atleast_1d(found["labels"]), path.name)
     return _built(path.name, found, node, direction, sign, units)
 
 
@@ -253,13 +269,14 @@ def _built(
                 turned = sp.csr_array(X) @ sp.diags_array(sign)
                 parts[key] = turned if key == "Q" else sp.diags_array(sign) @ turned
     try:
-        return Matrices.from_arrays(
+        matrices = Matrices.from_arrays(
             parts["K"], parts["M"], node, direction, found.get("nodes", ()), found.get("points", ()),
             parts["C"], parts["D"], parts["Q"],
-        ).scaled(units)  # fmt: skip
+        )  # fmt: skip
+        axes = {p: R.T for p, R in found.get("axes", {}).items()}
+        return (matrices.turned(axes) if axes else matrices).scaled(units)
     except MatricesError as reason:
-        msg = f"{name}: {reason}"
-        raise MatricesError(msg) from reason
+        raise error_at(name, f"{reason}", MatricesError) from reason
 
 
 def _parsed(
@@ -285,8 +302,7 @@ def _npz(path: Path) -> dict[str, Any]:
             loaded: Any = np.load(file, allow_pickle=False)
             arrays = {"array": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
         except Exception as reason:  # damaged archives raise whatever zipfile, zlib and numpy come upon
-            msg = f"{path.name}: it cannot be read as .npz ({reason})"
-            raise MatricesError(msg) from reason
+            raise error_at(path.name, f"it cannot be read as .npz ({reason})", MatricesError) from reason
     name = path.name
     found: dict[str, Any] = {
         key: typed(arrays, key, name, what, n_axes, MatricesError)
@@ -305,8 +321,7 @@ def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_arra
     """Return the matrix whose entries are ``K_row``, ``K_column`` and ``K_value``."""
     missing = [f"{key}_{part}" for part in ("row", "column", "shape") if f"{key}_{part}" not in arrays]
     if missing:
-        msg = f"{name}: {key}_value is there, but {', '.join(missing)} is missing"
-        raise MatricesError(msg)
+        raise error_at(name, f"{key}_value is there, but {', '.join(missing)} is missing", MatricesError)
     row, column, shape = (
         typed(arrays, f"{key}_{part}", name, "whole", 1, MatricesError) for part in ("row", "column", "shape")
     )
@@ -327,34 +342,13 @@ def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_arra
     return sp.coo_array((value, (row, column)), shape=tuple(shape.tolist())).tocsr()
 
 
-def _matrix_market(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key in "KMCDQ":
-        file = _part(path, f"{key}.mtx")
-        if not file.is_file():
-            if key in "KM":
-                msg = (
-                    f"{file}: there is no such file; '{path.name}' is short for one file for each matrix, "
-                    f"such as {file.name}"
-                )
-                raise MatricesError(msg)
-            continue
-        found[key] = read_matrix_market(file)
-    table = _part(path, "dofs.csv")
-    if table.is_file():
-        found |= _table(table, found["K"].shape[0])
-    return found
-
-
 def _table(file: Path, n: int) -> dict[str, Any]:
     try:
         lines = list(csv.reader(text_of(file).splitlines()))
     except csv.Error as reason:
-        msg = f"{file.name}: it is no table ({reason})"
-        raise MatricesError(msg) from None
+        raise error_at(file.name, f"it is no table ({reason})", MatricesError) from None
     if not lines or lines[0] != ["row", "label", "node", "direction", "x_m", "y_m", "z_m"]:
-        msg = f"{file.name}: its first line is not row,label,node,direction,x_m,y_m,z_m"
-        raise MatricesError(msg)
+        raise error_at(file.name, "its first line is not row,label,node,direction,x_m,y_m,z_m", MatricesError)
     labels, place = [""] * n, {}
     for k, cells in enumerate(lines[1:], start=2):
         try:
@@ -374,8 +368,7 @@ def _table(file: Path, n: int) -> dict[str, Any]:
             msg = f"{file.name}: line {k} is {','.join(cells)[:80]!r}; seven cells are expected"
             raise MatricesError(msg) from None
     if "" in labels:
-        msg = f"{file.name}: there is no line about row {labels.index('') + 1} of {n}"
-        raise MatricesError(msg)
+        raise error_at(file.name, f"there is no line about row {labels.index('') + 1} of {n}", MatricesError)
     return {
         "labels": np.array(labels),
         "nodes": np.array(list(place)),
@@ -444,8 +437,7 @@ def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     bad = next((k for k, pair in enumerate(pairs) if pair is None), None)
     if bad is not None:
         found = f"line {bad + 1} is {words[bad][:30]!r}"
-        msg = f"{file.name}: {found}; node and direction are expected, such as 12.3"
-        raise MatricesError(msg)
+        raise error_at(file.name, f"{found}; node and direction are expected, such as 12.3", MatricesError)
     numbers = np.array([[int(p.group(1)), int(p.group(2))] for p in pairs if p], dtype=np.int64).reshape(
         -1, 2
     )
@@ -469,8 +461,7 @@ def _triplets(file: Path, n: int, diagonal: bool) -> sp.csr_array:
             warnings.simplefilter("error")  # so NumPy says that it met something else than a number
             table = np.fromstring(text, sep=" ").reshape(-1, 3)
     except (ValueError, DeprecationWarning):
-        msg = f"{file.name}: row, column and value are expected on every line"
-        raise MatricesError(msg) from None
+        raise error_at(file.name, "row, column and value are expected on every line", MatricesError) from None
     rows, cols = (table[:, k].astype(np.int64) - 1 for k in (0, 1))
     outside = (np.minimum(rows, cols) < 0) | (np.maximum(rows, cols) >= n)
     if outside.any():

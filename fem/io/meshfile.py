@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from fem.io.abaqus import abaqus_text, read_abaqus
 from fem.io.ansys import read_ansys
 from fem.io.atomic import replacing
+from fem.io.faults import error_at
 from fem.io.gmsh import gmsh_text, read_gmsh
 from fem.io.meshio_mesh import SET_PREFIX, quiet, read_by_meshio
 from fem.io.nastran import read_nastran
@@ -66,8 +67,7 @@ def read_mesh(
     """
     file = Path(path)
     if not file.is_file():
-        msg = f"{file}: there is no such file"
-        raise MeshError(msg)
+        raise error_at(file, "there is no such file")
     suffix = file.suffix.lower()
     if suffix in _UNIVERSAL:
         return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
@@ -194,5 +194,4 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_da
             msg = f"{file.name}: it cannot be written as {file.suffix or 'a mesh'} ({words[:300]})"
             raise MeshError(msg) from reason
         if sum(len(block.data) for block in back.cells if block.type == "line") != mesh.n_lines:
-            msg = f"{file.name}: it cannot be written as {file.suffix}, a format that keeps no lines"
-            raise MeshError(msg)
+            raise error_at(file.name, f"it cannot be written as {file.suffix}, a format that keeps no lines")

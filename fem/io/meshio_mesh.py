@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.io.rawsets import LineSets, listed
 from fem.mesh import MeshError
@@ -100,8 +101,7 @@ def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
         raise MeshError(msg)
     for name in (*found.cell_data, *found.cell_sets, *found.point_sets):
         if not isinstance(name, str):
-            msg = f"{file}: the array {name!r} has a name that is no text"
-            raise MeshError(msg)
+            raise error_at(file, f"the array {name!r} has a name that is no text")
     raw = RawMesh(np.column_stack([points.astype(float), np.zeros((len(points), 3 - points.shape[1]))]))
     lines: list[NDArray[np.int64]] = [np.zeros((0, 3), dtype=np.int64)]
     counts: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
@@ -166,8 +166,7 @@ def _sets_of(found: Any, file: str, sets: str | None, sizes: list[int], notes: l
             raise MeshError(msg)
         numbers = _numbers(found, sets, sizes)
         if numbers is None:
-            msg = f"{file}: the cell array '{sets}' does not have one whole number for each cell"
-            raise MeshError(msg)
+            raise error_at(file, f"the cell array '{sets}' does not have one whole number for each cell")
         return _by_number(found, sets, numbers)
     begin = np.cumsum([0, *sizes])
     named: _Sets = []

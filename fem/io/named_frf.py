@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.io.arrays import TableError
+from fem.io.faults import error_at
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import Asked, Reading
 from fem.io.mat_hdf5 import Named
@@ -143,8 +144,7 @@ class _File:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        msg = f"{self.name}: {text}"
-        raise TableError(msg)
+        raise error_at(self.name, f"{text}", TableError)
 
     @property
     def content(self) -> str:
@@ -235,8 +235,7 @@ class _File:
         if a.shape != b.shape or "c" in (a.dtype.kind, b.dtype.kind):
             self.refuse(
                 f"the arrays '{one.key}' ({a.dtype}, {a.shape}) and '{other.key}' ({b.dtype}, {b.shape}) "
-                "must "
-                "be real and of one shape"
+                "must be real and of one shape"
             )
         return join(a, b)
 
@@ -319,8 +318,7 @@ class _File:
         if len(rest) > 2:
             self.refuse(
                 f"the array '{main.key}' has shape {tuple(shape)}; one axis each for frequencies, responses "
-                "and "
-                "forces is allowed"
+                "and forces is allowed"
             )
         fits = [
             pair
@@ -346,8 +344,7 @@ class _File:
         if len(named) != len(shape) or len(set(named)) != len(named) or "frequency" not in named:
             self.refuse(
                 f"the axes are given as {' '.join(named)}, and the array '{key}' has shape {tuple(shape)}; "
-                "one "
-                f"of {', '.join(AXES)} for each axis is needed, frequency among them"
+                f"one of {', '.join(AXES)} for each axis is needed, frequency among them"
             )
         for axis, n in zip(named, shape, strict=True):
             count = counts[axis]
@@ -390,9 +387,8 @@ class _File:
         if unit is not None and unit.kind is not None:
             if asked is not None and asked != unit.kind:
                 self.refuse(
-                    f"the array '{main.key}' has the unit '{main.array.unit}', that of {unit.kind}, and "
-                    "kind is "
-                    f"{asked}; correct kind, or give scale, with which unit labels do not count"
+                    f"the array '{main.key}' has the unit '{main.array.unit}', that of {unit.kind}, and kind "
+                    f"is {asked}; correct kind, or give scale, with which unit labels do not count"
                 )
             factor = unit.factor
             note = f"the FRFs are in '{main.array.unit}' and multiplied by {factor:.6g}"

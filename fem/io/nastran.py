@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck import Budget, integer, named
+from fem.io.faults import error_at
 from fem.io.nastran_cards import BulkData, Replicator, Run, columns_of, fields_of, real, runs_of
 from fem.io.nastran_names import DEFAULTS, HARMLESS, LINES, NAMED, READ, REFUSED, SYSTEMS
 from fem.io.nastran_systems import Systems
@@ -170,18 +171,15 @@ class _Reader:
             raise
         except ValueError as reason:
             shown = ", ".join(fields[:6]).rstrip(", ")
-            msg = f"{self.bulk.place(row)}: {name} {shown[:60]} cannot be read: {reason}"
-            raise MeshError(msg) from reason
+            raise error_at(self.bulk.place(row), f"{name} {shown[:60]} cannot be read: {reason}") from reason
 
     def _default(self, name: str, fields: list[str], row: int) -> None:
         place = self.bulk.place(row)
         before = self.defaults.setdefault(name, (fields, place))
         if before[0] != fields:
-            msg = (
-                f"{place}: {name} gives other defaults than the one at {before[1]}; only one {name} is "
-                "allowed"
+            raise error_at(
+                place, f"{name} gives other defaults than the one at {before[1]}; only one {name} is allowed"
             )
-            raise MeshError(msg)
 
     def _grid_card(self, fields: list[str], row: int) -> None:
         cp, cd = (integer(f) if f else _BLANK for f in (fields[1], fields[5]))
@@ -439,18 +437,37 @@ class Grids:
     points: NDArray[np.float64]
     systems: Systems
 
+    @property
+    def axes(self) -> dict[int, NDArray[np.float64]]:
+        """Directions of motions (3, 3) by the numbers of points where they are not basic.
 
-def read_grids(path: Path, bulk: BulkData) -> Grids:
-    """Return the grid points and coordinate systems of bulk data.
+        Raises
+        ------
+        MeshError
+            For fluid points, which no structure has.
+        """
+        out = {}
+        for k in np.flatnonzero(self.displacement).tolist():
+            number, system = int(self.numbers[k]), int(self.displacement[k])
+            if system < 0:
+                msg = f"grid point {number} is a fluid point (CD {system}), which no part of a structure has"
+                raise MeshError(msg)
+            out[number] = self.systems.axes_at(system, self.points[k], f"grid point {number}")
+        return out
+
+
+def read_grids(bulk: BulkData, path: Path | None = None) -> Grids:
+    """Return the grid points and coordinate systems of bulk data; other cards count with a path only.
 
     Raises
     ------
     MeshError
         As :func:`read_nastran`.
     """
-    reader = _Reader(path, bulk)
+    reader = _Reader(path or Path(), bulk)
     for run in runs_of(bulk):
-        reader._run(run)
+        if path is not None or run.name in ("GRID", "GRDSET", *SYSTEMS):
+            reader._run(run)
     with np.errstate(over="ignore", invalid="ignore"):
         whole, points = reader.placed_grids()
     return Grids(whole[:, 0], whole[:, 2], whole[:, 3], points, reader.systems)

@@ -1,13 +1,14 @@
 """Bars of a Nastran deck: CBAR, CBEAM, CROD, CTUBE and CONROD with orientations, offsets and pin flags."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fem.elements.properties import STRAINS
 from fem.io.frame_deck import BarProperty, Bars, Connection
+from fem.io.frame_parts import axes_along, entry, parallel
 from fem.io.nastran_deck import Card, Floats, NastranDeck
 from fem.io.nastran_properties import BEAMS, Profile, Properties
 from fem.model import DIRECTIONS
@@ -20,25 +21,8 @@ _PINS = (0, 2, 1, 3, 5, 4)
 """Local direction of each of Nastran's pin flags 1 to 6: its y is local z, and its z is local -y."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Bar:
-    """One bar.
-
-    Attributes
-    ----------
-    card : Card
-    ends : (int, int)
-        Rows of the grid points.
-    place : int
-        Of its property in the list.
-    profile : Profile
-    height : ndarray (3,)
-        Nastran's y axis, roughly; NaN for rods.
-    offsets : ndarray (2, 3)
-        [m].
-    stiffness : ndarray (2, 6)
-        Infinite, or 0 at pins.
-    """
+class Bar(NamedTuple):
+    """One bar: its card, as :class:`Bars`, and what its property gives."""
 
     card: Card
     ends: tuple[int, int]
@@ -65,16 +49,8 @@ def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Conn
     twists = [t for rod in rods if (t := _twist(deck, properties, rod, beams)) is not None]
     found += rods
     deck.notes.plain.extend(properties.notes())
-    n = len(found)
-    bars = Bars(
-        numbers=np.array([bar.card.whole(0) for bar in found], dtype=np.int64),
-        ends=np.array([bar.ends for bar in found], dtype=np.int64).reshape(n, 2),
-        properties=np.array([bar.place for bar in found], dtype=np.int64),
-        height=np.array([bar.height for bar in found]).reshape(n, 3),
-        offsets=np.array([bar.offsets for bar in found]).reshape(n, 2, 3),
-        stiffness=np.array([bar.stiffness for bar in found]).reshape(n, 2, 6),
-    )
-    return bars, tuple(properties.found), twists
+    rows = [(bar.card.whole(0), bar.ends, bar.place, bar.height, bar.offsets, bar.stiffness) for bar in found]
+    return Bars.of(rows), tuple(properties.found), twists
 
 
 def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:
@@ -111,19 +87,11 @@ def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int])
             )
         return None
     material = properties.found[rod.place].material
-    axes = _along(deck.points[rod.ends[1]] - deck.points[rod.ends[0]])
-    K = np.zeros((6, 6))
-    K[3, 3] = material.G * J / np.linalg.norm(deck.points[rod.ends[1]] - deck.points[rod.ends[0]])
-    return Connection(name=f"{rod.card} torsion", nodes=rod.ends, K=K, D=material.loss_factor * K, axes=axes)
-
-
-def _along(axis: Floats, in_plane: Floats | None = None) -> Floats:
-    """Return axes with x along a vector, and y in the plane of another one, as rows."""
-    x = axis / np.linalg.norm(axis)
-    y = np.eye(3)[np.argmin(np.abs(x))] if in_plane is None else in_plane
-    y = y - (y @ x) * x
-    y = y / np.linalg.norm(y)
-    return np.stack([x, y, np.cross(x, y)])
+    line = deck.points[rod.ends[1]] - deck.points[rod.ends[0]]
+    K = entry(3, material.G * J / float(np.linalg.norm(line)))
+    return Connection(
+        name=f"{rod.card} torsion", nodes=rod.ends, K=K, D=material.loss_factor * K, axes=axes_along(line)
+    )
 
 
 def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
@@ -144,12 +112,11 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     if not np.linalg.norm(axis) > 0:
         card.refuse("has no length between its offset ends")
     _check_orientation(card, axis, up)
-    offsets = offsets + profile.centroid @ _along(axis, up)[1:]
+    offsets = offsets + profile.centroid @ axes_along(axis, up)[1:]
     if profile.centroid.any():
         deck.notes.add(
-            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear "
-            "centre, which "
-            "is elsewhere, needs the effect of the shear centre", profile.card)  # fmt: skip
+            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear centre, "
+            "which is elsewhere, needs the effect of the shear centre", profile.card)  # fmt: skip
     stiffness = np.stack([_pins(card, 8 + end) for end in (0, 1)])
     return Bar(card, ends, place, profile, up, offsets, _turned(card, _needed(stiffness), profile))
 
@@ -180,7 +147,7 @@ def _orientation(deck: NastranDeck, card: Card, ends: tuple[int, int], flag: str
 
 
 def _check_orientation(card: Card, axis: Floats, up: Floats) -> None:
-    if not np.linalg.norm(np.cross(axis, up)) > 1e-6 * np.linalg.norm(axis) * np.linalg.norm(up):
+    if parallel(axis, up, 1e-6):
         card.refuse("has its orientation vector along the bar; give one across it")
 
 
@@ -190,7 +157,7 @@ def _offset(
     """Return an offset in global axes [m]; O has it in axes of the bar without offsets."""
     start = 10 + 3 * end
     offset = card.reals(start, start + 3) * deck.units.length
-    return offset @ (_along(axis, up) if flag == "O" else deck.axes(ends[end]))
+    return offset @ (axes_along(axis, up) if flag == "O" else deck.axes(ends[end]))
 
 
 def _pins(card: Card, k: int) -> Floats:
@@ -231,8 +198,3 @@ def _turned(card: Card, stiffness: Floats, profile: Profile) -> Floats:
             stiffness = stiffness.copy()
             stiffness[:, list(pair)] = stiffness[:, list(reversed(pair))]
     return stiffness
-
-
-def axes_along(deck: NastranDeck, ends: Sequence[int]) -> Floats:
-    """Return axes with x from one grid point to another, as rows."""
-    return _along(deck.points[ends[1]] - deck.points[ends[0]])

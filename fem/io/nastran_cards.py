@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck import Budget, DeckFile, Files, integer
+from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 _CONTROL = re.compile(r"^[ \t]*(BEGIN|ENDDATA|INCLUDE)\b", re.MULTILINE | re.IGNORECASE)
@@ -41,17 +42,18 @@ class BulkData:
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _begun: str = ""
     _ended: bool = False
+    _parts: bool = False
 
     @classmethod
-    def of(cls, path: Path) -> "BulkData":
-        """Read a deck.
+    def of(cls, path: Path, parts: bool = False) -> "BulkData":
+        """Read a deck; with ``parts`` the one model in it may be a superelement (``BEGIN SUPER``).
 
         Raises
         ------
         MeshError
             For files that cannot be read or include themselves, and for more than one model in a file.
         """
-        bulk = cls()
+        bulk = cls(_parts=parts)
         files = Files(path)
         bulk._file(files, files.first())
         return bulk
@@ -89,7 +91,7 @@ class BulkData:
             self._add(file, lines, done, len(lines))
 
     def _begin(self, rest: str, place: str) -> None:
-        if _OTHER_MODEL.search(rest) or self._begun:
+        if (_OTHER_MODEL.search(rest) and not self._parts) or self._begun:
             msg = (
                 f"{place}: BEGIN{rest[:30]} begins another model beside the main bulk data"
                 f"{f' ({self._begun})' if self._begun else ''}; write a file for each"
@@ -459,8 +461,7 @@ class Replicator:
         elif name == "=" or name == self.before[0]:
             self._pattern, count = fields, 1
         else:
-            msg = f"{place()}: {name[:20]} takes fields of a {self.before[0]} card, which is another"
-            raise MeshError(msg)
+            raise error_at(place(), f"{name[:20]} takes fields of a {self.before[0]} card, which is another")
         self.budget.take(count, place(), name)
         found = []
         for _ in range(count):

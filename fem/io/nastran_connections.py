@@ -1,12 +1,9 @@
 """Bodies, springs and dashpots of a Nastran deck."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from fem.io.frame_deck import Body, Connection
-from fem.io.nastran_bars import axes_along
+from fem.io.frame_parts import axes_along, entry, parallel
 from fem.io.nastran_deck import Card, Floats, NastranDeck
 from fem.model import DIRECTIONS, skew
 
@@ -32,7 +29,7 @@ def bodies_of(deck: NastranDeck, fixed: Fixed) -> list[Body]:
 
 def _conm2(deck: NastranDeck, card: Card) -> Body:
     node, system, units = deck.node(card, 1), card.whole(2, 0), deck.units
-    axes = deck.system_axes(system, node, f"{card.place}: {card}") if system > 0 else np.eye(3)
+    axes = deck.axes_of(card, system, node)
     arm = card.reals(4, 7) * units.length
     if system < 0:
         arm = arm - deck.points[node]
@@ -45,9 +42,10 @@ def _conm2(deck: NastranDeck, card: Card) -> Body:
 def _body(deck: NastranDeck, card: Card, node: int, mass: float, arm: Floats, inertia: Floats) -> Body:
     """Return a body of a mass and inertia in the deck's units, and an arm in SI."""
     if mass < 0 or np.linalg.eigvalsh(inertia)[0] < -1e-6 * max(np.abs(inertia).max(), 1e-300):
-        card.refuse(f"has the mass {mass:g} and an inertia of the principal values "
-                    f"{', '.join(f'{v:g}' for v in np.linalg.eigvalsh(inertia))}; they cannot be "
-                    f"negative")  # fmt: skip
+        values = ", ".join(f"{v:g}" for v in np.linalg.eigvalsh(inertia))
+        card.refuse(
+            f"has the mass {mass:g} and an inertia of the principal values {values}; they cannot be negative"
+        )
     factor, units = deck.mass_factor, deck.units
     return Body(
         name=str(card),
@@ -70,20 +68,19 @@ def _conm1(deck: NastranDeck, card: Card) -> Body:
     built = np.block([[m * np.eye(3), -m * lever], [m * lever, M[3:, 3:]]])
     if not np.allclose(built, M, rtol=1e-6, atol=1e-9 * np.abs(M).max()):
         card.refuse("is no rigid body: its matrix is not that of one mass with an arm; CONM2 is read")
-    axes = deck.system_axes(system, node, f"{card.place}: {card}") if system > 0 else np.eye(3)
+    axes = deck.axes_of(card, system, node)
     inertia = M[3:, 3:] + m * lever @ lever
     return _body(deck, card, node, m, arm @ axes * deck.units.length, axes.T @ inertia @ axes)
 
 
 def _scalar_masses(deck: NastranDeck, fixed: Fixed) -> list[Body]:
     """Return CMASS1 and CMASS2 that act at one grid point alike in all directions which are free."""
-    masses = deck.by_number("PMASS")
     by_node: dict[int, dict[int, float]] = {}
     cards: dict[int, Card] = {}
     for card in deck.by_number("CMASS1", "CMASS2").values():
         if card.text(4) not in ("", "0"):
             card.refuse("couples two grid points by a mass; a mass at one grid point is read")
-        value = card.real(1) if card.name == "CMASS2" else _property(card, masses, "PMASS").real(1)
+        value = card.real(1) if card.name == "CMASS2" else _property(deck, card, "PMASS").real(1)
         node = deck.node(card, 2)
         at = by_node.setdefault(node, {})
         at[card.whole(3) - 1] = at.get(card.whole(3) - 1, 0.0) + value
@@ -98,9 +95,8 @@ def _scalar_body(
     values = {at.get(k, 0.0) for k in range(3) if DIRECTIONS[k] not in fixed or not _global(axes)}
     if len(values) > 1:
         card.refuse(
-            "is a mass in some directions only, and the grid point is free in others; a body has the "
-            "same mass "
-            "in all of them"
+            "is a mass in some directions only, and the grid point is free in others; a body has the same "
+            "mass in all of them"
         )
     turning = np.diag([at.get(k, 0.0) for k in (3, 4, 5)])
     return _body(deck, card, node, values.pop() if values else 0.0, np.zeros(3), axes.T @ turning @ axes)
@@ -127,34 +123,25 @@ def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
     return [c for c in found if c.K.any() or c.C.any() or c.D.any()]
 
 
-def _property(card: Card, cards: dict[int, Card], name: str) -> Card:
-    number = card.whole(1, card.whole(0))
+def _property(deck: NastranDeck, card: Card, name: str) -> Card:
+    number, cards = card.whole(1, card.whole(0)), deck.by_number(name)
     if number not in cards:
         card.refuse(f"refers to property {number}, but the file has no {name} {number}")
     return cards[number]
 
 
 def _spring(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
-    if card.name == "CELAS2":
-        k, ge = card.real(1), card.real(6)
-    else:
-        source = _property(card, deck.by_number("PELAS"), "PELAS")
-        k, ge = source.real(1), source.real(2)
-    return _scalar(deck, card, fixed, lambda unit: {"K": k * unit, "D": ge * k * unit}, damper=False)
+    source, at = (card, (1, 6)) if card.name == "CELAS2" else (_property(deck, card, "PELAS"), (1, 2))
+    return _scalar(deck, card, fixed, K=source.real(at[0]), eta=source.real(at[1]))
 
 
 def _damper(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
-    b = card.real(1) if card.name == "CDAMP2" else _property(card, deck.by_number("PDAMP"), "PDAMP").real(1)
-    return _scalar(deck, card, fixed, lambda unit: {"C": b * unit}, damper=True)
+    source = card if card.name == "CDAMP2" else _property(deck, card, "PDAMP")
+    return _scalar(deck, card, fixed, C=source.real(1))
 
 
 def _scalar(
-    deck: NastranDeck,
-    card: Card,
-    fixed: Fixed,
-    values: Callable[[Floats], dict[str, Any]],
-    *,
-    damper: bool,
+    deck: NastranDeck, card: Card, fixed: Fixed, K: float = 0.0, C: float = 0.0, eta: float = 0.0
 ) -> Connection:
     """Return a spring or dashpot between one component of two grid points, or of one and the ground."""
     sides = [(deck.node(card, k), card.whole(k + 1) - 1) for k in (2, 4) if card.text(k) not in ("", "0")]
@@ -162,14 +149,14 @@ def _scalar(
         card.refuse("has no grid point")
     if any(not 0 <= component < 6 for _, component in sides):
         card.refuse("has a component that is not 1 to 6")
-    node, component = sides[0]
-    axes = deck.axes(node)
-    other = sides[1][0] if len(sides) > 1 else None
-    if other is not None:
+    node, k = sides[0]
+    if len(sides) > 1:
         _check_scalar(deck, card, sides, fixed)
-    unit = np.zeros((6, 6))
-    unit[component, component] = _scale(deck, component < 3, damper)
-    return Connection(name=str(card), nodes=(node, other), axes=axes, **values(unit))
+    spring = entry(k, K * deck.units.stiffness[k])
+    return Connection(
+        name=str(card), nodes=(node, sides[1][0] if len(sides) > 1 else None), axes=deck.axes(node),
+        K=spring, C=entry(k, C * deck.units.damping[k]), D=eta * spring,
+    )  # fmt: skip
 
 
 def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], fixed: Fixed) -> None:
@@ -183,61 +170,44 @@ def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], f
     turning = [n for n in (a, b) if not set(DIRECTIONS[3:]) <= set(fixed.get(n, ()))]
     if component < 3 and turning and np.linalg.norm(np.cross(axis, arm)) > 1e-6 * np.linalg.norm(arm):
         deck.notes.add(
-            "it acts across the line between its grid points, where Nastran leaves the moments "
-            "unbalanced; here "
-            "rigid arms from the middle balance them", card)  # fmt: skip
-
-
-def _scale(deck: NastranDeck, translation: bool, damper: bool) -> float:
-    units = deck.units
-    if damper:
-        return units.damping if translation else units.rotational_damping
-    return units.stiffness if translation else units.moment
-
-
-def _scales(deck: NastranDeck, damper: bool) -> Floats:
-    return np.array([_scale(deck, k < 3, damper) for k in range(6)])
+            "it acts across the line between its grid points, where Nastran leaves the moments unbalanced; "
+            "here rigid arms from the middle balance them", card)  # fmt: skip
 
 
 def _viscous(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     """Return a dashpot along and about the line between two grid points."""
-    source = _property(card, deck.by_number("PVISC"), "PVISC")
+    source = _property(deck, card, "PVISC")
     ends = (deck.node(card, 2), deck.node(card, 3))
-    C = np.diag([source.real(1), 0, 0, source.real(2), 0, 0]) * _scales(deck, True)
+    C = np.diag([source.real(1), 0, 0, source.real(2), 0, 0]) * deck.units.damping
     return Connection(name=str(card), nodes=ends, C=C, axes=_line_axes(deck, card, ends))
 
 
 def _line_axes(deck: NastranDeck, card: Card, ends: tuple[int, int]) -> Floats:
     if not np.linalg.norm(deck.points[ends[1]] - deck.points[ends[0]]) > 0:
         card.refuse("has no direction: its grid points are at one place, and no coordinate system is given")
-    return axes_along(deck, ends)
+    return axes_along(deck.points[ends[1]] - deck.points[ends[0]])
 
 
 def _bush1d(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
-    source = _property(card, deck.by_number("PBUSH1D"), "PBUSH1D")
-    ends, unit = (deck.node(card, 2), deck.node(card, 3)), np.zeros((6, 6))
-    unit[0, 0] = 1.0
+    source = _property(deck, card, "PBUSH1D")
+    ends, u = (deck.node(card, 2), deck.node(card, 3)), deck.units
     if source.real(3):
         deck.notes.add("the mass of PBUSH1D is left out", card)
-    axes = (
-        deck.system_axes(card.whole(4), ends[0], f"{card.place}: {card}")
-        if card.text(4)
-        else _line_axes(deck, card, ends)
-    )
+    system = card.whole(4, -1)
+    axes = deck.axes_of(card, system, ends[0]) if system >= 0 else _line_axes(deck, card, ends)
     return Connection(
         name=str(card), nodes=ends, axes=axes,
-        K=source.real(1) * deck.units.stiffness * unit, C=source.real(2) * deck.units.damping * unit,
+        K=entry(0, source.real(1) * u.stiffness[0]), C=entry(0, source.real(2) * u.damping[0]),
     )  # fmt: skip
 
 
 def _bush(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
-    values = _bush_values(_property(card, deck.by_number("PBUSH"), "PBUSH"))
+    values = _bush_values(_property(deck, card, "PBUSH"))
     a = deck.node(card, 2)
     b = deck.node(card, 3) if card.text(3) not in ("", "0") else None
-    scale = _scales(deck, False)
-    K = np.diag(values["K"] * scale)
+    K = np.diag(values["K"] * deck.units.stiffness)
     return Connection(
-        name=str(card), nodes=(a, b), K=K, C=np.diag(values["B"] * _scales(deck, True)),
+        name=str(card), nodes=(a, b), K=K, C=np.diag(values["B"] * deck.units.damping),
         D=np.diag(values["GE"]) @ K, axes=_bush_axes(deck, card, a, b, values["K"]),
         place=_bush_place(deck, card, a, b),
     )  # fmt: skip
@@ -263,7 +233,7 @@ def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) 
     """Return the axes of a CBUSH: its system CID, or along the line with an orientation, or motions of GA."""
     if card.text(7):
         system = card.whole(7)
-        return deck.system_axes(system, a, f"{card.place}: {card}") if system > 0 else np.eye(3)
+        return deck.axes_of(card, system, a)
     if b is None or not np.linalg.norm(deck.points[b] - deck.points[a]) > 0:
         if not card.blank(4, 7):
             card.refuse("has an orientation, but its grid points are at one place; give it a CID")
@@ -274,22 +244,19 @@ def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) 
             card.refuse(
                 "has no orientation and different stiffnesses across its axis; give X1 to X3, G0 or CID"
             )
-        return axes_along(deck, (a, b))
+        return axes_along(line)
     toward = card.text(4).isdigit() and card.blank(5, 7)
     up = deck.points[deck.node(card, 4)] - deck.points[a] if toward else card.reals(4, 7) @ deck.axes(a)
-    if not np.linalg.norm(np.cross(line, up)) > 1e-9 * np.linalg.norm(line) * np.linalg.norm(up):
+    if parallel(line, up):
         card.refuse("has its orientation vector along its axis; give one across it")
-    x = line / np.linalg.norm(line)
-    y = up - (up @ x) * x
-    y /= np.linalg.norm(y)
-    return np.stack([x, y, np.cross(x, y)])
+    return axes_along(line, up)
 
 
 def _bush_place(deck: NastranDeck, card: Card, a: int, b: int | None) -> Floats:
     """Return where a CBUSH acts: S of the way to GB, or an offset from GA in the system OCID."""
     system = card.whole(9, -1)
     if system >= 0:
-        axes = deck.system_axes(system, a, f"{card.place}: {card}") if system > 0 else np.eye(3)
+        axes = deck.axes_of(card, system, a)
         return deck.points[a] + card.reals(10, 13) * deck.units.length @ axes
     if b is None:
         return deck.points[a]

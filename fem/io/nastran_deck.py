@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from fem.io.deck import integer
 from fem.io.deck_units import Units
+from fem.io.faults import error_at
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, each_card, real
 from fem.mesh import MeshError
-from fem.model import DIRECTIONS
 
 Floats = NDArray[np.float64]
 
@@ -38,8 +38,7 @@ class Card:
 
     def refuse(self, reason: str) -> NoReturn:
         """Raise a MeshError that names the card."""
-        msg = f"{self.place}: {self} {reason}"
-        raise MeshError(msg)
+        raise error_at(self.place, f"{self} {reason}")
 
     def __str__(self) -> str:
         return f"{self.name} {self.text(0)}".strip()
@@ -186,10 +185,9 @@ class NastranDeck:
         """Return the axes of a coordinate system at a grid point."""
         return self.grids.systems.axes_at(system, self.grids.points[row], place)
 
-    def directed(self, row: int, component: int) -> list[tuple[int, str, float]]:
-        """Return a component of a grid point's motion as terms of its global motions."""
-        turn, axis = 3 * (component // 3), self.axes(row)[component % 3]
-        return [(row, DIRECTIONS[turn + k], float(a)) for k, a in enumerate(axis) if abs(a) > 1e-12]
+    def axes_of(self, card: Card, system: int, row: int) -> Floats:
+        """Return the axes of a system that a card names, at a grid point; below 1 those of the deck."""
+        return np.eye(3) if system < 1 else self.system_axes(system, row, f"{card.place}: {card}")
 
     def setting(self, key: str) -> str | None:
         """Return what case control selects: the same in all subcases, or None.
@@ -234,7 +232,7 @@ def open_deck(path: Path, units: Units) -> NastranDeck:
     cards: dict[str, list[Card]] = {}
     for name, fields, row in each_card(bulk):
         cards.setdefault(name, []).append(Card(name, fields, bulk.place(row)))
-    grids = read_grids(path, bulk)
+    grids = read_grids(bulk, path)
     return NastranDeck(
         file=path.name,
         cards=cards,

@@ -12,14 +12,14 @@ import numpy as np
 
 from fem.io.deck import named, words
 from fem.io.deck_units import Units
+from fem.io.faults import error_at
 from fem.io.frame_deck import FrameDeck
 from fem.io.nastran_bars import RODS, bars_of
 from fem.io.nastran_connections import BODIES, bodies_of, connections_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_names import HARMLESS, READ
 from fem.io.nastran_properties import BEAMS
-from fem.io.nastran_rigid import constraints_of, supports_of
-from fem.mesh import MeshError
+from fem.io.nastran_rigid import constraints_of, fixed_of
 from fem.model import Damping, ModelError
 
 APPLIED: Final = (
@@ -48,9 +48,8 @@ LEFT_OUT: Final = {name: meaning for names, meaning in _MEANING.items() for name
 """Cards that are left out, and what that means."""
 
 REFUSED: Final = words(
-    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 "
-    "CELAS3 CELAS4 CDAMP3 "
-    "CDAMP4 CDAMP5"
+    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 CELAS3 "
+    "CELAS4 CDAMP3 CDAMP4 CDAMP5"
 )
 """Cards that change the stiffness or the mass, beside other elements, whose names begin with C."""
 
@@ -84,7 +83,7 @@ def read_nastran_frame(path: Path, units: Units) -> FrameDeck:
     """
     deck = open_deck(path, units)
     _check(deck)
-    supports, skew = supports_of(deck)
+    supports, skew = fixed_of(deck)
     bars, properties, twists = bars_of(deck)
     bodies = bodies_of(deck, supports)
     connections = [*connections_of(deck, supports), *twists]
@@ -128,9 +127,8 @@ def _check(deck: NastranDeck) -> None:
     first = next(iter(lost.values()))[0]
     counts = named([f"{len(cards)} {name}" for name, cards in lost.items()])
     first.refuse(
-        f"has no place in a frame model, and the frequencies would be wrong without it (the file has "
-        f"{counts}); delete "
-        "these cards to read the bars alone, or write them with the cards that are read"
+        "has no place in a frame model, and the frequencies would be wrong without it (the file has "
+        f"{counts}); delete these cards to read the bars alone, or write them with the cards that are read"
     )
 
 
@@ -150,8 +148,7 @@ def _damping(deck: NastranDeck) -> Damping | None:
             frequency=frequency, ratio=ratio, alpha=alpha / time, beta=beta * time, loss_factor=eta
         )
     except ModelError as reason:
-        msg = f"{deck.file}: PARAM G, ALPHA1, ALPHA2 or TABDMP1: {reason}"
-        raise MeshError(msg) from reason
+        raise error_at(deck.file, f"PARAM G, ALPHA1, ALPHA2 or TABDMP1: {reason}") from reason
 
 
 def _table(card: Card) -> tuple[np.ndarray, np.ndarray]:

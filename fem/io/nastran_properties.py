@@ -7,16 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fem.io.frame_deck import BarProperty
+from fem.io.frame_sections import material_of, rod, with_shear
 from fem.io.nastran_deck import Card, Floats, NastranDeck
-from fem.io.nastran_sections import (
-    NEGLIGIBLE,
-    SHAPES,
-    Shear,
-    material_of,
-    rod_section,
-    section_of_constants,
-    section_of_shape,
-)
+from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, section_of_shape
 from fem.materials import PropertyError
 from fem.sections.section import Section
 
@@ -132,21 +125,21 @@ class Properties:
         if rho <= 0:
             deck.notes.add("it has no density; a negligible one is taken", card)
             rho = E * units.stress / MASSLESS_SPEED**2
-        material, shear = material_of(
+        material, factor = material_of(
             f"MAT1 {profile.material}", E * units.stress, G * units.stress, nu, rho, card.real(7)
         )
         return BarProperty(
             name=f"CONROD {element.text(0)}" if number is None else f"property {number}",
             material=material,
-            section=self._end(profile.section, shear, element),
-            section2=None if profile.section2 is None else self._end(profile.section2, shear, element),
+            section=self._end(profile.section, factor, element),
+            section2=None if profile.section2 is None else self._end(profile.section2, factor, element),
             theory=theory,
             mass="consistent" if self.consistent and theory != "bar" else "lumped-slender",
             mass_per_length=profile.mass_per_length,
         )
 
-    def _end(self, section: Section, shear: Shear, element: Card) -> Section:
-        scaled = shear.applied(section)
+    def _end(self, section: Section, factor: float, element: Card) -> Section:
+        scaled = with_shear(section, factor)
         if self.consistent or element.name != "CBAR":
             return scaled
         return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
@@ -158,16 +151,14 @@ class Properties:
         kinds = {key[0] for key in self.made}
         if self.consistent:
             yield (
-                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods "
-                "lumped mass, "
-                "which is nearer to Nastran's coupled mass: that of motions along them lies midway "
+                "PARAM COUPMASS: bars have the consistent mass of their shape functions, and rods lumped "
+                "mass, which is nearer to Nastran's coupled mass: that of motions along them lies midway "
                 "between the two"
             )
         elif "CBAR" in kinds:
             yield (
-                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for "
-                "CBAR without "
-                "inertia of torsion"
+                "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end, for CBAR "
+                "without inertia of torsion"
             )
         else:
             yield "bars have lumped mass, as in Nastran without PARAM COUPMASS: half at each end"
@@ -206,7 +197,7 @@ def _constants(reader: Properties, card: Card, values: Floats, k: tuple[float, f
     if not (I1 or I2):
         if J:
             reader.deck.notes.add("without I1 and I2 it is a rod; its stiffness in torsion is left out", card)
-        return rod_section("rod", A)
+        return replace(rod(A), label="rod")
     zero = [name for name, value in (("A", A), ("I1", I1), ("I2", I2), ("J", J)) if not value]
     if zero:
         reader.deck.notes.add(
@@ -292,8 +283,7 @@ def _tapered(
             if error > STATION_ERROR:
                 card.refuse(
                     f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a "
-                    f"taper; "
-                    "divide the beam there"
+                    "taper; divide the beam there"
                 )
             reader.deck.notes.add("stations between the ends are left out; the section tapers evenly", card)
     if not same and not first.shape:
@@ -343,7 +333,7 @@ def _rod(reader: Properties, card: Card, material: int, start: int) -> Profile:
     if not A > 0:
         card.refuse(f"has the area {card.real(start):g}; it must be positive")
     nsm = card.real(start + 3) * reader.deck.mass_factor * units.mass_per_length
-    return Profile(card, material, rod_section("rod", A), mass_per_length=nsm, torsion=J)
+    return Profile(card, material, rod(A), mass_per_length=nsm, torsion=J)
 
 
 def _ptube(reader: Properties, card: Card) -> Profile:
@@ -358,7 +348,7 @@ def _ptube(reader: Properties, card: Card) -> Profile:
         reader.deck.notes.add("the tube tapers; the mean of its diameters is taken", card)
     J = math.pi / 32 * (outer**4 - inner**4)
     nsm = card.real(4) * reader.deck.mass_factor * units.mass_per_length
-    return Profile(card, card.whole(1), rod_section("rod", math.pi / 4 * (outer**2 - inner**2)),
+    return Profile(card, card.whole(1), rod(math.pi / 4 * (outer**2 - inner**2)),
                    mass_per_length=nsm, torsion=J)  # fmt: skip
 
 

@@ -1,42 +1,12 @@
 """Supports, rigid elements and equations of a Nastran deck: SPC, RBE2, RBAR, RROD, RBE3 and MPC."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 
-import numpy as np
-
-from fem.io.frame_deck import Connection, Equation, Link
-from fem.io.nastran_deck import Card, Floats, NastranDeck
-from fem.model import DIRECTIONS, lever_matrix
-
-Terms = list[tuple[int, str, float]]
+from fem.io.frame_deck import Connection
+from fem.io.frame_parts import Constraints, Motion, along, supports_of
+from fem.io.nastran_deck import Card, NastranDeck
 
 ALL = (0, 1, 2, 3, 4, 5)
-
-
-@dataclass(slots=True)
-class Constraints:
-    """What the cards give.
-
-    Attributes
-    ----------
-    links : list of Link
-    equations : list of Equation
-    """
-
-    links: list[Link] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
-
-    def equate(self, name: str, terms: Iterable[tuple[int, str, float]]) -> None:
-        """Add an equation; terms of one degree of freedom are added up."""
-        total: dict[tuple[int, str], float] = {}
-        for row, direction, value in terms:
-            total[row, direction] = total.get((row, direction), 0.0) + value
-        largest = max(map(abs, total.values()), default=0.0)
-        kept = tuple((r, d, v) for (r, d), v in total.items() if abs(v) > 1e-12 * largest)
-        if kept:
-            self.equations.append(Equation(name=name, terms=kept))
-
 
 # Sets -------------------------------------------------------------------------------------------------------
 
@@ -59,8 +29,7 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
         if len(roots) > 1:
             cards[0].refuse(
                 f"is in one of the sets {', '.join(map(str, roots))}, and there is no case control that "
-                f"selects "
-                f"one; write {key} = {roots[0]} and BEGIN BULK before the cards, or delete the others"
+                f"selects one; write {key} = {roots[0]} and BEGIN BULK before the cards, or delete the others"
             )
         chosen = roots[0]
         deck.notes.plain.append(f"there is no case control; {key} set {chosen} is taken")
@@ -85,7 +54,9 @@ def _members(card: Card) -> Iterator[int]:
 # Supports ---------------------------------------------------------------------------------------------------
 
 
-def supports_of(deck: NastranDeck) -> tuple[dict[int, tuple[str, ...]], list[Connection]]:
+def fixed_of(
+    deck: NastranDeck,
+) -> tuple[dict[int, tuple[str, ...]], tuple[Connection, ...]]:
     """Return fixed global directions by row of the grid points, and skew supports.
 
     Raises
@@ -102,11 +73,7 @@ def supports_of(deck: NastranDeck) -> tuple[dict[int, tuple[str, ...]], list[Con
     for card in selected(deck, "SPC", ("SPC", "SPC1"), "SPCADD"):
         for row, components in (_spc if card.name == "SPC" else _spc1)(deck, card):
             fixed.setdefault(row, set()).update(components)
-    supports: dict[int, tuple[str, ...]] = {}
-    skew: list[Connection] = []
-    for row, components in fixed.items():
-        _support(deck, row, components, supports, skew)
-    return supports, skew
+    return supports_of(fixed, deck.axes, lambda row: f"skew support of {deck.grids.numbers[row]}")
 
 
 def _spc(deck: NastranDeck, card: Card) -> Iterator[tuple[int, tuple[int, ...]]]:
@@ -141,33 +108,6 @@ def _listed(card: Card, start: int) -> Iterator[tuple[int, bool]]:
             k += 1
 
 
-def _support(
-    deck: NastranDeck,
-    row: int,
-    components: set[int],
-    supports: dict[int, tuple[str, ...]],
-    skew: list[Connection],
-) -> None:
-    """Sort the fixed components of one grid point into global directions and those of a skew support."""
-    axes = deck.axes(row)
-    plain: list[str] = []
-    rigid: list[str] = []
-    for turn in (0, 3):
-        part = sorted(c - turn for c in components if turn <= c < turn + 3)
-        along = [int(np.argmax(np.abs(axes[c]))) for c in part]
-        if len(part) == 3:
-            along = [0, 1, 2]
-        elif any(abs(abs(axes[c, k]) - 1) > 1e-12 for c, k in zip(part, along, strict=True)):
-            rigid += [DIRECTIONS[turn + c] for c in part]
-            continue
-        plain += [DIRECTIONS[turn + k] for k in along]
-    if plain:
-        supports[row] = tuple(sorted(plain, key=DIRECTIONS.index))
-    if rigid:
-        name = f"skew support of {deck.grids.numbers[row]}"
-        skew.append(Connection(name=name, nodes=(row, None), rigid=tuple(rigid), axes=axes))
-
-
 # Rigid elements and equations -------------------------------------------------------------------------------
 
 
@@ -179,15 +119,10 @@ def constraints_of(deck: NastranDeck) -> Constraints:
     MeshError
         For elements that join a grid point with itself, or are not determined.
     """
-    out = Constraints()
-    for card in deck.by_number("RBE2").values():
-        _rbe2(deck, card, out)
-    for card in deck.by_number("RBAR").values():
-        _rbar(deck, card, out)
-    for card in deck.by_number("RROD").values():
-        _rrod(deck, card, out)
-    for card in deck.by_number("RBE3").values():
-        _rbe3(deck, card, out)
+    out = Constraints(deck.points, deck.axes)
+    for name, read in (("RBE2", _rbe2), ("RBAR", _rbar), ("RROD", _rrod), ("RBE3", _rbe3)):
+        for card in deck.by_number(name).values():
+            read(deck, card, out)
     for k, card in enumerate(selected(deck, "MPC", ("MPC",), "MPCADD"), start=1):
         out.equate(f"MPC {card.text(0)} ({k})", _mpc(deck, card))
     return out
@@ -216,26 +151,7 @@ def _rigid(
     """Let some components of grid points follow another one."""
     if lead in dependents:
         card.refuse(f"joins grid point {deck.grids.numbers[lead]} with itself")
-    plain = [
-        row for row in dependents
-        if all(len([c for c in components if t <= c < t + 3]) in (0, 3) for t in (0, 3))
-        or np.allclose(deck.axes(row), np.eye(3))
-    ]  # fmt: skip
-    if plain:
-        directions = tuple(DIRECTIONS[c] for c in components)
-        out.links.append(Link(name=str(card), node=lead, dependents=tuple(plain), directions=directions))
-    for row in (r for r in dependents if r not in plain):
-        lever = lever_matrix(deck.points[row] - deck.points[lead])
-        for c in components:
-            axis = np.zeros(6)
-            axis[3 * (c // 3) : 3 * (c // 3) + 3] = deck.axes(row)[c % 3]
-            out.equate(f"{card} at {deck.grids.numbers[row]}, {c + 1}", [
-                *_terms(row, axis), *_terms(lead, -axis @ lever),
-            ])  # fmt: skip
-
-
-def _terms(row: int, coefficients: Floats) -> Terms:
-    return [(row, d, float(c)) for d, c in zip(DIRECTIONS, coefficients, strict=True) if c]
+    out.follow(str(card), lead, dependents, components)
 
 
 def _rbar(deck: NastranDeck, card: Card, out: Constraints) -> None:
@@ -261,51 +177,21 @@ def _rbar(deck: NastranDeck, card: Card, out: Constraints) -> None:
 def _rrod(deck: NastranDeck, card: Card, out: Constraints) -> None:
     """Keep the distance of two grid points."""
     a, b = deck.node(card, 1), deck.node(card, 2)
-    line = deck.points[b] - deck.points[a]
-    if not np.linalg.norm(line) > 0:
+    if not (deck.points[b] - deck.points[a]).any():
         card.refuse("has no length")
-    axis = np.append(line / np.linalg.norm(line), np.zeros(3))
-    out.equate(str(card), [*_terms(b, axis), *_terms(a, -axis)])
+    out.keep_distance(str(card), a, b)
 
 
 def _rbe3(deck: NastranDeck, card: Card, out: Constraints) -> None:
-    """Let a grid point follow the rigid motion that fits those of others best, in weighted least squares.
-
-    Rotations weigh by the square of the mean distance of the others from it.
-    """
     lead, components = deck.node(card, 2), card.directions(3)
-    rows = [(row, c, w) for row, cs, w in _weighted(deck, card) for c in cs]
-    if not rows or not components:
+    members = [(row, c, w) for row, cs, w in _weighted(deck, card) for c in cs]
+    if not members or not components:
         card.refuse("has no grid points or components")
-    if lead in {row for row, _, _ in rows}:
+    if lead in {row for row, _, _ in members}:
         card.refuse(f"joins grid point {deck.grids.numbers[lead]} with itself")
-    others = list(dict.fromkeys(row for row, _, _ in rows))
-    length = float(np.linalg.norm(deck.points[others] - deck.points[lead], axis=1).mean()) or 1.0
-    S = np.array(
-        [_moved(deck, row, c) @ lever_matrix(deck.points[row] - deck.points[lead]) for row, c, _ in rows]
-    )
-    W = np.array([w * (length**2 if c >= 3 else 1.0) for _, c, w in rows])
-    scale = np.repeat([1.0, 1 / length], 3)  # so that translations and rotations compare
-    normal = (S * scale).T * W @ (S * scale)
-    fit = scale[:, None] * np.linalg.pinv(normal, rcond=1e-10) @ ((S * scale).T * W)
-    for c in components:
-        axis = _moved(deck, lead, c)
-        if np.linalg.norm(axis @ fit @ S - axis) > 1e-6 * np.abs(axis).max() * max(1.0, length, 1 / length):
-            card.refuse(f"does not determine its component {c + 1} by the motions of its grid points")
-        terms = [
-            (row, d, -float(f) * a)
-            for (row, one, _), f in zip(rows, axis @ fit, strict=True)
-            for _, d, a in deck.directed(row, one)
-        ]
-        out.equate(f"{card}, {c + 1}", [*_terms(lead, axis), *terms])
-
-
-def _moved(deck: NastranDeck, row: int, component: int) -> Floats:
-    """Return a component of a grid point's motion as factors of its six global motions."""
-    axis = np.zeros(6)
-    turn = 3 * (component // 3)
-    axis[turn : turn + 3] = deck.axes(row)[component % 3]
-    return axis
+    lost = out.average(str(card), lead, components, members)
+    if lost is not None:
+        card.refuse(f"does not determine its component {lost + 1} by the motions of its grid points")
 
 
 def _weighted(deck: NastranDeck, card: Card) -> Iterator[tuple[int, tuple[int, ...], float]]:
@@ -327,9 +213,9 @@ def _weighted(deck: NastranDeck, card: Card) -> Iterator[tuple[int, tuple[int, .
         card.refuse("has dependent components by UM; it is read with those of the reference point alone")
 
 
-def _mpc(deck: NastranDeck, card: Card) -> Terms:
-    """Return the terms of an MPC: two on a line, the others indented by one field."""
-    terms: Terms = []
+def _mpc(deck: NastranDeck, card: Card) -> list[Motion]:
+    """Return the motions of an MPC: two on a line, the others indented by one field."""
+    motions: list[Motion] = []
     for k in (start + part for start in range(0, len(card.fields), 8) for part in (1, 4)):
         if card.text(k):
             components, factor = card.directions(k + 1), card.real(k + 2)
@@ -337,15 +223,9 @@ def _mpc(deck: NastranDeck, card: Card) -> Terms:
                 card.refuse(
                     f"has the component '{card.text(k + 1)}' in its field {k + 3}; one of 1 to 6 is needed"
                 )
-            terms += [
-                (r, d, factor * a * _length(deck, d))
-                for r, d, a in deck.directed(deck.node(card, k), components[0])
-            ]
-    if not terms:
+            row = deck.node(card, k)
+            axis = along(components[0], deck.axes(row))
+            motions.append((row, factor * deck.units.of_motions * axis))
+    if not motions:
         card.refuse("has no terms")
-    return terms
-
-
-def _length(deck: NastranDeck, direction: str) -> float:
-    """Return the factor of a coefficient from the deck's units: those of rotations have a length."""
-    return deck.units.length if direction.startswith("r") else 1.0
+    return motions

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.deck import integer
+from fem.io.faults import error_at
 from fem.io.nastran_cards import real
 from fem.mesh import MeshError
 
@@ -66,8 +67,7 @@ class Systems:
                         number, *grids = (integer(c) for c in cells)
                         found[number] = System(kind, place, grids=tuple(grids))
         except ValueError as reason:
-            msg = f"{place}: {name} {', '.join(fields)} cannot be read: {reason}"
-            raise MeshError(msg) from reason
+            raise error_at(place, f"{name} {', '.join(fields)} cannot be read: {reason}") from reason
         for number, system in found.items():
             old = self.named.setdefault(number, system)
             same = (old.kind, old.reference, old.points, old.grids)
@@ -138,8 +138,7 @@ class Systems:
             loop = next((n for n in needed if n in under_way), None)
             if loop is not None:
                 chain = " → ".join(map(str, [*list(under_way)[list(under_way).index(loop) :][:10], loop]))
-                msg = f"{system.place}: coordinate systems refer to each other: {chain}"
-                raise MeshError(msg)
+                raise error_at(system.place, f"coordinate systems refer to each other: {chain}")
             waiting += [(n, f"{system.place}: coordinate system {top}") for n in needed]
         return self._frames[number]
 
@@ -149,11 +148,10 @@ class Systems:
         found = [self.grid(n) for n in system.grids]
         lost = next((n for n, one in zip(system.grids, found, strict=True) if one is None), None)
         if lost is not None:
-            msg = (
-                f"{system.place}: coordinate system {number} refers to grid point {lost}, which the "
-                "file does not have"
+            raise error_at(
+                system.place,
+                f"coordinate system {number} refers to grid point {lost}, which the file does not have",
             )
-            raise MeshError(msg)
         return [one[0] for one in found if one is not None]
 
     def _built(self, number: int, system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

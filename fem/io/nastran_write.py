@@ -10,7 +10,6 @@ from fem.io.deck_nodes import (
     all_matrices,
     first_element,
     matrix_entries,
-    matrix_scale,
     plain,
     scale_of,
     solved_equations,
@@ -223,9 +222,9 @@ def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
     nodes = deck.nodes[one], None if two is None else deck.nodes[two]
     yield from card("CBUSH", n, n, *nodes, None, None, None, system)
     K, C, D = (np.diag(X) for X in (c.K, c.C, c.D))
-    fields = [n, "K", *map(float, K / np.diag(matrix_scale(1, "K", u)))]
+    fields = [n, "K", *map(float, K / u.stiffness)]
     if C.any():
-        fields += [None, "B", *map(float, C / np.diag(matrix_scale(1, "C", u)))]
+        fields += [None, "B", *map(float, C / u.damping)]
     if D.any():
         fields += [None, "GE", *(float(d / k) if k else 0.0 for d, k in zip(D, K, strict=True))]
     yield from card("PBUSH", *fields)

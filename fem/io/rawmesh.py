@@ -19,6 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from fem.io.faults import error_at
 from fem.io.rawsets import LineSets, distinct, listed
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_advice
 
@@ -80,8 +81,7 @@ def mesh_of(
     """
     if not len(raw.lines):
         found = ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no elements"
-        msg = f"{file}: no lines; it has {found}, and a frame needs two-node or three-node lines"
-        raise MeshError(msg)
+        raise error_at(file, f"no lines; it has {found}, and a frame needs two-node or three-node lines")
     if not (np.isfinite(scale) and scale > 0):
         msg = f"the scale is {scale}; it must be positive (0.001 for a file in mm)"
         raise MeshError(msg)
@@ -153,11 +153,9 @@ def _check_coordinates(
     if not used[row]:
         raw.notes.append(f"{raw.point(row)}, on no line, is at {xyz}")
     elif np.isfinite(points[row]).all():
-        msg = f"{file}: {raw.point(row)} is so far away, at {xyz} m, that lengths overflow"
-        raise MeshError(msg)
+        raise error_at(file, f"{raw.point(row)} is so far away, at {xyz} m, that lengths overflow")
     else:
-        msg = f"{file}: {raw.point(row)} has the coordinates {xyz}; they must be finite numbers"
-        raise MeshError(msg)
+        raise error_at(file, f"{raw.point(row)} has the coordinates {xyz}; they must be finite numbers")
 
 
 def _near(points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -346,8 +344,7 @@ def _built(
     try:
         mesh = Mesh.from_lines(points, lines, cells, names, [f"{file}: {note}" for note in notes])
     except MeshError as reason:
-        msg = f"{file}: {reason}"
-        raise MeshError(msg) from reason
+        raise error_at(file, f"{reason}") from reason
     if not parts_of:
         return mesh
     groups = dict(mesh.groups)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRFKind
 from fem.io.arrays import TableError, named_arrays
 from fem.io.columns import Columns, read_columns
+from fem.io.faults import error_at
 from fem.io.frf_files import is_universal
 from fem.io.frf_labels import frequency_factor
 from fem.io.frf_reading import optional
@@ -178,8 +179,7 @@ def read_time_data(path: str | os.PathLike[str], sample_rate: float | None = Non
         _refuse(
             file,
             f"sample {row + 1} of channel '{data.channels[column]}' is not finite, {len(bad)} in all; "
-            "samples "
-            "must follow evenly, without gaps",
+            "samples must follow evenly, without gaps",
         )
     return data
 
@@ -193,8 +193,7 @@ def _stated_rate(reader: TimeReader, file: Path) -> float | None:
 
 
 def _refuse(path: Path, text: str) -> NoReturn:
-    msg = f"{path.name}: {text}"
-    raise TableError(msg)
+    raise error_at(path.name, f"{text}", TableError)
 
 
 def _rate(path: Path, given: float | None, found: float | None) -> float:

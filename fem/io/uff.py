@@ -13,6 +13,7 @@ from pathlib import Path
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.io.uff_elements import Elements, Group
 from fem.io.uff_format import UffError, label_of, parse_label, split_blocks
@@ -191,8 +192,7 @@ class UffFile:
     def raw_mesh(self) -> RawMesh:
         """Return lines, sets and notes for :func:`fem.io.rawmesh.mesh_of`; raise as :meth:`mesh`."""
         if self.geometry_fault:
-            msg = f"{self.name}: {self.geometry_fault}"
-            raise UffError(msg)
+            raise error_at(self.name, f"{self.geometry_fault}", UffError)
         return raw_mesh_of(
             self.name, self.points, self.elements, self.trace_lines, self.groups, self.mesh_notes
         )

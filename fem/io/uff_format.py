@@ -254,8 +254,7 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
         msg = (
             f"{cursor.file}: {what} announces {n} values in {need} bytes, but "
             f"{len(cursor.data) - cursor.at if there is None else there} follow its header at byte "
-            f"{cursor.at}; "
-            "the file may be cut off or damaged"
+            f"{cursor.at}; the file may be cut off or damaged"
         )
         raise UffError(msg)
     values = np.frombuffer(cursor.data, layouts[0], n, cursor.at)

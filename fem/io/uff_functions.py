@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
+from fem.io.faults import error_at
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
@@ -411,8 +412,7 @@ def _add_parts(out: FRFGroups, group: _Group, run: str, file: str) -> None:
             strain = [o for o in outputs if any(cells[o, i].is_strain for i in inputs)]
             frf = FRF.from_arrays(first.x, H, group.kind, outputs, inputs, base, strain)
         except FRFError as reason:
-            msg = f"{file}: FRFs from {first.place} on: {reason}"
-            raise UffError(msg) from reason
+            raise error_at(file, f"FRFs from {first.place} on: {reason}", UffError) from reason
         out.frfs.append(frf)
         out.units.append((first.unit, first.denominator_unit))
         labels = (cells[o, i].x_label for i in inputs for o in outputs)

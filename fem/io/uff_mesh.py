@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.io.uff_elements import BEAMS, ENTITIES, Elements, Group
 from fem.io.uff_format import UffError
@@ -40,8 +41,7 @@ def raw_mesh_of(
         If there are no points or no lines, or a line refers to a node that the file does not have.
     """
     if points is None:
-        msg = f"{file}: no points (dataset 15, 781 or 2411)"
-        raise UffError(msg)
+        raise error_at(file, "no points (dataset 15, 781 or 2411)", UffError)
     raw = RawMesh(notes=list(notes))
     beams = np.flatnonzero(np.isin(elements.descriptor, BEAMS))
     for descriptor, n in zip(

@@ -418,7 +418,7 @@ def _function_head(
             f"{_line(f'{title} {label_of(node, direction)}/{label_of(reference, sense)}'):<80}\n",
             *(f"{'NONE':<80}\n" for _ in range(4)),
             f"{5 if driven else 4:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{node:10d}{direction:4d} "
-            f"{'NONE':<10}{reference:10d}{sense:4d}\n"
+            f"{'NONE':<10}{reference:10d}{sense:4d}\n",
             f"{6 if double else 5:10d}{frf.n_freq:10d}{1 if step else 0:10d}",
             f"{start:13.6e}{step:13.6e}{0:13.5e}\n",
             _axis(18, "Frequency", "Hz"),
