@@ -118,7 +118,7 @@ def _values(block: made.Block) -> list[Any]:
     assert isinstance(block, TableBlock)
     rows = [[plain(cell) for cell in row] for row in block.rows[: block.n_shown]]
     return [
-        "TableBlock",
+        "Table",
         [plain(head) for head in block.head],
         rows,
         sorted(block.numbers),
@@ -147,9 +147,7 @@ def read_outline(folder: Path) -> Outline:
         found = re.search(f' id="{ID}">([^<]*)<', page)
         name, parts = json.loads(zlib.decompress(base64.b64decode(found[1] if found else "")))
         (_, _, first), *rest = parts
-        embedded = {
-            k: data for data, k in re.findall(r'src="data:[^,]*,([^"]*)"[^>]*data-file="([^"]*)"', page)
-        }
+        embedded = {k: data for data, k in re.findall(_EMBEDDED, page)}
 
         def block(kind: str, *values: Any) -> Block:
             if kind == "Picture":

@@ -212,7 +212,7 @@ def test_checked_data_are_counted_beside_what_the_map_says(file, tmp_path, capsy
     words = ["plan", str(file), "--noise", "0.003", "--check", "5", "--seed", "3", "--json", str(out)]
     assert main(words) == 0
     printed = capsys.readouterr().out
-    rows = re.findall(r"^(\S+) +1 +(\d+) % +0 % \(0-79\) +(\d+) % +0 % \(0-79\)$", printed, re.M)
+    rows = re.findall(r"^ *(\S+) +1 +(\d+) % +0 % \(0-79\) +(\d+) % +0 % \(0-79\)$", printed, re.M)
     assert [row[0] for row in rows] == ["0.5", "0.75", "1", "1.5", "2"]
     assert [int(row[1]) >= int(row[2]) for row in rows] == [True] * 5
     assert rows[2][2] == "90"
