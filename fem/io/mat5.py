@@ -35,13 +35,7 @@ _MOST_BYTES = 1 << 32
 
 
 def read_mat5(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a MATLAB file, members of structures as ``structure/member``.
-
-    Raises
-    ------
-    TableError
-        If it is damaged, or of another version.
-    """
+    """Return the arrays of a MATLAB file, members of structures as ``structure/member``."""
     data = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if not data.startswith(b"MATLAB") or order is None:
