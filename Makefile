@@ -33,7 +33,7 @@ help:
 	@echo 'make coverage    the same, with the coverage of each package'
 	@echo 'make slow        the tests that take more than 5 s each'
 	@echo 'make long        those that take minutes: thirty diagnoses of fresh cases, the cases of other codes'
-	@echo 'make docs        build the documentation in out/site'
+	@echo 'make docs        build the documentation in out/site; FRESH=1 computes all of its results again'
 	@echo 'make dist        build wheel and sdist in dist, and check them in clean environments; PYTHONS="python3.11 python3.13"'
 	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
@@ -64,9 +64,9 @@ test: $(DEV)
 coverage: $(DEV)
 	$(IN) python -m pytest --cov --cov-report=term
 
-# pages run their commands and examples; MkDocs then works without any network
+# pages run their commands and examples, or take results of an earlier build from .docs-cache; MkDocs then works without any network
 docs: $(DEV) $(DOCS)
-	$(IN) python -m docs.make out/docs
+	$(IN) python -m docs.make out/docs $(if $(FRESH),--fresh)
 	$(IN) NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict
 	$(IN) python -m docs.make.offline out/site
 
@@ -189,5 +189,5 @@ lock:
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) $(PEERS) .venv-lock out build dist *.egg-info .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(PEERS) .venv-lock out build dist *.egg-info .hypothesis .pytest_cache .ruff_cache .import_linter_cache .docs-cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

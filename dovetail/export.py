@@ -32,8 +32,27 @@ OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
 
 
 @dataclass(frozen=True, slots=True)
+class Fitted:
+    """An uncertain parameter with another value than before.
+
+    Attributes
+    ----------
+    nominal : float
+        The value before.
+    text : str
+        Both in words.
+    sure : bool
+        Whether they differ by more than the standard deviation.
+    """
+
+    nominal: float
+    text: str
+    sure: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Found:
-    """What a study has found: an effect, or an uncertain parameter with another value.
+    """An effect of a study.
 
     Attributes
     ----------
@@ -52,6 +71,8 @@ class Found:
 
 def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
+
+    Cards for what was found leave out fitted values within a standard deviation of the nominal ones.
 
     Raises
     ------
@@ -77,13 +98,22 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in found and not found[e.name].sure)
     }
     model = study.model.without_effect(*out)
+    fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
+    moved = {ref: each for ref, each in fitted.items() if each.sure}
+    model = model.with_values({ref: each.nominal for ref, each in fitted.items() if ref not in moved})
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
-        {ref: value for ref, (value, _) in nominal.items() if ref[0] not in found}
+        {ref: each.nominal for ref, each in moved.items()}
     )
-    more = {ref: Found(ref[0], text) for ref, (_, text) in nominal.items() if ref[0] not in found}
+    found = {name: each for name, each in found.items() if name not in out}
     deck = _titled(changed_deck(deck_of(model, study.name), deck_of(before, study.name)), found)
-    notes = [f"{name}: not in this file: {why}" for name, why in out.items() if name in found]
-    lines = (f"found by {head}", *_lines(found), *(f"{f.name}: {f.text}" for f in more.values()))
+    notes = [
+        f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
+        for why in dict.fromkeys(out.values())
+    ]
+    if len(moved) < len(fitted):
+        names = ", ".join(f"{e} {p}" for e, p in fitted if (e, p) not in moved)
+        notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
+    lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return replace(deck, notes=(*notes, *deck.notes)), lines
 
 
@@ -138,8 +168,8 @@ def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
     return out
 
 
-def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, tuple[float, str]]:
-    """Return the parameters that a run has fitted: the values before, and both in words."""
+def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitted]:
+    """Return the parameters that a run has fitted."""
     refs = {f"{effect}.{parameter}": (effect, parameter) for effect, parameter in model.values()}
     out = {}
     for u in result.get("uncertain", []):
@@ -149,5 +179,6 @@ def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, tupl
         value = parameter_values(model.effect(ref[0]))[ref[1]]
         std = math.nan if u["std"] is None else u["std"]
         text = words.with_unit(value, u["unit"], std)
-        out[ref] = u["nominal"], f"{ref[1]} {text} instead of {words.with_unit(u['nominal'], u['unit'])}"
+        text = f"{ref[1]} {text} instead of {words.with_unit(u['nominal'], u['unit'])}"
+        out[ref] = Fitted(u["nominal"], text, not abs(value - u["nominal"]) <= std)
     return out

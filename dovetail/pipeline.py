@@ -126,7 +126,7 @@ def analysed(
         comparisons,
         held_out_errors(study, diagnosis),
         locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
-        pair_modes(nominal, fitted),
+        pair_modes(nominal, fitted, diagnosis.model.mesh.n_points),
         uncertain_parameters(diagnosis),
         diagnosis.notes,
         datetime.now().astimezone(),

@@ -63,10 +63,7 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
             study.model, data, study.nuisances, progress=lambda text, done: say(text, 0.3 * done), **how
         )
         return plan_beside(begun, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
-    for part in ("sensors", "excitations"):
-        if not getattr(study, part):
-            msg = f"{study.path}: it has no [[{part}]]; a test has both sensors and excitations"
-            raise StudyError(msg)
+    study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(
         study.model, study.sensors, study.excitations, frequency,

@@ -222,13 +222,6 @@ class Study(config.Study):
                 raise StudyError(msg)
         return [known[name] for name in names or known]
 
-    def require_ends(self) -> None:
-        """Raise a :class:`StudyError` if the study has no sensors or no excitations."""
-        for part in ("sensors", "excitations"):
-            if not getattr(self, part):
-                msg = f"{self.path}: it has no [[{part}]]; FRFs need both sensors and excitations"
-                raise StudyError(msg)
-
     def compare(self, n_bands: int = N_BANDS) -> Comparison | ModeComparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
 

@@ -111,7 +111,9 @@ def _of_structure(model: Model, tolerance: float | None) -> tuple[Defect, ...]:
 
 def _geometry(mesh: Mesh, tolerance: float | None, ties: Pairs) -> tuple[Defect, ...]:
     length = mesh.lengths()
-    near = tolerance if tolerance is not None else min(1e-3 * mesh.size, 0.1 * float(length.min()))
+    near = (
+        tolerance if tolerance is not None else min(1e-3 * mesh.size, 0.1 * float(length.min(initial=np.inf)))
+    )
     part = _parts(mesh, ties)
     tied = _Linked(mesh, ties)
     return (
@@ -214,6 +216,8 @@ def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
 def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return points and lines whose enclosing balls meet, without the lines' own ends."""
     middle, radius = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2 + near
+    if not mesh.n_lines:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     found = cKDTree(mesh.points).query_ball_point(middle, radius)
     row = np.repeat(np.arange(mesh.n_lines), [len(f) for f in found])
     p = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
@@ -224,6 +228,8 @@ def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.
 def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     """Two lines that pass each other between their ends."""
     middle, half = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2
+    if not mesh.n_lines:
+        return
     order = np.argsort(-half)  # each line looks for those that are not longer
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

@@ -208,30 +208,31 @@ class Matrices:
         """Return the six rigid-body motions of the rows, shape (n, 6) [m and rad per m and rad].
 
         Rotations are about a point, the mean of the nodes' places unless given. Coordinates that are no
-        motion of one node are taken through Q.
+        motion of one node are taken through Q. Without Q they are amplitudes of modes with the nodes held,
+        which are zero in a rigid-body motion; that K costs it no energy then shows whether they are.
 
         Raises
         ------
         MatricesError
-            If the place of a node is not known, or coordinates are not motions of a node and there is no Q.
+            If the place of a node is not known.
         """
         if self.Q is not None:
             whole = np.zeros((self.Q.shape[0], 6))
             centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
             whole[: 6 * len(self.points)] = lever_matrix(self.points - centre).reshape(-1, 6)
             return np.asarray(self.Q.T @ whole)
-        if (self.direction == 0).any():
-            row = int(np.argmax(self.direction == 0))
-            msg = f"row {row} is no motion of a node, so that rigid-body motions are not known there"
-            raise MatricesError(msg)
-        index = {int(p): k for k, p in enumerate(self.nodes)}
-        missing = next((int(p) for p in self.node if int(p) not in index), None)
-        if missing is not None:
-            self.place_of(missing)  # says so
-        at = np.array([index[int(p)] for p in self.node])
+        order = np.argsort(self.nodes)
+        at = np.searchsorted(self.nodes, self.node, sorter=order)
+        at = order[np.minimum(at, max(order.size - 1, 0))] if order.size else np.zeros(self.n, int)
+        moves = self.direction > 0
+        lost = moves & (self.nodes[at] != self.node if order.size else True)
+        if lost.any():
+            self.place_of(int(self.node[lost][0]))  # says so
         centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
         levers = lever_matrix(self.points - centre)
-        return levers[at, self.direction - 1]
+        motions = np.zeros((self.n, 6))
+        motions[moves] = levers[at[moves], self.direction[moves] - 1]
+        return motions
 
     def scaled(self, units: str | tuple[float, float, float]) -> "Matrices":
         """Return them in SI units, taking them as being in other units.
@@ -252,10 +253,11 @@ class Matrices:
         length, mass, time = consistent_units(units)
         if (length, mass, time) == (1.0, 1.0, 1.0):
             return self
-        if (self.direction == 0).any():
+        if (self.direction == 0).any() and self.Q is not None:
             msg = "coordinates that are no motion of a node have no unit to convert"
             raise MatricesError(msg)
-        S = sp.diags_array(np.where(self.direction <= 3, 1 / length, 1.0))
+        # an amplitude of a mode is a number: only its energies have units
+        S = sp.diags_array(np.where((self.direction > 0) & (self.direction <= 3), 1 / length, 1.0))
         energy = mass * length**2
         factors = {"K": energy / time**2, "M": energy, "C": energy / time, "D": energy / time**2}
         return replace(
@@ -285,11 +287,24 @@ class Matrices:
         moved.flags.writeable = False
         if rotation is None:
             return replace(self, points=moved)
+        return replace(self.turned(dict.fromkeys(np.unique(self.node).tolist(), R)), points=moved, Q=None)
+
+    def turned(self, rotations: Mapping[int, NDArray[np.float64]]) -> "Matrices":
+        """Return them in coordinates u' = R u of some nodes, which have R (3, 3) by their numbers.
+
+        Raises
+        ------
+        MatricesError
+            If one of these nodes has some but not all of its three directions.
+        """
         rows, cols, data = [], [], []
         row_of = {(int(p), int(d)): k for k, (p, d) in enumerate(zip(self.node, self.direction, strict=True))}
         for (p, d), k in row_of.items():
+            R = rotations.get(p) if d else None
+            if R is None:
+                continue
             first = 1 if d <= 3 else 4
-            for j in range(3 if d else 0):
+            for j in range(3):
                 at = row_of.get((p, first + j))
                 if at is None:
                     msg = (
@@ -300,12 +315,10 @@ class Matrices:
                 rows.append(at)
                 cols.append(k)
                 data.append(R[j, d - first])
-            if not d:
-                rows.append(k)
-                cols.append(k)
-                data.append(1.0)
-        T = sp.coo_array((data, (rows, cols)), shape=(self.n, self.n)).tocsr()
-        return replace(self, **self._each(lambda _, X: T @ X @ T.T), points=moved, Q=None)
+        kept = np.setdiff1d(np.arange(self.n), cols)
+        index = np.r_[np.array(rows, dtype=int), kept], np.r_[np.array(cols, dtype=int), kept]
+        T = sp.coo_array((np.r_[data, np.ones(kept.size)], index), shape=(self.n, self.n)).tocsr()
+        return replace(self, **self._each(lambda _, X: T @ X @ T.T))
 
     def _each(self, change: Any) -> dict[str, sp.csr_array | None]:
         return {

@@ -140,6 +140,12 @@ class Mesh:
         return cls._frozen(points, lines, members, groups, dict(point_names or {}), tuple(notes))
 
     @classmethod
+    def of_points(cls, points: ArrayLike, point_names: Mapping[str, int] | None = None) -> "Mesh":
+        """Build a mesh without lines, of points (n, 3) [m] that reduced parts and joints connect."""
+        xyz = np.array(points, dtype=float).reshape(-1, 3)
+        return cls._frozen(xyz, np.zeros((0, 2), dtype=np.int64), {}, {}, dict(point_names or {}), ())
+
+    @classmethod
     def _frozen(
         cls,
         points: NDArray[np.float64],
@@ -264,7 +270,8 @@ class Mesh:
         """Return the lines of all members one after the other, and the number of the member of each."""
         chains = list(self.members.values())
         length = np.fromiter(map(len, chains), dtype=np.int64, count=len(chains))
-        return np.concatenate(chains), np.repeat(np.arange(len(chains)), length)
+        lines = np.concatenate([np.zeros(0, dtype=np.int64), *chains])
+        return lines, np.repeat(np.arange(len(chains)), length)
 
     def arc_fractions(self) -> NDArray[np.float64]:
         """Return where each line begins and ends along its member, 0 to 1 of its length, (n_lines, 2) [-]."""
@@ -332,6 +339,12 @@ class Mesh:
         if name is not None:
             names[name] = new
         return self._frozen(points, lines, members, self.groups, names, self.notes)
+
+    def with_point(self, xyz: ArrayLike, name: str) -> "Mesh":
+        """Return a mesh with one more point, on no line; existing points keep their indices."""
+        points = np.vstack([self.points, np.asarray(xyz, dtype=float)])
+        names = {**self.point_names, name: self.n_points}
+        return self._frozen(points, self.lines, self.members, self.groups, names, self.notes)
 
     def refined(self, size: float | None = None, counts: Mapping[str, int] | None = None) -> "Mesh":
         """Return a mesh with more lines along the members; existing points keep their indices.

@@ -359,7 +359,7 @@ class Effect(ABC):
         return None
 
     def size_in_words(self) -> str:
-        """Return its size as its trade says it, where that is another than the value of its parameter."""
+        """Return its size in words of the field, where these are other than the value of its parameter."""
         return ""
 
     def covers(self, other: "Effect") -> bool:

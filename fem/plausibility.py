@@ -441,7 +441,7 @@ class _Structure:
 
     def odd_stiffness(self, direction: str, stiffness: float) -> str:
         """Return in words why a stiffness is absurd, empty where it is not."""
-        return _odd_stiffness(direction, stiffness, self.members)
+        return _odd_stiffness(direction, stiffness, self.members) if self.members else ""
 
 
 def _of_effects(model: Model, members: Sequence[_Alike], carriers: Sequence[_Alike]) -> Iterator[Suspicion]:

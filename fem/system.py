@@ -281,10 +281,12 @@ def _without_idle_turns(model: Model, Q: Any, K: Any, M: Any) -> Any:
 def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the coordinates without stiffness and mass: rotations where nothing but bars and cables meet.
 
-    Others are an error.
+    Rotations of points that stand for one node of a solid part are others; the rest is an error.
     """
     on_lines = np.zeros(model.n_dof, dtype=bool)
-    on_lines[: 6 * model.mesh.n_points].reshape(-1, 6)[np.unique(model.mesh.lines), 3:] = True
+    tied = [e.points for e in model.effects if e.reduced_part]  # type: ignore[attr-defined]
+    points = np.unique(np.concatenate([model.mesh.lines.ravel(), *tied]).astype(np.int64))
+    on_lines[: 6 * model.mesh.n_points].reshape(-1, 6)[points, 3:] = True
     dofs = np.asarray(abs(Q[:, empty]).argmax(axis=0)).ravel()
     bad = dofs[~on_lines[dofs]]
     if bad.size:

@@ -12,12 +12,28 @@ NO_OPENGL = "VTK cannot draw off screen here (on Debian and Ubuntu, install libe
 VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
 """Environment variable that VTK reads once: the class of its windows."""
 
+# without PyVista, whose import takes twice as long as all of this
 _DRAW = """
-import numpy, pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(40, 40))
-plotter.set_background("white")
-plotter.add_mesh(pyvista.Sphere(), color="black")
-raise SystemExit(0 if numpy.ptp(plotter.screenshot(None, return_img=True)) > 100 else 3)
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.vtkRenderingCore import (
+    vtkActor, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+)
+sphere, mapper, actor, renderer = vtkSphereSource(), vtkPolyDataMapper(), vtkActor(), vtkRenderer()
+window, picture = vtkRenderWindow(), vtkWindowToImageFilter()
+mapper.SetInputConnection(sphere.GetOutputPort())
+actor.SetMapper(mapper)
+actor.GetProperty().SetColor(0, 0, 0)
+renderer.SetBackground(1, 1, 1)
+renderer.AddActor(actor)
+window.SetOffScreenRendering(True)
+window.SetSize(40, 40)
+window.AddRenderer(renderer)
+window.Render()
+picture.SetInput(window)
+picture.Update()
+low, high = picture.GetOutput().GetScalarRange()
+raise SystemExit(0 if high - low > 100 else 3)
 """
 
 

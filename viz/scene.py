@@ -281,7 +281,8 @@ class Scene:
         image = Image.fromarray(blend(self.embed(picture), self.overlay(picture)))
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        image.save(path, dpi=(self.dpi, self.dpi), optimize=True)
+        # level 9, or `optimize`, takes two to three times as long and makes the file 1 % smaller
+        image.save(path, dpi=(self.dpi, self.dpi), compress_level=7)
         return path
 
 

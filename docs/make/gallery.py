@@ -1,7 +1,6 @@
 """The gallery: each example with its output and the pictures that it draws."""
 
 import ast
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -12,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 from docs.make import notebooks
 from docs.make.pages import PageError, environment_of
+from docs.make.stored import NO_STORE, Result, Store, contents, digest, first_package, program
 
 HEAD = """\
 # Gallery
@@ -30,6 +30,7 @@ The folder `examples` has larger studies as well:
 |---|---|
 | `cross-beam` | a study with mesh file, universal file and an elastic joint; `make demo` runs it |
 | `first-frame` | the study of the [tutorial](../first-frame.md) |
+| `missing-card` | a Nastran deck and a test, and [the card that was missing](../missing-card.md) |
 | `loaded-portal`, `fan` | studies of [loads and time](../loads-and-time.md) |
 | `tuned-absorber` | a planar mast with a tuned absorber, one and many |
 | `joint-study` | the numerical and the experimental study of the cross-beam paper, with their pictures |
@@ -55,44 +56,60 @@ def sources(examples: Path) -> list[Path]:
     return [*sorted(examples.glob("[0-9]*.ipynb")), *sorted(examples.glob("[0-9]*.py"))]
 
 
-def write(paths: Iterable[Path], out: Path, pool: Executor) -> Future[None]:
+def write(paths: Iterable[Path], out: Path, pool: Executor, store: Store = NO_STORE) -> Future[None]:
     """Run examples and notebooks, write their pages and, when all are there, the index."""
     out.mkdir(parents=True)
-    shown = [pool.submit(shown_by, path, out) for path in paths]
+    shown = [pool.submit(shown_by, path, out, store) for path in paths]
     return pool.submit(lambda: _write_index([one.result() for one in shown], out))
 
 
-def shown_by(path: Path, out: Path) -> Example:
+def shown_by(path: Path, out: Path, store: Store) -> Example:
     """Run an example or a notebook and write its page."""
     if path.suffix == ".ipynb":
-        example = told_notebook(path, out)
+        example = told_notebook(path, out, store)
     else:
-        example = run(path, out)
+        example = run(path, out, store)
         (out / f"{example.name}.md").write_text(page(example), encoding="utf-8")
     print(path.name, flush=True)
     return example
 
 
-def told_notebook(path: Path, out: Path) -> Example:
+def told_notebook(path: Path, out: Path, store: Store) -> Example:
     """Run a notebook and write its page, and beside it the library that draws its figures."""
-    notebook = notebooks.executed(path)
-    (out / f"{path.stem}.md").write_text(notebooks.page(notebook, path.stem), encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    key = path.name, text, data_of(path), program()
+    page = store.result(key, lambda: Result(notebooks.page(notebooks.executed(path), path.stem))).text
+    (out / f"{path.stem}.md").write_text(page, encoding="utf-8")
     (out / notebooks.SCRIPT).write_text(notebooks.script(), encoding="utf-8")
-    return Example(path.stem, notebooks.title_of(notebook), "", "", "", ())
+    return Example(path.stem, notebooks.title_of(page), "", "", "", ())
 
 
-def run(path: Path, out: Path) -> Example:
-    """Run an example; its pictures, which it writes to a temporary folder, go to ``out``.
+def data_of(path: Path) -> str:
+    """Return a hash of what lies beside an example, without the other examples."""
+    files = contents(path.parent)
+    return digest(*(f"{name} {hashed}" for name, hashed in files.items() if not name[0].isdigit()))
+
+
+def run(path: Path, out: Path, store: Store = NO_STORE) -> Example:
+    """Run an example, or take its result from the store; its pictures go to ``out``."""
+    code = path.read_text(encoding="utf-8")
+    module = ast.parse(code)
+    title, _, text = (ast.get_docstring(module) or path.stem).partition("\n")
+    body = "\n".join(code.splitlines()[module.body[0].end_lineno :]).strip()
+    key = path.name, code, data_of(path), program(first_package(code))
+    result = store.result(key, lambda: output_of(path))
+    result.write_files(out)
+    return Example(path.stem, title.rstrip("."), text.strip(), body, result.text, tuple(result.files))
+
+
+def output_of(path: Path) -> Result:
+    """Run an example; return its output and the pictures, which it writes to a temporary folder.
 
     Raises
     ------
     PageError
         If it fails.
     """
-    code = path.read_text(encoding="utf-8")
-    module = ast.parse(code)
-    title, _, text = (ast.get_docstring(module) or path.stem).partition("\n")
-    body = "\n".join(code.splitlines()[module.body[0].end_lineno :]).strip()
     with TemporaryDirectory() as folder:
         environment = environment_of(path.parents[1], TMPDIR=folder)
         done = subprocess.run([sys.executable, path], env=environment, capture_output=True, text=True)
@@ -100,12 +117,11 @@ def run(path: Path, out: Path) -> Example:
             msg = f"{path.name}: exit code {done.returncode}\n{done.stderr}"
             raise PageError(msg)
         output = done.stdout
-        pictures = []
+        pictures = {}
         for picture in sorted(Path(folder).rglob("*.png")):
             output = output.replace(str(picture), picture.name).replace(str(picture.parent), "a folder")
-            shutil.copy(picture, out / f"{path.stem}-{picture.name}")
-            pictures.append(f"{path.stem}-{picture.name}")
-    return Example(path.stem, title.rstrip("."), text.strip(), body, output.rstrip(), tuple(pictures))
+            pictures[f"{path.stem}-{picture.name}"] = picture.read_bytes()
+    return Result(output.rstrip(), pictures)
 
 
 def page(example: Example) -> str:

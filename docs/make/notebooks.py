@@ -40,9 +40,9 @@ def executed(path: Path) -> Any:
         raise PageError(msg) from reason
 
 
-def title_of(notebook: Any) -> str:
-    """Return the heading of a notebook's first cell."""
-    return notebook.cells[0].source.splitlines()[0].removeprefix("# ")
+def title_of(page: str) -> str:
+    """Return the heading of a notebook's page."""
+    return page.partition("\n")[0].removeprefix("# ")
 
 
 def page(notebook: Any, name: str) -> str:

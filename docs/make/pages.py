@@ -9,6 +9,8 @@ import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from docs.make.stored import CACHE, NO_STORE, Result, Store, contents, digest, program
+
 COMMANDS = re.compile(r"^```console (\S+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 """Commands that are run in a folder of the repository, or a copy of it: ```console examples/first-frame."""
 
@@ -19,7 +21,7 @@ TABLE = re.compile(r"^<!-- table (\S+) -->$", re.MULTILINE)
 """A table of comma-separated values: <!-- table benchmarks/validation/seeds.csv -->"""
 
 FILE = re.compile(r"^<!-- file (\S+) -->$", re.MULTILINE)
-"""A text file, shown as it is: <!-- file examples/first-frame/study.toml -->"""
+"""A text file, of the repository or written by a command: <!-- file examples/first-frame/study.toml -->"""
 
 BOOK = re.compile(r"^<!-- book (\w+) -->$", re.MULTILINE)
 """A table of the benchmark book, by the name of its source, or ``summary``."""
@@ -62,10 +64,11 @@ def with_site_links(text: str, page: Path, root: Path, examples: Collection[str]
     return LINK.sub(link, text)
 
 
-def expand(text: str, target: Path, root: Path) -> str:
+def expand(text: str, target: Path, root: Path, store: Store = NO_STORE) -> str:
     """Return a page with the output of its commands, its pictures and its tables in it.
 
-    Commands run in a copy of their folder beside the page, so that the repository stays as it is.
+    Commands run in a copy of their folder beside the page, so that the repository stays as it is. Stored
+    results are not computed again.
     """
     work = target.with_suffix("")
 
@@ -76,7 +79,7 @@ def expand(text: str, target: Path, root: Path) -> str:
         return folder
 
     def commands(match: re.Match[str]) -> str:
-        return "```console\n" + "".join(outputs(match[2], copied(match[1]))) + "```\n"
+        return "```console\n" + "".join(outputs(match[2], copied(match[1]), store)) + "```\n"
 
     def picture(match: re.Match[str]) -> str:
         source = work / "_run" / match[1]
@@ -86,11 +89,15 @@ def expand(text: str, target: Path, root: Path) -> str:
         shutil.copy(source, work / source.name)
         return f"![{match[2]}]({work.name}/{source.name})"
 
+    def file(match: re.Match[str]) -> str:
+        written = work / "_run" / match[1]
+        return listing(written if written.is_file() else root / match[1])
+
     text = COMMANDS.sub(commands, text)
     text = PICTURE.sub(picture, text)
     text = TABLE.sub(lambda match: table(root / match[1]), text)
-    text = FILE.sub(lambda match: listing(root / match[1]), text)
-    text = BOOK.sub(lambda match: shelved(match[1]), text)
+    text = FILE.sub(file, text)
+    text = BOOK.sub(lambda match: shelved(match[1], store), text)
     shutil.rmtree(work / "_run", ignore_errors=True)
     return text
 
@@ -98,35 +105,47 @@ def expand(text: str, target: Path, root: Path) -> str:
 def environment_of(root: Path, **more: str) -> dict[str, str]:
     """Return the environment of a process that imports the packages of a checkout."""
     paths = os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])
+    if sys.dont_write_bytecode:  # else each of forty processes would compile all modules
+        more |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(CACHE / "bytecode")}
     return {**os.environ, "PYTHONPATH": paths, **more}
 
 
-def outputs(text: str, folder: Path) -> Iterator[str]:
-    """Run the lines of a block that begin with ``$``; yield each with its output.
-
-    Raises
-    ------
-    PageError
-        If a command fails.
-    """
+def outputs(text: str, folder: Path, store: Store) -> Iterator[str]:
+    """Run the lines of a block that begin with ``$``; yield each with its output."""
     for line in text.splitlines():
         if not line.startswith("$ "):
             yield f"{line}\n"
             continue
-        words = line[2:].split()
-        yield f"{line}\n"
-        program = [sys.executable, "-m", "dovetail"] if words[0] == "dovetail" else [sys.executable]
-        done = subprocess.run(
-            [*program, *words[1:]],
-            cwd=folder,
-            env=environment_of(Path(__file__).parents[2]),
-            capture_output=True,
-            text=True,
-        )
-        if done.returncode:
-            msg = f"{line}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
-            raise PageError(msg)
-        yield f"{done.stdout.rstrip()}\n"
+        # a command may read what those before it have written
+        key = line, digest(repr(contents(folder))), program()
+        result = store.result(key, lambda line=line: run(line, folder))
+        result.write_files(folder)
+        yield f"{line}\n{result.text}\n"
+
+
+def run(line: str, folder: Path) -> Result:
+    """Run a line that begins with ``$`` in a folder; return its output and the files that it has written.
+
+    Raises
+    ------
+    PageError
+        If the command fails.
+    """
+    words = line[2:].split()
+    interpreter = [sys.executable, *(["-m", "dovetail"] if words[0] == "dovetail" else [])]
+    before = contents(folder)
+    done = subprocess.run(
+        [*interpreter, *words[1:]],
+        cwd=folder,
+        env=environment_of(Path(__file__).parents[2]),
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        msg = f"{line}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
+        raise PageError(msg)
+    written = [name for name, hashed in contents(folder).items() if before.get(name) != hashed]
+    return Result(done.stdout.rstrip(), {name: (folder / name).read_bytes() for name in written})
 
 
 def table(path: Path) -> str:
@@ -137,11 +156,15 @@ def table(path: Path) -> str:
     return "\n".join(f"| {' | '.join(cell.replace('_', ' ') for cell in row)} |" for row in lines)
 
 
-def shelved(name: str) -> str:
+def shelved(name: str, store: Store) -> str:
     """Return a table of the benchmark book."""
-    from docs.make import book  # it computes with all packages; other pages need none
 
-    return book.summary() if name == "summary" else book.table(name)
+    def computed() -> Result:
+        from docs.make import book  # it computes with all packages; other pages need none
+
+        return Result(book.summary() if name == "summary" else book.table(name))
+
+    return store.result(("book", name, program(tests=True)), computed).text
 
 
 def listing(path: Path) -> str:

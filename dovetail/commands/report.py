@@ -7,13 +7,13 @@ from dovetail.commands.common import Options, say
 from dovetail.disk.output import Output, OutputError, Progress, check_outputs
 from dovetail.file.paths import InputFile
 
-HELP = "write the report of a run as a Word document or as PowerPoint slides"
+HELP = "write the report of a run or an update as a Word document or as PowerPoint slides"
 EXAMPLE = "dovetail report out/report --docx report.docx"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument("folder", type=Path, metavar="DIR", help="folder that 'dovetail run' has written")
+    p.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or an update")
     p.add_argument("--docx", type=Path, metavar="FILE", help="Word document to write")
     p.add_argument("--pptx", type=Path, metavar="FILE", help="PowerPoint file to write")
 

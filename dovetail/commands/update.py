@@ -14,9 +14,10 @@ from dovetail.commands.common import (
     say,
 )
 from dovetail.commands.stepping import said
-from dovetail.commands.update_report import REPORT, errors_before_and_after, write_update_report
+from dovetail.commands.update_report import errors_before_and_after, write_update_report
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
+from dovetail.result import PICTURES, REPORT
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
 from updating.inference.updated import Updated
@@ -66,7 +67,7 @@ def run(options: Options, progress: Progress) -> None:
     if options.bootstrap is not None and options.bootstrap < LEAST:
         msg = f"--bootstrap {options.bootstrap}: at least {LEAST} resamples are needed"
         raise OutputError(msg)
-    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, "pictures"))]
+    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, PICTURES))]
     folder = options.out.with_name(f"{options.out.name}-bootstrap")
     if options.bootstrap is not None:
         places.append(Output("--out", folder, (JOURNAL,)))

@@ -14,11 +14,12 @@ import numpy as np
 from dovetail.file.ambient import read_ambient
 from dovetail.file.channel_errors import read_channel_errors
 from dovetail.file.connections import (
+    ForeignPart,
     read_constraints,
+    read_foreign_parts,
     read_joints,
     read_rigid_links,
     read_sprung_masses,
-    read_superelements,
     read_viscoelastic,
 )
 from dovetail.file.contents import Study
@@ -251,6 +252,7 @@ class _Parts:
     masses: tuple[Effect, ...]
     loads: Loads
     unbalances: tuple[Unbalance, ...]
+    foreign: tuple[ForeignPart, ...]
 
     @property
     def frame(self) -> tuple[Effect, ...]:
@@ -341,7 +343,7 @@ class _Reader:
         held_out = self._held_out(fit, sensors, excitations)
         measured_to = _highest(raw, raw_modes, settings.band)
         frequency, highest = read_frequency(top, measured_to, notes)
-        superelements = read_superelements(top, geometry, self.path.parent, highest, notes)
+        superelements = tuple(part.reduced(geometry.mesh, highest, notes) for part in parts.foreign)
         mesh, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)
@@ -396,7 +398,7 @@ class _Reader:
             held_out_bands=held_out.bands,
             frequency=frequency,
             max_frequency=highest,
-            element_size=(float(mesh.lengths().min()), float(mesh.lengths().max())),
+            element_size=(float(mesh.lengths().min(initial=np.inf)), float(mesh.lengths().max(initial=0.0))),
             assumptions=tuple(dict.fromkeys(notes)),
             assumed_spreads=tuple(spreads),
             modes=modes,
@@ -515,7 +517,9 @@ class _Reader:
         materials, known_sections = read_materials(top), read_sections(top, self.path.parent, notes)
         properties, sizes, layers = read_members(top, geometry.mesh, inline, materials, known_sections)
         notes.extend((*note_shear_centres(properties, known_candidates(top)), *note_one_sided(properties)))
-        supports, joints = read_supports(top, geometry), read_joints(top, geometry)
+        foreign = read_foreign_parts(top, geometry, self.path.parent)
+        joints = (*(joint for part in foreign for joint in part.joints), *read_joints(top, geometry))
+        supports = read_supports(top, geometry)
         connections = (
             *read_viscoelastic(top, geometry),
             *read_rigid_links(top, geometry),
@@ -525,7 +529,7 @@ class _Reader:
         masses = (*read_masses(top, geometry), *layers)
         loads = read_loads(top, geometry, (*supports, *joints))
         unbalances = read_unbalances(top, geometry)
-        return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances)
+        return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances, foreign)
 
     def _held_out(self, fit: Table, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
         """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""

@@ -2,15 +2,17 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.file.condensed import WORTH_KEEPING, fingerprint, store, stored
 from dovetail.file.geometry import Geometry
 from dovetail.file.parts import read_axes
+from dovetail.file.paths import CONDENSED
 from dovetail.file.table import Table, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
@@ -20,6 +22,8 @@ from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.part_ties import TIES, Attachment
 from fem.io.abaqus import read_node_sets
 from fem.io.matrices import read_matrices
+from fem.matrices import Matrices
+from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Effect
 
 UNITS = {"ratio": "-", "tau": "s", "alpha": "-"}
@@ -209,50 +213,132 @@ def read_constraints(top: Table, geometry: Geometry) -> tuple[MultiPointConstrai
     return tuple(out)
 
 
-def read_superelements(
-    top: Table, geometry: Geometry, folder: Path, highest: float, notes: list[str]
-) -> tuple[Superelement, ...]:
-    """Read ``[[superelements]]``: parts from other programs, tied to points of the frame."""
-    out: list[Superelement] = []
+@dataclass(frozen=True, slots=True, eq=False)
+class ForeignPart:
+    """A part of another program as the study gives it, before it is reduced.
+
+    Attributes
+    ----------
+    table : Table
+        Where the study gives it, for messages.
+    name : str
+    matrices : Matrices
+    attachments : tuple of Attachment
+        To points of the mesh, one of their own each.
+    joints : tuple of Joint
+        From these points to places of the structure.
+    n_modes, max_frequency : int, float or None
+        Modes to keep, by their number or up to a frequency [Hz].
+    held : bool
+    eta : float
+        Loss factor [-].
+    folder : Path
+        Of the study; a large part that has been condensed is kept there.
+    """
+
+    table: Table
+    name: str
+    matrices: Matrices
+    attachments: tuple[Attachment, ...]
+    joints: tuple[Joint, ...]
+    n_modes: int | None
+    max_frequency: float | None
+    held: bool
+    eta: float
+    folder: Path
+
+    def reduced(self, mesh: Mesh, highest: float, notes: list[str]) -> Superelement:
+        """Return the part reduced to its points and modes; what looks odd is noted."""
+        top = None if self.n_modes is not None else self.max_frequency or 2 * highest
+        file, key = self.folder / f"{self.name}{CONDENSED}", ""
+        if self.matrices.n >= WORTH_KEEPING:
+            key = fingerprint(self.matrices, mesh, self.attachments, (self.n_modes, top, self.held))
+            points = tuple(a.point for a in self.attachments)
+            known = stored(file, key, self.name, self.matrices, points)
+            if known is not None:
+                notes.extend(known[1])
+                return replace(known[0], eta=self.eta)
+        with self.table.at(), warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            out = Superelement.from_matrices(
+                self.name, self.matrices, mesh, self.attachments, held=self.held, eta=self.eta,
+                n_modes=self.n_modes, max_frequency=top,
+                residual=self.n_modes is None,
+            )  # fmt: skip
+        said = [str(w.message) for w in caught]
+        if key:
+            store(file, key, out, said)
+        notes.extend(said)
+        return out
+
+
+def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[ForeignPart, ...]:
+    """Read ``[[superelements]]``: parts from other programs, with a point of the mesh for each attachment."""
+    out: list[ForeignPart] = []
     for t in top.tables("superelements"):
-        file = t.text("file")
-        path = folder / file
+        path = folder / t.text("file")
         name = t.text("name", path.stem)
         units = t.get("units", "SI")
-        sets = t.text("node_sets", "")
+        sets, deck = t.text("node_sets", ""), t.text("deck", "")
+        for key, other in (("deck", deck), ("node_sets", sets)):
+            if other and not (folder / other).is_file():
+                t.refuse(key, f"there is no file '{folder / other}'")
         with t.at("file"):
-            part = read_matrices(path, units if isinstance(units, str) else tuple(units))
-        if sets and not (folder / sets).is_file():
-            t.refuse("node_sets", f"there is no file '{folder / sets}'")
+            places = folder / deck if deck else None
+            part = read_matrices(path, units if isinstance(units, str) else tuple(units), deck=places)
         with t.at("node_sets"):
             known = read_node_sets(folder / sets) if sets else {}
-        attachments = [_attachment(a, geometry, known) for a in t.tables("attach")]
-        n_modes = t.whole("modes", None, 0)
-        top_mode = t.number("max_frequency", 2 * highest, above=0, unit="Hz")
+        attachments: list[Attachment] = []
+        joints: list[Joint] = []
+        for k, a in enumerate(t.tables("attach"), start=1):
+            attachments.append(_attachment(a, geometry, part, known, f"{name}.{k}", joints))
+        n_modes, max_frequency = (
+            t.whole("modes", None, 0),
+            t.number("max_frequency", None, above=0, unit="Hz"),
+        )
         held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
         t.finish()
-        with t.at(), warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            out.append(
-                Superelement.from_matrices(
-                    name, part, geometry.mesh, attachments, held=held, eta=eta, n_modes=n_modes,
-                    max_frequency=None if n_modes is not None else top_mode,
-                )
-            )  # fmt: skip
-        notes.extend(str(w.message) for w in caught)
+        found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta, folder)
+        out.append(ForeignPart(t, name, part, *found))
     return tuple(out)
 
 
-def _attachment(t: Table, geometry: Geometry, known: Mapping[str, tuple[int, ...]]) -> Attachment:
-    point = geometry.point(t)
+def _attachment(
+    t: Table,
+    geometry: Geometry,
+    part: Matrices,
+    known: Mapping[str, tuple[int, ...]],
+    default: str,
+    joints: list[Joint],
+) -> Attachment:
+    """Read an attachment, and add the joint to the place that it names."""
+    name = t.text("name", default)
     if "node_set" in t:
-        name = t.text("node_set")
-        if name.upper() not in known:
-            t.refuse("node_set", f"there is no node set '{name}'; {suggest(name.upper(), known)}")
-        nodes = known[name.upper()]
+        named = t.text("node_set")
+        if named.upper() not in known:
+            t.refuse("node_set", f"there is no node set '{named}'; {suggest(named.upper(), known)}")
+        nodes = known[named.upper()]
     else:
         nodes = tuple(int(n) for n in t.vector("nodes", size=None, unit="-"))
-    tie = t.text("tie", "rigid", TIES)
+    tie, place = t.text("tie", "rigid", TIES), geometry.point(t) if "point" in t else None
+    if name in geometry.mesh.point_names or name in geometry.places:
+        t.refuse("name", f"there is a point '{name}' already; give the attachment another name")
+    if place is None:
+        with t.at("nodes"):
+            xyz = np.mean([part.place_of(node) for node in nodes], axis=0)
+    else:
+        xyz = geometry.mesh.points[place]
+    geometry.mesh = geometry.mesh.with_point(xyz, name)
+    own = geometry.mesh.point_names[name]
+    if place is not None:
+        matrices: dict[str, Any] = dict(_joint_matrices(t))
+        rigid = t.directions("rigid", "" if "K" in matrices else "all")
+        eta, axes = t.number("eta", 0.0, least=0), read_axes(t)
+        with t.at():
+            joint = Joint(
+                name=name, point1=place, point2=own, location=xyz, axes=axes, eta=eta, rigid=rigid, **matrices
+            )
+        joints.append(joint)
     t.finish()
     with t.at():
-        return Attachment(point, nodes, tie)
+        return Attachment(own, nodes, tie)

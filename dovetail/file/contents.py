@@ -14,6 +14,7 @@ from dovetail.file.measured_modes import (
     State,
     UpdatePlan,
 )
+from dovetail.file.table import StudyError
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
 from fem.declarations import Relevant
@@ -174,3 +175,10 @@ class Study:
     def refined(self, factor: int) -> "Study":
         """Return the study with every element divided by a factor; points keep their indices."""
         return replace(self, model=split(self.model, factor))
+
+    def require_ends(self) -> None:
+        """Raise a :class:`StudyError` if the study has no sensors or no excitations."""
+        for part in ("sensors", "excitations"):
+            if not getattr(self, part):
+                msg = f"{self.path}: it has no [[{part}]]; a test has both sensors and excitations"
+                raise StudyError(msg)

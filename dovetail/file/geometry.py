@@ -158,9 +158,14 @@ class Geometry:
             name = self.member(inner)
             return self.point_on(name, self.position(inner, "position", name))
         xyz = self.coordinates(table, key)
-        near, distance = self.mesh.nearest_point(xyz)
-        if distance <= TOUCH * self.mesh.size:
-            return near
+        if self.mesh.n_points:
+            near, distance = self.mesh.nearest_point(xyz)
+            if distance <= TOUCH * self.mesh.size:
+                return near
+        if not self.mesh.members:
+            table.refuse(
+                key, f"{value!r} is no place of a part; give the name of an attachment without point"
+            )
         member, s, distance = self.mesh.nearest_on_members(xyz)
         if distance > TOUCH * self.mesh.size:
             table.refuse(
@@ -203,9 +208,13 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
         if key in mesh:
             mesh.refuse(key, "it belongs to a mesh file, and [mesh] gives no file")
     places = {key: points.vector(key) for key in points.values}
+    if not members.values and "superelements" in top:
+        return Geometry(Mesh.of_points([]), places)
     if not members.values:
         top.refuse(
-            "", "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to"
+            "",
+            "there is no structure: give [mesh] file, or [points] and [members.NAME] with from and to, or "
+            "[[superelements]]",
         )
     return Geometry(_inline_mesh(members, places, connect, notes), places)
 

@@ -12,6 +12,8 @@ from typing import Any
 
 from dovetail.file.table import StudyError
 from dovetail.file.toml import with_values
+from fem.io.part_files import matrix_files
+from fem.matrices import MatricesError
 
 FILES: dict[tuple[str, ...], str] = {
     ("mesh", "file"): "the mesh",
@@ -20,6 +22,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("measurements", "coherence"): "the coherence of a measurement",
     ("measurements", "compared"): "the choice of compared values",
     ("superelements", "file"): "the matrices of a part",
+    ("superelements", "deck"): "the places of a part's nodes",
     ("superelements", "node_sets"): "the node sets of a part",
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
@@ -38,6 +41,9 @@ FILES: dict[tuple[str, ...], str] = {
     ("excitations", "file"): "the table of excitations",
 }
 """Keys of a study that name files, without the numbers of tables, and the files' roles."""
+
+CONDENSED = ".condensed.npz"
+"""End of the names of files with condensed parts, which follow from others."""
 
 INCLUDING = (".inp", ".bdf", ".dat", ".nas")
 """Suffixes of mesh files that may include others."""
@@ -136,13 +142,12 @@ def input_files(study: Path) -> tuple[InputFile, ...]:
             path, what = study.parent / word, f"{FILES[keys]} of {study.name}"
             out.append(InputFile(path, what))
             if keys == ("superelements", "file"):
-                with suppress(OSError):
-                    out += [
-                        InputFile(p, what)
-                        for p in path.parent.iterdir()
-                        if p.name.startswith(f"{path.stem}.")
-                    ]
-            elif keys in (("mesh", "file"), ("superelements", "node_sets")):
+                with suppress(OSError, MatricesError):
+                    base, files = matrix_files(path)
+                    stems = (f"{path.stem}.", f"{base}.", *(f"{file.stem}." for file in files.values()))
+                    beside = [p for p in path.parent.iterdir() if p.name.startswith(stems)]
+                    out += [InputFile(p, what) for p in beside if not p.name.endswith(CONDENSED)]
+            elif keys in (("mesh", "file"), ("superelements", "deck"), ("superelements", "node_sets")):
                 out += [InputFile(p, f"included by {what}") for p in _included(path)]
     return tuple(out)
 

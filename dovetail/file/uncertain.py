@@ -5,11 +5,15 @@ from collections.abc import Iterable, Mapping
 from dovetail.file.table import Table
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import DIRECTIONS, Model
 from updating.inference.parameters import Nuisance
 from updating.inference.patches import with_turning
+
+MASS_SHARE = 0.4
+"""Standard deviation of a part's mass in those of its stiffness [-]: 2 % where that is 5 %."""
 
 SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study gives it."""
@@ -20,15 +24,17 @@ def read_uncertain(
 ) -> tuple[tuple[Nuisance, ...], float]:
     """Read ``[uncertain]``: relative standard deviations; 0 for a known parameter."""
     t = top.table("uncertain")
-    default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "shear": SHEAR_STD, "damping": 0.5}
+    default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "parts": 0.05, "shear": SHEAR_STD, "damping": 0.5}
     std = {key: t.number(key, None, least=0) for key in default}
-    shear = model.of_kind(SectionShear)
-    there = {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
+    shear, parts = model.of_kind(SectionShear), model.of_kind(Superelement)
+    there = {"E": bool(model.mesh.members), "rho": bool(model.mesh.members), "parts": bool(parts)}
+    there |= {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
     assumed = [key for key, value in std.items() if value is None and there.get(key, True)]
     words = {
         "E": "E 2 %",
         "rho": "density 1 %",
         "joints": "joint stiffness 5 %",
+        "parts": "stiffness of parts of other programs 5 %, their mass 2 %",
         "shear": f"shear coefficients of walls {SHEAR_STD:.0%}".replace("%", " %"),
         "damping": "damping a factor of 1.6 (0.5 of its logarithm)",
     }
@@ -42,6 +48,7 @@ def read_uncertain(
     materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
     out = _of_materials(t.table("materials"), materials, std)
     out += _of_joints(t.table("joint"), joints, std["joints"])
+    out += _of_parts(t.table("part"), parts, std["parts"])
     t.finish()
     out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
     return with_turning([n for n in out if n.std > 0], model), std["damping"]
@@ -58,6 +65,18 @@ def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) 
         own = t.table(name)
         for key in ("E", "rho"):
             out.append(Nuisance("frame", f"{key}:{name}", own.number(key, std[key], least=0)))
+        own.finish()
+    t.finish()
+    return out
+
+
+def _of_parts(t: Table, parts: Iterable[Superelement], std: float) -> list[Nuisance]:
+    """Read the table of parts; a mass is known better than a stiffness, by :data:`MASS_SHARE`."""
+    out = []
+    for part in parts:
+        own = t.table(part.name)
+        out.append(Nuisance(part.name, "stiffness", own.number("stiffness", std, least=0)))
+        out.append(Nuisance(part.name, "mass", own.number("mass", MASS_SHARE * std, least=0)))
         own.finish()
     t.finish()
     return out

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.fleet.diagnosing import cause_text
 from dovetail.fleet.run import Triaged
-from dovetail.report.page import bullets, facts, image, page, paragraph, section, table, tag
+from dovetail.report.blocks import Facts, Items, Picture, Section, Table, Text
+from dovetail.report.page import page, tag
 from dovetail.units.folder import Record
 from dovetail.units.outcome import Outcome
 from fem.io.atomic import replacing
@@ -164,39 +165,27 @@ def _page(
     ]
     outliers = [k for k, r in enumerate(rows) if r.probability > 0.5]
     head = ("unit", "probability", "distance in parameters [σ]", "rest [σ]", "where", "cause")
-    parts = [
-        section(
-            "Ranking",
-            paragraph(*summary_of(triaged, rows)),
-            table(head, cells, numbers=(1, 2, 3), marked=outliers, at_most=max(PRINTED, len(outliers) + 10)),
-        ),
-        section(
-            "Distance and rest of all units",
-            image(picture, "Distance in the parameters and rest of each unit", MODEL),
-        ),
-        section(
-            "Population",
-            table(
-                ("parameter", "unit", "nominal", "mean", "scatter [%]"),
-                [
-                    (n, u, f"{a:.5g}", f"{b:.5g}", f"{100 * s:.3g}")
-                    for n, u, a, b, s in population_rows(triaged)
-                ],
-                numbers=(2, 3, 4),
-            ),
-        ),
+    shown = max(PRINTED, len(outliers) + 10)
+    ranking = Table(head, cells, numbers=(1, 2, 3), marked=outliers, at_most=shown)
+    drawn = Picture(picture, "Distance in the parameters and rest of each unit", MODEL)
+    population = [
+        (n, u, f"{a:.5g}", f"{b:.5g}", f"{100 * s:.3g}") for n, u, a, b, s in population_rows(triaged)
     ]
+    scatter = ("parameter", "unit", "nominal", "mean", "scatter [%]")
     lost = [f"{Path(_name(o)).name}: {o.failure}" for o in (*triaged.failures, *failures)]
-    if lost:
-        parts.append(section("Units that failed", bullets(lost)))
     warned = [f"{r.file.name}: {w}" for r in rows for w in r.warnings]
-    if warned:
-        parts.append(section("Warnings", bullets(warned)))
-    about = facts(
-        [("study", study.path.name), ("model", f"{triaged.fleet.problem.reduced.model.n_dof} DOFs")]
-    )
+    size = f"{triaged.fleet.problem.reduced.model.n_dof} DOFs"
     title = f"{study.name}: fleet"
-    return page(title, tag("h1", title), *parts, section("About", about))
+    return page(
+        title,
+        tag("h1", title),
+        Section("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
+        Section("Distance and rest of all units", [drawn]),
+        Section("Population", [Table(scatter, population, numbers=(2, 3, 4))]),
+        Section("Units that failed", [Items(lost)]),
+        Section("Warnings", [Items(warned)]),
+        Section("About", [Facts([("study", study.path.name), ("model", size)])]),
+    )
 
 
 def summary_of(triaged: Triaged, rows: Sequence[Row]) -> list[str]:

@@ -49,7 +49,7 @@ class KindRow:
 
 
 def size_text(effect: Effect) -> str:
-    """Return the size of an effect as its trade says it, or else its first parameter."""
+    """Return the size of an effect in words of the field, or its first parameter."""
     if said := effect.size_in_words():
         return said
     p = effect.parameters()[0]
@@ -91,7 +91,7 @@ SHARES = ("seen", "located", "named")
 HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
-    "90 %. Where the estimate was checked, up to twice the size was needed."
+    "90 %. Where the estimate was checked, up to 1.7 times the size was needed."
 )
 EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "blind places")
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from PIL import Image
 
+from dovetail.report.blocks import plain
 from dovetail.report.office import BLUE, office
 from dovetail.report.outline import Items, Outline, Part, Picture, Table, Text
 from fem.io.atomic import replacing
@@ -90,8 +91,8 @@ def _part(show: Any, part: Part, section: str) -> None:
     title = part.heading if part.level == 1 else f"{section}: {part.heading}" if section else part.heading
     listed = [b for b in part.blocks if isinstance(b, Items)]
     if listed or all(isinstance(b, Text) for b in part.blocks):
-        lines = [(b.text, 18.0, False) for b in part.blocks[:MOST_ITEMS] if isinstance(b, Text)]
-        lines += [(f"•  {item}", 18.0, False) for b in listed for item in b.items[:MOST_ITEMS]]
+        lines = [(plain(b.text), 18.0, False) for b in part.blocks[:MOST_ITEMS] if isinstance(b, Text)]
+        lines += [(f"•  {plain(item)}", 18.0, False) for b in listed for item in b.items[:MOST_ITEMS]]
         if lines:
             _texts(_slide(show, title), lines, TOP, HEIGHT - TOP - MARGIN)
     for block in part.blocks:

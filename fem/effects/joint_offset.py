@@ -9,6 +9,7 @@ import numpy as np
 from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, frame_of, parameters_of
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.model import (
     DIRECTIONS,
@@ -97,7 +98,10 @@ class JointOffset(OnJoint):
         out: list[Effect] = []
         if not model.of_kind(Frame):
             return ()
-        reach = float(np.median([np.sqrt(p.section.A) for p in frame_of(model).members.values()]))
+        sides = [np.sqrt(p.section.A) for p in frame_of(model).members.values()]
+        # a joint between parts is among the nodes of its attachments: bounds of twice their reach
+        sides = sides or [part.reach / 5 for part in model.of_kind(Superelement) if part.reach > 0]
+        reach = float(np.median(sides or [0.01 * model.mesh.size]))
         for j in model.of_kind(Joint):
             for d in DIRECTIONS[:3]:
                 L = _lever(d, reach)

@@ -238,12 +238,16 @@ def members_mass(model: Model) -> float:
 
 
 def typical_mass(model: Model) -> float:
-    """Return the median of the members' masses [kg]."""
+    """Return the median of the members' masses, or of the parts' where there are no members [kg]."""
+    if not model.mesh.members:
+        return float(np.median([part.weight for part in model.of_kind(Superelement)] or [1.0]))
     return float(np.median([member_mass(model, m) for m in model.mesh.members]))
 
 
 def typical_length(model: Model) -> float:
-    """Return the median of the members' lengths [m]."""
+    """Return the median of the members' lengths, or the size where there are no members [m]."""
+    if not model.mesh.members:
+        return model.mesh.size
     return float(np.median([model.mesh.member_length(m) for m in model.mesh.members]))
 
 
@@ -346,7 +350,13 @@ def welded_ends(model: Model) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
 
 
 def typical_stiffness(model: Model, direction: str) -> float:
-    """Return the median over members of 3 E I / L³, or 3 E I / L for rotations [N/m, N·m/rad]."""
+    """Return the median over members of 3 E I / L³, or 3 E I / L for rotations [N/m, N·m/rad].
+
+    Where there are no members, the median of the parts' stiffness at one of their points.
+    """
+    if not model.mesh.members:
+        held = [part.held_stiffness(direction) for part in model.of_kind(Superelement)]
+        return float(np.median([k for k in held if k > 0] or [1.0]))
     power = 3 if direction in DIRECTIONS[:3] else 1
     each = [
         3 * min(bending_stiffness(model, m, d) for d in ("ry", "rz")) / model.mesh.member_length(m) ** power

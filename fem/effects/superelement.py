@@ -26,7 +26,7 @@ from fem.elements.part_ties import (
 )
 from fem.matrices import Matrices
 from fem.mesh import Mesh
-from fem.model import Contribution, Effect, Model, ModelError, Parameter, dofs_of
+from fem.model import DIRECTIONS, Contribution, Effect, Model, ModelError, Parameter, dofs_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -52,8 +52,12 @@ class Superelement(Effect):
     left_out : ndarray (6 · len(points), 6 · len(points))
         G = Σ p pᵀ/ω² over the fixed-interface modes that were left out, p their participation φᵀ(M Ψ + M_zb);
         see :meth:`frequency_error` [kg s² …].
+    order : int
+        Power of ω² that the error of :attr:`left_out` goes with: 1, or 3 with residual modes.
     limit : float
         Lowest natural frequency that was left out [Hz]; infinite if none was.
+    reach : float
+        Median over the attachments of the distance of their nodes from their point [m].
     part : Matrices
         The part itself, with its nodes and their places.
     stiffness, mass : float
@@ -75,6 +79,8 @@ class Superelement(Effect):
     left_out: NDArray[np.float64]
     limit: float
     part: Matrices
+    order: int = 1
+    reach: float = 0.0
     stiffness: Any = 0.0
     mass: Any = 0.0
     eta: Any = 0.0
@@ -91,6 +97,7 @@ class Superelement(Effect):
         n_modes: int | None = None,
         held: bool = False,
         eta: float = 0.0,
+        residual: bool = False,
     ) -> Self:
         """Reduce a part and tie it to points of a mesh.
 
@@ -117,6 +124,9 @@ class Superelement(Effect):
             no energy; the resistance that rounding in the file leaves is removed.
         eta : float
             Loss factor of the part [-].
+        residual : bool
+            Whether static responses to the inertia of the constraint modes are added, up to six for each
+            attachment; the error then goes with the sixth power of the frequency rather than the second.
 
         Raises
         ------
@@ -148,7 +158,9 @@ class Superelement(Effect):
                 )
                 raise ModelError(msg)
             n_modes = n_z
-        psi, modes, omega2, rest, following = reduce_inside(K, M, n_b, n_modes, max_frequency, where)
+        psi, modes, omega2, rest, following = reduce_inside(
+            K, M, n_b, n_modes, max_frequency, where, residual
+        )
         T = np.zeros((K.shape[0], n_b + modes.shape[1]))
         T[:n_b, :n_b] = np.eye(n_b)
         T[n_b:, :n_b], T[n_b:, n_b:] = psi, modes
@@ -177,6 +189,8 @@ class Superelement(Effect):
             left_out=rest,
             limit=float(np.sqrt(following) / (2 * np.pi)),
             part=matrices,
+            order=3 if residual else 1,
+            reach=float(np.median([a.reach(matrices, mesh) for a in attachments])),
             eta=eta,
         )
 
@@ -184,6 +198,17 @@ class Superelement(Effect):
     def where(self) -> str:
         """The points that it is tied to."""
         return f"part {self.name} at point{'s' * (len(self.points) > 1)} {', '.join(map(str, self.points))}"
+
+    @property
+    def weight(self) -> float:
+        """Mass of the part [kg]: that of a translation along x."""
+        moved = np.where(self.part.direction == 1, 1.0, 0.0)
+        return float(moved @ (self.part.M @ moved))
+
+    def held_stiffness(self, direction: str) -> float:
+        """Return the median over its points of the stiffness in a direction with all others held."""
+        d = self.K.diagonal()[: 6 * len(self.points)].reshape(-1, 6)[:, DIRECTIONS.index(direction)]
+        return float(np.median(d[d > 0])) if (d > 0).any() else 0.0
 
     @property
     def n_internal(self) -> int:
@@ -229,7 +254,8 @@ class Superelement(Effect):
         A fixed-interface mode that was left out, with λ_k = ω_k² and participation p, would lower λ = ω² of a
         mode of the model by λ² (pᵀu)²/(λ_k - λ), to first order; u is the mode at the points. All of them
         together lower it by at most λ² uᵀ G u/(1 - λ/λ_limit), G = :attr:`left_out`. Half of that relative
-        to λ is the error of the frequency, which is too high.
+        to λ is the error of the frequency, which is too high. With residual modes the terms in λ and λ² of
+        1/(λ_k - λ) are exact, and λ⁴ takes the place of λ²; it is an estimate then, good to a factor of 2.
 
         Parameters
         ----------
@@ -247,7 +273,7 @@ class Superelement(Effect):
         u = shapes[dofs_of(self.points).ravel()]
         omega2 = (2 * np.pi * np.asarray(frequency)) ** 2
         ratio = (np.asarray(frequency) / self.limit) ** 2
-        change = omega2 * np.real(np.einsum("ik,ij,jk->k", u.conj(), self.left_out, u))
+        change = omega2**self.order * np.real(np.einsum("ik,ij,jk->k", u.conj(), self.left_out, u))
         return np.divide(change / 2, 1 - ratio, out=np.full_like(omega2, np.inf), where=ratio < 1)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -155,6 +155,8 @@ class Frame(Effect):
     def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
         rows = np.arange(mesh.n_lines) if lines is None else np.asarray(lines, dtype=np.int64)
+        if not rows.size:
+            return np.zeros((0, 3, 3))
         return axes_and_arms(layout_of(self.members, mesh), mesh, rows)[0]
 
     def alike(self, mesh: Mesh, member: str) -> bool:
@@ -173,10 +175,14 @@ class Frame(Effect):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return stiffness, mass and the materials' structural damping of all members, and pretensions."""
         rows = np.arange(model.mesh.n_lines)
+        if not rows.size:  # a structure of reduced parts
+            return ()
         return (*self.contribution_of(model, rows), *self._pretensions(model.mesh))
 
     def batches(self, model: Model) -> Iterator[Contribution]:
         """Return the contributions in parts of a few thousand elements."""
+        if not model.mesh.n_lines:
+            return
         yield from self._batches_of(model.mesh, np.arange(model.mesh.n_lines))
         yield from self._pretensions(model.mesh)
 

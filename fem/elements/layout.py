@@ -111,7 +111,9 @@ def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[n
         "lumped": np.array([float(p.mass in LUMPED) for p, _ in kinds]),
         "turning": np.array([float(p.mass != "lumped-slender") for p, _ in kinds]),
         "tension": np.array([p.pretension for p, _ in kinds]),
-        "up": np.array([np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]),
+        "up": np.array(
+            [np.full(3, np.nan) if p.orientation is None else p.orientation for p, _ in kinds]
+        ).reshape(-1, 3),
     }
     for d in ("y", "z"):
         # theories without shear have k = 0; section changes may ask for Timoshenko's value all the same

@@ -19,9 +19,19 @@ DENSE = 600
 
 
 def reduce_inside(
-    K: sp.csc_array, M: sp.csc_array, n_b: int, n_modes: int | None, max_frequency: float | None, where: str
+    K: sp.csc_array,
+    M: sp.csc_array,
+    n_b: int,
+    n_modes: int | None,
+    max_frequency: float | None,
+    where: str,
+    residual: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Reduce the inside to constraint modes and fixed-interface modes.
+
+    With ``residual`` the static response X = K⁻¹ P to the inertia P of the constraint modes, as far as the
+    modes that are kept do not have it, joins them as further modes: the terms in λ and λ² of what was left
+    out are then exact (Dickens, Nakagawa, Wittbrodt, Computers & Structures 62, 1997, 985-998).
 
     Returns
     -------
@@ -32,7 +42,7 @@ def reduce_inside(
     omega2 : ndarray (k,)
         Their ω² [rad²/s²].
     rest : ndarray (n_b, n_b)
-        Σ p pᵀ/ω² of those that were left out.
+        Σ p pᵀ/ω² of those that were left out; with ``residual`` what is missing of Σ p pᵀ/ω⁶.
     following : float
         The lowest ω² left out.
     """
@@ -71,10 +81,36 @@ def reduce_inside(
     modes, omega2 = modes[:, :keep], omega2[:keep]
     P = Mzz @ psi + Mzb
     p = modes.T @ P
-    rest = symmetrised(P.T @ solve(P) - (p.T / omega2) @ p)
     if not np.isfinite(following):
-        rest = np.zeros((n_b, n_b))
+        return psi, modes, omega2, np.zeros((n_b, n_b)), following
+    static = solve(P)
+    rest = symmetrised(P.T @ static - (p.T / omega2) @ p)
+    if residual:
+        more, higher = _residual_modes(static - modes @ (p / omega2[:, None]), rest, Mzz)
+        inertia = Mzz @ (more @ ((more.T @ P) / higher[:, None]))
+        W = solve(inertia) - more @ ((more.T @ inertia) / higher[:, None])
+        rest = symmetrised(W.T @ (Kzz @ W))
+        modes, omega2 = np.hstack([modes, more]), np.concatenate([omega2, higher])
     return psi, modes, omega2, rest, following
+
+
+def _residual_modes(
+    X: NDArray[np.float64], K: NDArray[np.float64], M: sp.csc_array
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return M-normalised combinations of vectors X (n_z, n_b) that do not couple, and their ω².
+
+    ``K`` (n_b, n_b) is their stiffness.
+    """
+    there = K.diagonal() > 1e-12 * K.diagonal().max(initial=0.0)
+    scale = 1 / np.sqrt(K.diagonal()[there])
+    X, K = X[:, there] * scale, np.outer(scale, scale) * K[np.ix_(there, there)]
+    strength, V = np.linalg.eigh(K)
+    strong = strength > 1e-9 * strength.max(initial=0.0)
+    V = V[:, strong] / np.sqrt(strength[strong])
+    X = X @ V  # of unit stiffness now, so that the eigenvalues of M are 1/ω²
+    nu, V = np.linalg.eigh(symmetrised(X.T @ (M @ X)))
+    keep = np.flatnonzero(nu > 1e-9 * nu.max(initial=0.0))[::-1]
+    return X @ V[:, keep] / np.sqrt(nu[keep]), 1 / nu[keep]
 
 
 def _fixed_modes(
@@ -127,10 +163,13 @@ def without_rigid_resistance(
         return np.zeros_like(K)
     places = mesh.points[list(points)]
     R = lever_matrix(places - places.mean(axis=0)).reshape(-1, 6)
-    weight = np.sqrt(before)
-    Q, _ = np.linalg.qr(weight[:, None] * R)
-    P = np.eye(len(K)) - Q @ Q.T
-    return symmetrised(weight[:, None] * (P @ (K / np.outer(weight, weight)) @ P) * weight)
+    there = before > 0  # a point that is tied to a single node turns freely
+    weight = np.sqrt(before[there])
+    Q, _ = np.linalg.qr(weight[:, None] * R[there])
+    P = np.eye(len(weight)) - Q @ Q.T
+    out, inner = np.zeros_like(K), np.ix_(there, there)
+    out[inner] = symmetrised(weight[:, None] * (P @ (K[inner] / np.outer(weight, weight)) @ P) * weight)
+    return out
 
 
 def check_definite(X: NDArray[np.float64], diagonal: NDArray[np.float64], name: str, where: str) -> None:

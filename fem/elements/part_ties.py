@@ -49,6 +49,11 @@ class Attachment:
     tie: str = "rigid"
     weights: tuple[float, ...] = ()
 
+    def reach(self, matrices: Matrices, mesh: Mesh) -> float:
+        """Return the largest distance of its nodes from its point [m]."""
+        places = np.array([matrices.place_of(node) for node in self.nodes])
+        return float(np.linalg.norm(places - mesh.points[self.point], axis=1).max())
+
     def __post_init__(self) -> None:
         if self.tie not in TIES:
             msg = f"the tie to point {self.point} is '{self.tie}'; allowed are {', '.join(TIES)}"

@@ -26,7 +26,7 @@ _TYPES = {
     17: "u2", 18: "u4",
 }  # fmt: skip
 """NumPy's types of the format's."""
-_CELL, _STRUCTURE, _TEXT = 1, 2, 4
+_CELL, _STRUCTURE, _TEXT, _SPARSE = 1, 2, 4, 5
 _NUMBERS = range(6, 16)
 _COMPLEX = 0x0800
 _MOST_NESTED = 8
@@ -35,7 +35,15 @@ _MOST_BYTES = 1 << 32
 
 
 def read_mat5(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a MATLAB file, members of structures as ``structure/member``."""
+    """Return the arrays of a MATLAB file, members of structures as ``structure/member``.
+
+    A sparse matrix is ``name/ir``, ``name/jc`` and ``name/data``: rows, beginnings of columns, values.
+
+    Raises
+    ------
+    TableError
+        If it is damaged, or of another version.
+    """
     data = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if not data.startswith(b"MATLAB") or order is None:
@@ -129,6 +137,9 @@ def _arrays(data: _Bytes, prefix: str, depth: int) -> Iterator[tuple[str, NDArra
             data.refuse(f"the array '{name}' of shape {shape} has {parts[0].size} values")
         values = parts[0] + 1j * parts[1] if len(parts) == 2 else parts[0]
         yield name, values.reshape(shape, order="F")
+    elif kind == _SPARSE:  # under the names that files of version 7.3 give them
+        for part in ("ir", "jc", "data"):
+            yield f"{name}/{part}", data.numbers()
     elif kind == _TEXT:
         yield name, np.array(_texts(data, name, shape), dtype=str)
     elif kind == _CELL:

@@ -27,7 +27,8 @@ from fem.io.arrays import typed
 from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of
 from fem.io.faults import error_at, refuse
-from fem.io.matrix_market import MOST_ROWS, read_matrix_market
+from fem.io.matrix_market import MOST_ROWS
+from fem.io.part_files import ENDINGS, matrix_files, read_part
 from fem.matrices import Matrices, MatricesError
 from fem.system import System, sum_contributions
 
@@ -193,21 +194,25 @@ def read_matrices(
     labels: ArrayLike | None = None,
     nodes: ArrayLike | None = None,
     points: ArrayLike | None = None,
+    deck: str | os.PathLike[str] | None = None,
 ) -> Matrices:
-    """Read matrices of a structure: ``.npz``, ``.mtx`` as :func:`write_matrices` names them, or ``.sti``.
-
-    CalculiX writes ``.sti``; see :func:`read_calculix`.
+    """Read matrices of a structure; the ending and the content of a file say which format it has.
 
     Parameters
     ----------
     path : path
-        ``part.npz``; ``part.mtx`` for ``part.K.mtx``, ``part.M.mtx`` and so on; ``part.sti``.
+        ``part.npz``; ``part.mtx`` for ``part.K.mtx``, ``part.M.mtx`` and so on (Matrix Market, Abaqus);
+        ``part.sti`` (:func:`read_calculix`); ``part.pch``, ``part.bdf`` (DMIG) and ``part.op4`` of Nastran;
+        ``part.matrix`` and ``part.hb`` for ``part.K.matrix`` and so on (Harwell-Boeing); ``part.mat``.
     units : str or (length, mass, time)
         Units of the file, such as ``"mm-t-s"``; see :data:`fem.matrices.UNITS`.
     labels : sequence of str, optional
         Degrees of freedom of the rows, such as ``"12Z+"``, where the file does not say them.
     nodes, points : array_like (n_nodes,), (n_nodes, 3), optional
         Places of nodes in the file's unit of length, where it does not say them.
+    deck : path, optional
+        Deck of Abaqus, CalculiX or Nastran, or table (``.csv``: node, x, y, z) with the places of nodes; one
+        beside the file with the same name unless given.
 
     Raises
     ------
@@ -217,23 +222,35 @@ def read_matrices(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".sti":
-        return read_calculix(path, units=units, nodes=nodes, points=points)
-    if suffix not in (".npz", ".mtx"):
-        msg = f"{path.name}: matrices are read from .npz, .mtx and .sti files, not '{path.suffix}'"
+        return read_calculix(path, deck, units=units, nodes=nodes, points=points)
+    if suffix not in (".npz", *ENDINGS):
+        allowed = ", ".join((".npz", *ENDINGS[:-1]))
+        msg = f"{path.name}: matrices are read from {allowed}, .mat and .sti files, not '{path.suffix}'"
         raise MatricesError(msg)
     if suffix == ".npz" and not path.is_file():
         raise error_at(path, "there is no such file", MatricesError)
-    found = _npz(path) if suffix == ".npz" else _matrix_market(path)
+    found = _npz(path) if suffix == ".npz" else read_part(path, None if deck is None else Path(deck))
+    for base in {path.stem, matrix_files(path)[0]} if suffix != ".npz" and "K" in found else ():
+        table = path.with_name(f"{base}.dofs.csv")
+        if table.is_file():
+            found |= _table(table, found["K"].shape[0])
     given = {"labels": labels, "nodes": nodes, "points": points}
     found |= {key: np.asarray(value) for key, value in given.items() if value is not None}
     for key, word in (("K", "stiffness"), ("M", "mass")):
         if key not in found:
-            msg = f"{path.name}: there is no {word} matrix {key}; it has {', '.join(found) or 'nothing'}"
+            others = ", ".join(k for k in found if k in "KMCDQ")
+            msg = f"{path.name}: there is no {word} matrix {key}; it has {others or 'none'}"
             raise MatricesError(msg)
-    if "labels" not in found:
-        msg = f"{path.name}: it does not say the degrees of freedom of its rows; give labels= such as '12Z+'"
+    if "labels" in found:
+        node, direction, sign = _parsed(np.atleast_1d(found["labels"]), path.name)
+    elif "node" in found:
+        node, direction, sign = found["node"], found["direction"], np.ones(found["node"].size)
+    else:
+        msg = (
+            f"{path.name}: it does not say the degrees of freedom of its rows; write {path.stem}.dofs.csv "
+            "beside it (row,label,node,direction,x_m,y_m,z_m), or give labels= such as '12Z+'"
+        )
         raise MatricesError(msg)
-    node, direction, sign = _parsed(np.atleast_1d(found["labels"]), path.name)
     return _built(path.name, found, node, direction, sign, units)
 
 
@@ -253,10 +270,12 @@ def _built(
                 turned = sp.csr_array(X) @ sp.diags_array(sign)
                 parts[key] = turned if key == "Q" else sp.diags_array(sign) @ turned
     try:
-        return Matrices.from_arrays(
+        matrices = Matrices.from_arrays(
             parts["K"], parts["M"], node, direction, found.get("nodes", ()), found.get("points", ()),
             parts["C"], parts["D"], parts["Q"],
-        ).scaled(units)  # fmt: skip
+        )  # fmt: skip
+        axes = {p: R.T for p, R in found.get("axes", {}).items()}
+        return (matrices.turned(axes) if axes else matrices).scaled(units)
     except MatricesError as reason:
         raise error_at(name, str(reason), MatricesError) from reason
 
@@ -320,25 +339,6 @@ def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_arra
         )
         raise MatricesError(msg)
     return sp.coo_array((value, (row, column)), shape=tuple(shape.tolist())).tocsr()
-
-
-def _matrix_market(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key in "KMCDQ":
-        file = _part(path, f"{key}.mtx")
-        if not file.is_file():
-            if key in "KM":
-                msg = (
-                    f"{file}: there is no such file; '{path.name}' is short for one file for each matrix, "
-                    f"such as {file.name}"
-                )
-                raise MatricesError(msg)
-            continue
-        found[key] = read_matrix_market(file)
-    table = _part(path, "dofs.csv")
-    if table.is_file():
-        found |= _table(table, found["K"].shape[0])
-    return found
 
 
 def _table(file: Path, n: int) -> dict[str, Any]:

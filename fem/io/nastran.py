@@ -434,12 +434,37 @@ class Grids:
     points: Floats
     systems: Systems
 
+    @property
+    def axes(self) -> dict[int, NDArray[np.float64]]:
+        """Directions of motions (3, 3) by the numbers of points where they are not basic.
 
-def read_grids(path: Path, bulk: BulkData) -> Grids:
-    """Return the grid points and coordinate systems of bulk data."""
-    reader = _Reader(path, bulk)
+        Raises
+        ------
+        MeshError
+            For fluid points, which no structure has.
+        """
+        out = {}
+        for k in np.flatnonzero(self.displacement).tolist():
+            number, system = int(self.numbers[k]), int(self.displacement[k])
+            if system < 0:
+                msg = f"grid point {number} is a fluid point (CD {system}), which no part of a structure has"
+                raise MeshError(msg)
+            out[number] = self.systems.axes_at(system, self.points[k], f"grid point {number}")
+        return out
+
+
+def read_grids(bulk: BulkData, path: Path | None = None) -> Grids:
+    """Return the grid points and coordinate systems of bulk data; other cards count with a path only.
+
+    Raises
+    ------
+    MeshError
+        As :func:`read_nastran`.
+    """
+    reader = _Reader(path or Path(), bulk)
     for run in runs_of(bulk):
-        reader._run(run)
+        if path is not None or run.name in ("GRID", "GRDSET", *SYSTEMS):
+            reader._run(run)
     with np.errstate(over="ignore", invalid="ignore"):
         whole, points = reader.placed_grids()
     return Grids(whole[:, 0], whole[:, 2], whole[:, 3], points, reader.systems)

@@ -43,11 +43,18 @@ class BulkData:
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _begun: str = ""
     _ended: bool = False
+    _parts: bool = False
 
     @classmethod
-    def of(cls, path: Path) -> "BulkData":
-        """Read a deck."""
-        bulk = cls()
+    def of(cls, path: Path, parts: bool = False) -> "BulkData":
+        """Read a deck; with ``parts`` the one model in it may be a superelement (``BEGIN SUPER``).
+
+        Raises
+        ------
+        MeshError
+            For files that cannot be read or include themselves, and for more than one model in a file.
+        """
+        bulk = cls(_parts=parts)
         files = Files(path)
         bulk._file(files, files.first())
         return bulk
@@ -85,7 +92,7 @@ class BulkData:
             self._add(file, lines, done, len(lines))
 
     def _begin(self, rest: str, place: str) -> None:
-        if _OTHER_MODEL.search(rest) or self._begun:
+        if (_OTHER_MODEL.search(rest) and not self._parts) or self._begun:
             msg = (
                 f"{place}: BEGIN{rest[:30]} begins another model beside the main bulk data"
                 f"{f' ({self._begun})' if self._begun else ''}; write a file for each"

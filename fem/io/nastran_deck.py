@@ -202,7 +202,7 @@ def open_deck(path: Path, units: Units) -> NastranDeck:
     cards: dict[str, list[Card]] = {}
     for name, fields, row in each_card(bulk):
         cards.setdefault(name, []).append(Card(name, fields, bulk.place(row)))
-    grids = read_grids(path, bulk)
+    grids = read_grids(bulk, path)
     return NastranDeck(
         file=path.name,
         cards=cards,

@@ -15,7 +15,7 @@ from dovetail.file.table import StudyError
 from dovetail.plan import check_plan, plan_study
 from dovetail.report import missing, planning
 from dovetail.report.figures import Figures, packed, sizes
-from dovetail.report.page import page
+from dovetail.report.page import join, page
 from dovetail.report.pictures import Album
 from dovetail.report.shown import Shown
 from dovetail.result import excluded_dict
@@ -343,7 +343,7 @@ def test_what_is_excluded_is_judged_by_the_data_and_the_studys_sizes(sound):
 def test_the_report_has_a_table_of_what_is_excluded(sound, tmp_path):
     study, diagnosis = sound
     plan = pipeline.excluded(study, diagnosis)
-    html = "".join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
+    html = join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
     assert "<figure" not in html  # without a figure the table stands alone
     assert planning.EXCLUDED in html
     assert all(head in html for head in planning.EXCLUDED_HEAD)

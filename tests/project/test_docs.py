@@ -117,9 +117,9 @@ def test_an_effect_is_added_by_hand_from_python(monkeypatch, tmp_path, capsys):
     assert again.error().fit_db == pytest.approx(better, rel=1e-3)
 
 
-def test_the_readme_names_every_command():
+def test_the_page_on_commands_lists_every_command():
     """A row may name several: `dovetail static study.toml`, `buckling`."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     cells = re.findall(r"^\| (`dovetail [^|]*)\|", text, re.MULTILINE)
     listed = [name for cell in cells for name in re.findall(r"`(?:dovetail )?([\w-]+)", cell)]
     (parsers,) = (a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))

@@ -69,7 +69,8 @@ ALLOWED = {
         "tolerances of what instruments add", {"sensor_mass", "driver_mass", "stinger"},
     ),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
-    "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear"}),
+    "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear", "Superelement"}),
+    "dovetail/file/condensed.py": (BUILDS, {"Superelement"}),
     "dovetail/file/connections.py": (
         BUILDS,
         {

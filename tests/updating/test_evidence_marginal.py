@@ -1,10 +1,12 @@
 """Laplace's evidence is exact where a model is linear."""
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from updating.inference.fitting import _density
 from updating.inference.marginal import Quadratic, by_size, log_evidence
 
 
@@ -52,3 +54,18 @@ class Known:
 
     def weight(self, v):
         return np.array([self.n / self.square])
+
+
+def test_where_there_is_no_structure_nothing_is_probable():
+    """The mean over sizes of deviations may take more mass away than there is."""
+
+    class Function:
+        def prior_at(self, x):
+            return np.zeros(2), np.ones(2)
+
+        def misfit(self, x):
+            np.linalg.cholesky(-np.eye(2))
+
+    function, levels = cast("Any", Function()), cast("Any", None)
+    density = _density(function, levels, np.zeros(2), np.array([1]), np.array([0.5, 1.0]))
+    assert density == -np.inf

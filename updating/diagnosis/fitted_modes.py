@@ -82,11 +82,11 @@ def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
     )
 
 
-def pair_modes(nominal: Modes, fitted: Modes) -> tuple[ModePair, ...]:
-    """Pair the elastic modes of two models of one mesh by their shapes; those of the second model count."""
+def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[ModePair, ...]:
+    """Pair the elastic modes of two models of one mesh by their shapes at its points; the second's count."""
     a, b = (np.arange(m.n_rigid, m.n_modes) for m in (nominal, fitted))
     alike = (
-        mac(_translations(nominal, a), _translations(fitted, b))
+        mac(_translations(nominal, a, n_points), _translations(fitted, b, n_points))
         if a.size and b.size
         else np.zeros((a.size, b.size))
     )
@@ -127,6 +127,7 @@ def _zeta(modes: Modes, k: int) -> float:
     return np.nan if modes.zeta is None else float(modes.zeta[k])
 
 
-def _translations(modes: Modes, which: NDArray[np.int64]) -> NDArray[np.float64]:
-    shapes = np.asarray(np.real(modes.shapes[:, which]), dtype=np.float64)
+def _translations(modes: Modes, which: NDArray[np.int64], n_points: int) -> NDArray[np.float64]:
+    # internal coordinates of parts follow those of the points
+    shapes = np.asarray(np.real(modes.shapes[: 6 * n_points, which]), dtype=np.float64)
     return shapes.reshape(-1, 6, len(which))[:, :3].reshape(-1, len(which))

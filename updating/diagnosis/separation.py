@@ -175,7 +175,7 @@ def next_measurements(
 
 
 def places_along(model: Model) -> list[tuple[int, str]]:
-    """Return points of the mesh along the members, each once, with their names."""
+    """Return points of the mesh along the members and of reduced parts, each once, with their names."""
     mesh, out, seen = model.mesh, [], set()
     count = int(np.clip(MOST_PLACES // max(len(mesh.members), 1), 2, POINTS_PER_MEMBER))
     for member in mesh.members:
@@ -185,6 +185,12 @@ def places_along(model: Model) -> list[tuple[int, str]]:
             if int(points[k]) not in seen:
                 seen.add(int(points[k]))
                 out.append((int(points[k]), f"member {member} at {along[k]:.3g} m"))
+    names = {point: name for name, point in mesh.point_names.items()}
+    for part in (e for e in model.effects if e.reduced_part):
+        for k, point in enumerate(part.points, start=1):  # type: ignore[attr-defined]
+            if point not in seen:
+                seen.add(point)
+                out.append((point, names.get(point, f"attachment {k} of part {part.name}")))
     return out
 
 

@@ -283,12 +283,19 @@ def _proper_prior(function: FitFunction, x: Floats) -> tuple[Floats, Floats]:
 def _density(
     function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], factors: Floats
 ) -> float:
-    """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant."""
+    """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant.
+
+    The density is 0, and its logarithm -inf, where there is no structure.
+    """
     off, std = _proper_prior(function, x)
     own = np.tile(std, (len(factors), 1))
     own[:, rows] *= factors[:, None]
     prior = -0.5 * ((off / own) ** 2).sum(axis=1) - np.log(own).sum(axis=1)
-    return float(np.logaddexp.reduce(prior)) - levels.cost(function.misfit(x))
+    try:
+        misfit = function.misfit(x)
+    except np.linalg.LinAlgError:  # more mass taken away than there is
+        return -np.inf
+    return float(np.logaddexp.reduce(prior)) - levels.cost(misfit)
 
 
 def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:

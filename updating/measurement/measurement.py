@@ -128,6 +128,9 @@ class Sensor:
         _, distance = mesh.nearest_point(self.point)
         if distance <= 1e-6 * mesh.size:
             return mesh
+        if not mesh.members:
+            msg = f"sensor '{self.name}' at {np.asarray(self.point).tolist()} m is at no point of a part"
+            raise MeasurementError(msg)
         member, position, distance = mesh.nearest_on_members(self.point)
         self._refuse_distant(member, distance, tolerance)
         return mesh.with_point_on(member, position)

@@ -4,8 +4,8 @@ A missing effect changes what is measured. What uncertain parameters, the form a
 of that is taken away, with their priors. The rest makes the effect likelier than nothing, and than any other
 effect at its best. The map shows the least sizes at which either is enough.
 
-All this is by small changes: whatever is fitted follows resonances wherever they go, so that what is left is
-small. How much a large effect is of a small one is seen where resonances are broad, at complex frequencies.
+The computation is linear in small changes: a fit follows resonances wherever they move, so that the rest is
+small. Complex frequencies, at which resonances are broad, show how many small changes a large effect makes.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
@@ -52,7 +52,7 @@ LITTLE, FAR = 0.1, 4.0
 """What uncertain parameters do is compared at so many prior standard deviations."""
 WIDE = 0.3
 """Of those with larger standard deviations of a logarithm [-]."""
-MOST_POSITIONS = 12_000
+MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
@@ -74,7 +74,7 @@ def needed(odds: Floats) -> Floats:
     odds : ndarray
         Logarithms of the rivals' prior probabilities over the effects'.
     """
-    b, z = odds + np.log(SURE / (1 - SURE)), float(norm.ppf(POWER))
+    b, z = odds + np.log(SURE / (1 - SURE)), float(ndtri(POWER))
     return 0.5 * (z + np.sqrt(z**2 + 2 * np.maximum(b, 0.0))) ** 2
 
 
@@ -114,7 +114,7 @@ class Visible:
 
     @property
     def effect(self) -> Effect:
-        """The effect as it is not, at the position."""
+        """The effect at the position, with size zero."""
         return self._of(0.0)
 
     @property
@@ -156,8 +156,8 @@ class Visible:
         """Return the probabilities with which an amplitude is seen, and named."""
         out = []
         for enough, g in zip((self.enough[0], self.enough[2]), self.nats, strict=True):
-            there, barrier = g * (amplitude / enough) ** 2, g - float(norm.ppf(POWER)) * np.sqrt(2 * g)
-            out.append(float(norm.cdf((there - barrier) / np.sqrt(2 * there))))
+            there, barrier = g * (amplitude / enough) ** 2, g - float(ndtri(POWER)) * np.sqrt(2 * g)
+            out.append(float(ndtr((there - barrier) / np.sqrt(2 * there))))
         return out[0], min(out)
 
     def _of(self, size: float) -> Effect:
@@ -382,6 +382,23 @@ class Sight:
             return np.maximum(level - (1 / self.averaged - 1) * noise, self.averaged * level)
         return level + noise + self.left**2
 
+    @cached_property
+    def _learned(self) -> tuple[Floats, Floats]:
+        """What the data say of combinations of uncertain parameters, (n,), and each group's part, (n, g).
+
+        Shares of all that is known of them afterwards. With a larger misfit the data say less, and the
+        evidence takes less for parameters that are free: that counts for the wrong model.
+        """
+        look, m = self.look, self._n
+        J, known = look.slopes[:, : 2 * m] * np.sqrt(np.tile(look.weights[:m], 2)), look.slopes[:, 2 * m :]
+        groups = np.tile(look.share > 0, (2, 1)).T
+        said = [J[:, here] @ J[:, here].T for here in groups]
+        total = np.sum(said, axis=0) + known @ known.T
+        L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
+        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in said]
+        values, U = np.linalg.eigh(np.sum(parts, axis=0))
+        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
+
     def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes (n, m).
 
@@ -408,20 +425,26 @@ class Sight:
         levels = self.look.likelihood
         floor, beyond = levels.cost(self._level), self._level - levels.noise
         least = levels.least + np.maximum(beyond, 0.0)
+        learned, by_group = self._learned
 
         def gains(a: Floats) -> Floats:
             v = np.maximum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
             below = np.minimum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
             cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
-            out: Floats = cost - floor + a**2 * squares[:, -1]
+            weaker = least / (levels.least + v)
+            unpaid = 0.5 * np.log(1 - learned + weaker @ by_group.T + 1e-12).sum(axis=1)
+            out: Floats = cost - floor + a**2 * squares[:, -1] + unpaid
             return out
 
         slope = 0.5 * squares[:, :-1] @ (levels.n / least) + squares[:, -1]
         seen = slope > 0
-        low = np.where(seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), np.inf)  # gains are concave in a²
+        low = np.where(
+            seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), np.inf
+        )  # gains are no more than linear in a²
         squares, high = np.where(seen[:, None], squares, 1.0), np.where(seen, low, 1.0)
         for _ in range(N_DOUBLED):
             high = np.where(gains(high) < wanted, 2 * high, high)
+        seen &= gains(high) >= wanted  # of more parameters than data nothing is ever seen
         bottom = np.where(seen, low, 1.0)
         for _ in range(N_HALVED):
             middle = np.sqrt(bottom * high)

@@ -47,14 +47,21 @@ def _stated_place(mesh: Mesh, sensor: Sensor) -> tuple[str, float]:
     return member, float(mesh.member_positions(member)[nearest])
 
 
+def _on_member(mesh: Mesh, sensor: Sensor) -> bool:
+    """Whether the point that a sensor is at lies on a line, rather than on a reduced part."""
+    return bool((mesh.lines == mesh.nearest_point(sensor.point)[0]).any())
+
+
 def _tilt_hypotheses(
     problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
 ) -> list[Hypothesis]:
     """Return tilts of sensor i about two axes, and about the axis that explains most."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
-    member, _ = _stated_place(model.mesh, sensor)
     point, _ = model.mesh.nearest_point(sensor.point)
-    towards = np.array(_directions(model, sensor, member))
+    if _on_member(model.mesh, sensor):
+        towards = np.array(_directions(model, sensor, _stated_place(model.mesh, sensor)[0]))
+    else:
+        towards = sensor.axes_across
     other = X.elsewhere(i, towards @ X.field.shapes[6 * point : 6 * point + 3])
 
     def tilted(a: NDArray[np.float64], motion: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -79,10 +86,10 @@ def _tilt_hypotheses(
 def _position_hypotheses(
     problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
 ) -> list[Hypothesis]:
-    """Return the best other place of sensor i on its member; none for a model without frame members."""
+    """Return the best other place of sensor i on its member; none for a sensor on no member."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
     mesh, frames = model.mesh, model.of_kind(Frame)
-    if not frames:
+    if not frames or not _on_member(mesh, sensor):
         return []
     member, position = _stated_place(mesh, sensor)
     length = mesh.member_length(member)
