@@ -37,7 +37,7 @@ with look():
     ax.legend()
 print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'foundation.png')}")
 print(
-    f"first frequency: {free[0]:.2f} Hz without foundation, {bedded[0]:.2f} Hz on it, closed form {closed[0]:.2f}"
+    f"mode 1: {free[0]:.2f} Hz without springs, {bedded[0]:.2f} Hz with them, closed form {closed[0]:.2f} Hz"
 )
 
 assert np.allclose(bedded, closed, rtol=1e-5)

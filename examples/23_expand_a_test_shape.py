@@ -1,4 +1,4 @@
-"""Expand a measured shape from five accelerometers to the whole frame (SEREP)."""
+"""Expand a measured shape from seven accelerometers to the whole frame (SEREP)."""
 
 import tempfile
 from pathlib import Path
@@ -20,19 +20,21 @@ model = fem.Model(
 system = fem.assemble(model)
 modes = fem.solve_modes(system, n=4)
 
-# The test sees another frame, with a motor, at five places, with 2 % of noise.
+# The test sees another frame, with a motor, at seven sensors, with 2 % of noise.
 real = model.with_effect(fem.AddedMass(name="motor", point=1, mass=2.0))
-truth = fem.solve_modes(fem.assemble(real), n=4).shapes[:, 2]
-places = np.array([[0, 0, 0.6], [0, 0, 1.2], [0.3, 0, 1.2], [0.6, 0, 1.2], [0.9, 0, 0.6]])
-sensors = [(model.mesh.nearest_point(p)[0], d) for p, d in zip(places, "xxzzx", strict=True)]
+truth = fem.solve_modes(fem.assemble(real), n=4).shapes[:, 3]
+places = np.array(
+    [[0, 0, 0.6], [0, 0, 1.2], [0, 0, 1.2], [0.3, 0, 1.2], [0.6, 0, 1.2], [0.9, 0, 1.2], [0.9, 0, 0.6]]
+)
+sensors = [(model.mesh.nearest_point(p)[0], d) for p, d in zip(places, "xxyzzyx", strict=True)]
 rows = np.array([6 * p + "xyz".index(d) for p, d in sensors])
-noise = 0.02 * np.abs(truth[rows]).max() * np.random.default_rng(1).standard_normal(5)
+noise = 0.02 * np.abs(truth[rows]).max() * np.random.default_rng(1).standard_normal(7)
 measured = truth[rows] + noise
 
 expanded = expand_serep(system, modes, sensors, measured[:, None])
-shown, vectors = fem.Modes(modes.frequency[2:3], expanded.shapes), np.zeros((5, 3))
-vectors[np.arange(5), rows % 6] = measured
-title = "A shape from five sensors, on the whole frame"
+shown, vectors = fem.Modes(modes.frequency[3:4], expanded.shapes), np.zeros((7, 3))
+vectors[np.arange(7), rows % 6] = measured
+title = "A shape from seven sensors, on the whole frame"
 picture = render_mode(model, shown, 0, Path(tempfile.mkdtemp()) / "shape.png", (places, vectors), title)
 print(f"picture in {picture}")
 

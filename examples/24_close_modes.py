@@ -12,13 +12,13 @@ steel = fem.Material("steel", E=210e9, rho=7850.0)
 mesh = fem.Mesh.from_lines([[0, 0, 0], [0, 0, 2.0]], [[0, 1]], {"mast": [0]}).refined(counts={"mast": 10})
 mast = fem.MemberProperties(steel, fem.Section.hollow_rectangle(b=0.0500, h=0.0506, t=0.003))
 effects = fem.Frame(members={"mast": mast}), fem.Support(name="foot", point=0)
-system = fem.assemble(fem.Model(mesh, effects, fem.Damping.modal(0.004)))
+system = fem.assemble(fem.Model(mesh, effects, fem.Damping.modal(0.01)))
 close = fem.solve_modes(system, n=2).frequency
 
 # Sensors and hammer are turned by 40° against the axes of the section: each FRF shows both modes.
 turn, directions = np.radians(40), np.zeros((2, 6 * mesh.n_points))
 directions[:, 6:8] = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-frequency = np.arange(13.3, 14.7, 0.001)
+frequency = np.arange(13.0, 15.0, 0.001)
 H = fem.compute_frf(system, frequency, directions, directions).H
 
 cmif = np.linalg.svd(H, compute_uv=False) ** 2
@@ -39,9 +39,7 @@ with look():
         ax.axvline(close[k], color=GREY, linestyle=":", label="_")
     ax.legend()
 print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'cmif.png')}")
-print(
-    f"{len(one)} peak in an FRF, {len(found)} in the CMIF: {found} Hz; natural frequencies {close.round(3)} Hz"
-)
+print(f"{len(one)} peak in an FRF, {len(found)} in the CMIF: {found} Hz, modes at {close.round(3)} Hz")
 
 assert len(one) == 1
 assert np.abs(found - close).max() < 0.01

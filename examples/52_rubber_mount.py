@@ -10,7 +10,7 @@ from fem.laws import Zener
 from viz.style import BLUE, VERMILION, look, new_figure, save
 
 mass, k = 8.0, 2e5  # kg, N/m
-law = Zener(ratio=2.0, tau=1e-3)  # three times as stiff at high frequency; most loss at 1/(2π τ √3) = 92 Hz
+law = Zener(ratio=2.0, tau=5e-3)  # three times as stiff at high frequency; most loss at 1/(2π τ √3) = 18 Hz
 mesh = Mesh.of_points([[0, 0, 0], [0, 0, -0.1]])  # m: a block, and the ground below it
 block = AddedMass(name="block", point=0, mass=mass)
 held = Support(name="ground", point=1), Support(name="guide", point=0, fixed=("x", "y", "rx", "ry", "rz"))
@@ -37,9 +37,8 @@ print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'mount.png')}")
 # H = 1 / (k (1 + r iωτ / (1 + iωτ)) - ω² m)
 s = 2j * np.pi * frequency
 closed = 1 / (k * (1 + law.ratio * s * law.tau / (1 + s * law.tau)) + s**2 * mass)
-peaks = [frequency[np.abs(H).argmax()] for H in (spring, rubber)]
-print(
-    f"the peak moves from {peaks[0]:.1f} Hz to {peaks[1]:.1f} Hz; closed form within {np.abs(rubber / closed - 1).max():.0e}"
-)
+low, high = (frequency[np.abs(H).argmax()] for H in (spring, rubber))
+error = np.abs(rubber / closed - 1).max()
+print(f"the peak moves from {low:.1f} Hz to {high:.1f} Hz; within {error:.0e} of the closed form")
 
-assert np.allclose(rubber, closed, rtol=1e-6, atol=0)
+assert error < 1e-6
