@@ -35,13 +35,11 @@ computed = np.array([first(c) for c in compliance[::4]]) / first(0.0)
 
 with look():
     figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="depth of the crack [% of the section]", ylabel="frequency / intact [-]")
+    ax = figure.add_subplot(xlabel="crack depth [% of height]", ylabel="frequency / intact [-]")
     ax.plot(100 * depth, closed, label="closed form")
     ax.plot(100 * depth[::4], computed, "o", color=VERMILION, label="model")
     ax.legend()
 print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'frequency.png')}")
-print(
-    f"half the depth cut: {100 * computed[-1]:.2f} % of the frequency, closed form {100 * closed[-1]:.2f} %"
-)
+print(f"half the height cut: {100 * computed[-1]:.2f} % of the frequency, {100 * closed[-1]:.2f} % by hand")
 
 assert np.allclose(computed, closed[::4], rtol=1e-4)

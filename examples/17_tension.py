@@ -28,13 +28,12 @@ closed = unloaded * np.sqrt(1 + ratio[:, None] / order**2)
 computed = np.array([frequencies(r * euler) for r in ratio[::22]])
 
 with look():
-    figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="axial force / Euler's load [-]", ylabel="frequency [Hz]")
+    ax = new_figure(height=3.2).add_subplot(xlabel="axial force / Euler's load [-]", ylabel="frequency [Hz]")
     for k, colour in enumerate((BLUE, VERMILION)):
         ax.plot(ratio, closed[:, k], color=colour, label=f"bending {k + 1}, closed form")
         ax.plot(ratio[::22], computed[:, k], "o", color=colour, markersize=4, label="model")
     ax.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, 0.72))
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'frequencies.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'frequencies.png')}")
 error = np.abs(computed / closed[::22] - 1).max()
 print(f"from {computed[0, 0]:.2f} to {computed[-1, 0]:.2f} Hz, within {error:.0e} of the closed form")
 

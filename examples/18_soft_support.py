@@ -35,12 +35,11 @@ closed = roots**2 * np.sqrt(steel.E * flat.Iy / (steel.rho * flat.A)) / length**
 computed = np.array([first(k * steel.E * flat.Iy / length) for k in kappa[::6]])
 
 with look():
-    figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="fixity of the foot [-]", ylabel="first frequency [Hz]")
+    ax = new_figure(height=3.2).add_subplot(xlabel="fixity of the foot [-]", ylabel="first frequency [Hz]")
     ax.plot(fixity, closed, label="closed form")
     ax.plot(fixity[::6], computed, "o", color=VERMILION, label="model")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'fixity.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'fixity.png')}")
 print(f"at a fixity of {fixity[24]:.1f}: {computed[4]:.3f} Hz, closed form {closed[24]:.3f} Hz")
 
 assert np.allclose(computed, closed[::6], rtol=1e-5)

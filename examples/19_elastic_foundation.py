@@ -29,13 +29,12 @@ closed = np.sqrt((order * np.pi / length) ** 4 * steel.E * strip.Iy / mass + bed
 free, bedded = frequencies(0.0), frequencies(bedding)
 
 with look():
-    figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="number of half waves", ylabel="frequency [Hz]", xticks=order)
+    ax = new_figure(height=3.2).add_subplot(xlabel="half waves", ylabel="frequency [Hz]", xticks=order)
     ax.bar(order - 0.2, free, 0.36, color=BLUE, alpha=0.6, label="without foundation")
     ax.bar(order + 0.2, bedded, 0.36, color=VERMILION, alpha=0.7, label="on the foundation")
     ax.hlines(closed, order + 0.02, order + 0.38, color="k", label="closed form")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'foundation.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'foundation.png')}")
 print(
     f"mode 1: {free[0]:.2f} Hz without springs, {bedded[0]:.2f} Hz with them, closed form {closed[0]:.2f} Hz"
 )

@@ -30,20 +30,16 @@ def rayleigh(position):
 
 place = np.linspace(0.05, 0.95, 19)
 change = np.array([frequencies(x) for x in place]) / frequencies() - 1
-fine = np.linspace(0.0, length, 200)
 
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(
-        xlabel="position of the mass [m]", ylabel="change of frequency [%]", ylim=(-1.1, 0.35)
-    )
+    figure, x = new_figure(height=3.4), np.linspace(0.0, length, 200)
+    ax = figure.add_subplot(xlabel="position of the mass [m]", ylabel="change [%]", ylim=(-1.1, 0.35))
     for k, colour in enumerate((BLUE, VERMILION, GREEN)):
         ax.plot(place, 100 * change[:, k], "o", color=colour, markersize=4, label=f"mode {k + 1}")
-        ax.plot(fine, 100 * rayleigh(fine)[:, k], color=colour, label="Rayleigh")
+        ax.plot(x, 100 * rayleigh(x)[:, k], color=colour, label="Rayleigh")
     ax.legend(ncols=3, loc="upper center")
 print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'change.png')}")
-print(
-    f"1 % of mass at the middle: mode 1 {100 * change[9, 0]:.3f} %, Rayleigh {100 * rayleigh(0.5)[0, 0]:.3f} %"
-)
+low, closed = 100 * change[9, 0], 100 * rayleigh(0.5)[0, 0]
+print(f"1 % of mass at the middle changes mode 1 by {low:.3f} %, Rayleigh {closed:.3f} %")
 
 assert np.abs(change - rayleigh(place)).max() < 3 * share**2

@@ -28,15 +28,14 @@ reductions = {
 }
 
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(xlabel="mode", ylabel="frequency, reduced / full - 1 [-]", yscale="log")
+    ax = new_figure(height=3.4).add_subplot(xlabel="mode", ylabel="frequency / full - 1 [-]", yscale="log")
     errors = {}
     for (name, reduced), colour in zip(reductions.items(), (GREY, BLUE, VERMILION), strict=True):
         frequency = reduced.modes(n).frequency
         errors[name] = frequency / full[: len(frequency)] - 1
         ax.plot(np.arange(1, len(frequency) + 1), errors[name], "o-", markersize=4, color=colour, label=name)
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'errors.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'errors.png')}")
 best = errors["Craig-Bampton, 18 fixed modes"]
 print(f"30 coordinates of {system.n_free} give {n} frequencies within {100 * best.max():.3f} %")
 

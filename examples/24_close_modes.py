@@ -31,14 +31,13 @@ def peaks(curve):
 
 one, found = peaks(np.abs(H[:, 0, 0])), peaks(cmif[:, 0])
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(xlabel="frequency [Hz]", ylabel="amplitude² [(m/s²/N)²]", yscale="log")
+    ax = new_figure(height=3.4).add_subplot(xlabel="frequency [Hz]", ylabel="(m/s²/N)²", yscale="log")
     ax.plot(frequency, np.abs(H[:, 0, 0]) ** 2, color=GREY, linestyle="--", label="one FRF")
     for k, colour in enumerate((VERMILION, BLUE)):
         ax.plot(frequency, cmif[:, k], color=colour, label=f"CMIF {k + 1}")
         ax.axvline(close[k], color=GREY, linestyle=":", label="_")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'cmif.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'cmif.png')}")
 print(f"{len(one)} peak in an FRF, {len(found)} in the CMIF: {found} Hz, modes at {close.round(3)} Hz")
 
 assert len(one) == 1

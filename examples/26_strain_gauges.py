@@ -31,13 +31,12 @@ strain = fem.compute_frf(system, [0.0, second], rows, [(1, "z")], "receptance").
 # A static force at the tip: ε = -F (L - x) z / E I.
 closed = -(length - places) * 0.005 / (steel.E * flat.Iy)
 with look():
-    figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="distance from the wall [m]", ylabel="strain per force [µm/m per N]")
+    ax = new_figure(height=3.2).add_subplot(xlabel="position [m]", ylabel="strain per force [µm/m per N]")
     ax.plot(places, 1e6 * closed, color=BLUE, label="static, closed form")
     ax.plot(places, 1e6 * strain[0].real, "o", color=BLUE, label="static, gauges")
     ax.plot(places, 1e6 * np.abs(strain[1]), "o-", color=VERMILION, label=f"amplitude at {second:.1f} Hz")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'strain.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'strain.png')}")
 print(f"gauge S1 reads {1e6 * strain[0, 0].real:.4f} µm/m per N, closed form {1e6 * closed[0]:.4f}")
 
 assert np.allclose(strain[0], closed, rtol=1e-4)

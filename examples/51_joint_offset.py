@@ -29,12 +29,11 @@ closed = np.sqrt(np.linalg.eigvalsh(stiffness)) / (2 * np.pi)
 computed = np.array([frequencies(e) for e in offset[::12]])
 
 with look():
-    figure = new_figure(height=3.2)
-    ax = figure.add_subplot(xlabel="offset of the mount [mm]", ylabel="frequency [Hz]")
+    ax = new_figure(height=3.2).add_subplot(xlabel="offset of the mount [mm]", ylabel="frequency [Hz]")
     ax.plot(1e3 * offset, closed, color=BLUE, label=["closed form", "_"])
     ax.plot(1e3 * offset[::12], computed, "o", color=VERMILION, label=["model", "_"])
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'offset.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'offset.png')}")
 low, high = 100 * (computed[-1] / computed[5] - 1)
 print(f"an offset of 120 mm changes the frequencies by {low:.1f} % and {high:.1f} %")
 

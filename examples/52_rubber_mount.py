@@ -27,12 +27,11 @@ def receptance(mount):
 rubber = receptance(Viscoelastic(name="rubber", law=law, **between))
 spring = receptance(Joint(name="spring", eta=0.1, **between))
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(xlabel="frequency [Hz]", ylabel="receptance [m/N]", yscale="log")
+    ax = new_figure(height=3.4).add_subplot(xlabel="frequency [Hz]", ylabel="receptance [m/N]", yscale="log")
     ax.plot(frequency, np.abs(spring), color=BLUE, label="spring with a loss factor of 0.1")
     ax.plot(frequency, np.abs(rubber), color=VERMILION, label="rubber, of the same static stiffness")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'mount.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'mount.png')}")
 
 # H = 1 / (k (1 + r iωτ / (1 + iωτ)) - ω² m)
 s = 2j * np.pi * frequency

@@ -30,12 +30,11 @@ coupled = couple_frf([left, right], [("L:z", "R:z"), ("L:ry", "R:ry")]).frf.sele
 whole = receptance(0.0, 1.0, {"tip:z": (1.0, "z")})
 
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(xlabel="frequency [Hz]", ylabel="receptance of the tip [m/N]", yscale="log")
+    ax = new_figure(height=3.4).add_subplot(xlabel="frequency [Hz]", ylabel="receptance [m/N]", yscale="log")
     ax.plot(frequency, np.abs(whole.H[:, 0, 0]), color=BLUE, linewidth=3, alpha=0.4, label="assembled model")
     ax.plot(frequency, np.abs(coupled.H[:, 0, 0]), "--", color=VERMILION, label="coupled from two parts")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'coupled.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'coupled.png')}")
 error = np.abs(coupled.H / whole.H - 1).max()
 print(f"coupled and assembled FRFs differ by {error:.1e}")
 

@@ -30,15 +30,14 @@ rest = decouple_frf(assembly, part, [("A:z", "P:z"), ("A:ry", "P:ry")]).frf
 alone = receptance(0.0, 0.4, {"A:z": (0.4, "z"), "A:ry": (0.4, "ry")})
 
 with look():
-    figure = new_figure(height=3.4)
-    ax = figure.add_subplot(xlabel="frequency [Hz]", ylabel="receptance at 0.4 m [m/N]", yscale="log")
+    ax = new_figure(height=3.4).add_subplot(xlabel="frequency [Hz]", ylabel="receptance [m/N]", yscale="log")
     ax.plot(frequency, np.abs(assembly.H[:, 0, 0]), color=GREY, linewidth=0.9, label="assembly, 1 m")
     ax.plot(
         frequency, np.abs(alone.H[:, 0, 0]), color=BLUE, linewidth=3, alpha=0.4, label="inner 0.4 m alone"
     )
     ax.plot(frequency, np.abs(rest.H[:, 0, 0]), "--", color=VERMILION, label="decoupled")
     ax.legend()
-print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'decoupled.png')}")
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'decoupled.png')}")
 error = np.abs(rest.H / alone.H - 1).max()
 print(f"decoupled FRFs and those of the rest alone differ by {error:.1e}")
 

@@ -10,12 +10,12 @@ from viz.plan import render_plan
 
 study = load_study(Path(__file__).parent / "first-frame" / "study.toml")
 others = set(candidate_kinds()) - {"support_flexibility", "point_mass"}  # all kinds take some seconds
-found = replace(study, exclude=tuple(others)).plan(noise=0.01)
+found = replace(study, exclude=tuple(others)).plan(noise=0.01, left_db=0.1)
 
 picture = render_plan(found.plan, Path(tempfile.mkdtemp()) / "map.png", "First frame")
 print(f"picture in {picture}")
 for row in found.rows:
-    print(f"{row.kind}: the least that is seen has a {row.smallest}")
+    print(f"{row.kind}: seen from a {row.smallest} on")
 
 # The effect that the tutorial hides and finds: the left foot turns about y.
 hidden = next(o for o in found.plan.relevant if o.relevant.name == "support_flexibility:left foot.ry")
