@@ -1,4 +1,4 @@
-"""Natural frequencies of a cantilever, against the closed form and the predicted error of its elements."""
+"""Natural frequencies of a cantilever: the closed form, and the predicted error of the elements."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Read a Nastran deck, draw a mode, and weigh the model against a hand calculation."""
+"""A Nastran deck: read, drawn in a mode, and weighed against a hand calculation."""
 
 import tempfile
 import warnings

@@ -1,4 +1,4 @@
-"""Write a test's geometry and modes to a universal file, read them again, and draw both over the model."""
+"""A universal file: the geometry and the modes of a test, written, read again and laid over the model."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Before a test: which missing masses and soft supports it could show, on the structure."""
+"""What a test could show: the missing masses and soft supports that it would see, before it is made."""
 
 import tempfile
 from dataclasses import replace

@@ -14,6 +14,11 @@ from docs.make.pages import PageError, environment_of
 from docs.make.stored import NO_STORE, Result, Store, contents, digest, first_package, program
 
 HEAD = """\
+---
+hide:
+  - toc # more room for the cards
+---
+
 # Gallery
 
 Each example is a script of fewer than 60 lines, or a notebook, and ends in an assertion on a number: a closed
@@ -163,9 +168,9 @@ def index(examples: list[Example]) -> str:
 
 
 def card(example: Example) -> str:
-    """Return the card of an example: its picture, its title and the last line of its output."""
+    """Return the card of an example: its picture, its title up to a colon and the last line of its output."""
     link = f"{example.name}.md"
-    parts = [f"[{example.title}]({link})"]
+    parts = [f"**[{example.title.partition(':')[0]}]({link})**"]
     if example.pictures:
         parts.insert(0, f"[![]({example.pictures[0]}){{ {PICTURE} }}]({link})")
     if example.output:

@@ -74,13 +74,13 @@ def test_an_example_has_its_output_and_pictures(tmp_path):
 
 
 def test_the_index_of_the_gallery_has_a_card_with_picture_title_and_number():
-    example = gallery.Example("16_x", "A crack", "", "", "path\n90 %", ("16_x-a.png",))
+    example = gallery.Example("16_x", "A crack: how deep", "", "", "path\n90 %", ("16_x-a.png",))
     notebook = gallery.Example("45_y", "By hand", "", "", "", ())
     text = gallery.index([notebook, example])
     assert "## Update" not in text
     frames, compare = text.split("## Compare and find")
-    assert frames.index("16_x-a.png") < frames.index("[A crack](16_x.md)") < frames.index("`90 %`")
-    assert "-   [By hand](45_y.md)\n" in compare
+    assert frames.index("16_x-a.png") < frames.index("**[A crack](16_x.md)**") < frames.index("`90 %`")
+    assert "-   **[By hand](45_y.md)**\n" in compare
 
 
 def test_every_example_is_below_one_heading_of_the_gallery():
