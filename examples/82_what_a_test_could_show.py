@@ -1,4 +1,7 @@
-"""What a test could show: the missing masses and soft supports that it would see, before it is made."""
+"""What a test could show: the missing masses and soft supports that it would see, before it is made.
+
+At a support the picture has the direction of which the test shows least.
+"""
 
 import tempfile
 from dataclasses import replace

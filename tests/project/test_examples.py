@@ -30,6 +30,7 @@ def test_example_runs(path, request, monkeypatch, tmp_path):
         request.getfixturevalue("offscreen")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     runpy.run_path(str(path), run_name="__main__")
+    assert list(tmp_path.rglob("*.png"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
