@@ -1,4 +1,4 @@
-"""Effects beside others where members give way: elements are in series, and matrices do not just add."""
+"""Effects in series with members that give way: their matrices do not just add."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,8 +35,8 @@ def terms_in_series(
 ) -> tuple[Term, ...] | None:
     """Return what one effect, at several values, adds to a reduced model where it is in series with others.
 
-    With its element the model's and the candidates' flexibilities change, and its own depends on all that
-    alters the element. None where it is in series with nothing: it then adds the same to any state.
+    With its element the model's and the candidates' flexibilities change, and that of the effect depends on
+    all that alters the element. None where it is in series with nothing: it then adds the same to any state.
 
     Parameters
     ----------
