@@ -150,10 +150,9 @@ class Samples:
     @classmethod
     def joined(cls, parts: Sequence["Samples"]) -> "Samples":
         """Return the samples of several courses on the same lines, whose forces add up."""
-        whole = (
+        line, xi, weight, forces = (
             np.concatenate([getattr(p, key) for p in parts]) for key in ("line", "xi", "weight", "forces")
         )
-        line, xi, weight, forces = whole
         return cls(line, xi, weight, forces, np.sum([p.ends for p in parts], axis=0))
 
 
