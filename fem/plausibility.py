@@ -330,7 +330,7 @@ def _contradictions(s: Section) -> Iterator[str]:
 
 
 def _of_sizes(mesh: Mesh, members: Sequence[_Alike], trusted: bool) -> Iterator[Suspicion]:
-    """Yield members that are thicker than long or bend under their own weight, and structures too large."""
+    """Yield members that are thicker than long or bend under their weight, and structures too large."""
     size = mesh.size
     if size > LARGEST_STRUCTURE:
         yield Suspicion(

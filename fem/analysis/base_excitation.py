@@ -215,7 +215,7 @@ def _grounded(model: Model) -> tuple[str, ...]:
     out = []
     for effect in model.effects:
         if isinstance(effect, Frame) or effect.within_members or Role.GYROSCOPIC in effect.role:
-            continue  # a rotor resists its own turning in space, not that beside its foot
+            continue  # a rotor resists its rotation in space, not that relative to its foot
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):
                 if X is None:

@@ -377,7 +377,7 @@ def _free_points(
     free = np.zeros(Q.shape[0], dtype=bool)
     single = np.flatnonzero(np.diff(Q.indptr) == 1)
     free[single] = alone[Q.indices[Q.indptr[single]]]
-    free[np.diff(Q.indptr) == 0] = True  # rotations of cables, or held
+    free[np.diff(Q.indptr) == 0] = True  # rotations of cables, or fixed
     for c in system.model.constraints():
         if not c.everywhere:
             free[c.dofs] = False
@@ -397,7 +397,7 @@ def _chains(ends: NDArray[np.int64], free: NDArray[np.bool_]) -> Iterator[_Chain
     through = {p for p, lines in at.items() if free[p] and len(lines) == 2}
     remaining = dict.fromkeys(range(len(ends)))
     first = [k for p, lines in at.items() if p not in through for k in lines]
-    for start in (*first, *remaining):  # lines left in the end are rings, which may begin anywhere
+    for start in (*first, *remaining):  # lines that remain in the end are rings, which may begin anywhere
         if start not in remaining:
             continue
         a, b = ends[start].tolist()

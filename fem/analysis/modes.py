@@ -568,5 +568,5 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     n = vectors.shape[1] - rigid.shape[1]
     return (
         f"the structure is a mechanism: {n} motion(s) have no stiffness besides {rigid.shape[1]} "
-        f"rigid-body motion(s) of the whole; most free: {', '.join(words)}"
+        f"rigid-body motion(s); most free: {', '.join(words)}"
     )

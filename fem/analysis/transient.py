@@ -135,7 +135,7 @@ class _Problem:
     rows: Floats  # (n_out, n_dof)
     base: tuple[tuple[Floats, Floats], ...]  # motions (n_dof,) for a unit of the base, and its acceleration
     start: tuple[Floats, Floats]  # (n_free,) each
-    ratios: Floats  # (n_modes,): viscous ratios beside C, α and β
+    ratios: Floats  # (n_modes,): viscous ratios in addition to C, α and β
     labels: tuple[str, ...]
     notes: tuple[str, ...]
 

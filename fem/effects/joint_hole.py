@@ -29,7 +29,7 @@ class JointHole(OnSide):
     kind: ClassVar[str] = "joint_hole"
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("diamond", "orange")
-    statement: ClassVar[str] = "{thing} has its hole beside the centre line"
+    statement: ClassVar[str] = "{thing} has its hole off the centre line"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
         meaning="a joint whose hole lies off the centre line of one part; the other part stays",

@@ -63,7 +63,7 @@ class InnerPlace:
         """Return the change of the mass (n, n) by forces, rows p (6, n); the element's DOFs come first."""
         M = energy(self.square, p)
         across = self.cross @ p
-        M[: len(across)] -= across  # both, so that the block of the own DOFs is symmetric
+        M[: len(across)] -= across  # both, so that the block of the element's DOFs is symmetric
         M[:, : len(across)] -= across.T
         return M
 

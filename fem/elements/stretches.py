@@ -247,7 +247,7 @@ def end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
 
 def _stiffness_from_flexibility(g: Lines, F: Array) -> Array:
     """Return the local stiffness (b, 12, 12) of elements from the flexibility of their second ends."""
-    E = np.zeros((len(g.L), 6, 12))  # motion of the second end beside that of the first as a rigid body
+    E = np.zeros((len(g.L), 6, 12))  # motion of the second end relative to a rigid body on the first
     E[:, :, 6:] = np.eye(6)
     E[:, :, :6] = -np.eye(6)
     E[:, 1, 5], E[:, 2, 4] = -g.L, g.L

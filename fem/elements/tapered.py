@@ -55,7 +55,7 @@ def weights_at(x: Array, integrated: int = 0) -> Array:
     """
     series = _SERIES[integrated]
     terms = np.polynomial.legendre.legvander(2 * x - 1, len(series) - 1)
-    # not @: BLAS rounds by the number of beams, and an element must not depend on those formed beside it
+    # not @: BLAS rounds by the number of beams, and an element must not depend on those formed with it
     out: Array = np.einsum("...k,kj->...j", terms, series)
     return out
 

@@ -125,7 +125,7 @@ class PointBuilder:
         if across > 1e-6 * self.content.size:
             raise fault(
                 block,
-                f": element {self.content.number(row)} acts along a direction in which "
+                f": element {self.content.number(row)} acts along a direction across which "
                 f"its nodes are {across:.3g} m apart; move the nodes to one line or place",
             )
 

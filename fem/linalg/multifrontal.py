@@ -2,7 +2,7 @@
 
 A separator of few coordinates cuts the graph of the matrix into two halves, these are cut again, and so on
 (George, *SIAM J. Numer. Anal.* 10, 1973, 345-363). The leaves of this tree are eliminated first, each as a
-dense *front* of its own coordinates and of those in separators that they touch; the elimination's Schur
+dense *front* of its coordinates and of those in separators that they touch; the elimination's Schur
 complement on the separators is handed to the parent (Duff and Reid, *ACM Trans. Math. Softw.* 9, 1983,
 302-325). All arithmetic is in dense kernels of BLAS and LAPACK.
 

@@ -142,7 +142,7 @@ def _solver(K: Any, M: Any, shift: float) -> Any:
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(shift)
-    # Relative to λ, as SLEPc's own test is, the residual of the inverse would depend on the unit of time.
+    # Relative to λ, as in SLEPc's default test, the residual of the inverse would depend on the unit of time.
     eps.setConvergenceTest(SLEPc.EPS.Conv.ABS)
     st = eps.getST()
     st.setType("sinvert")

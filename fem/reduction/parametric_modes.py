@@ -268,7 +268,7 @@ class ModesAt:
         if self._local:
             laws = [(factor[there], of(X)) for factor, X in total["laws"]]
             resisting = omega * of(total["C"]) + of(total["D"]) + sum(np.imag(f) * s for f, s in laws)
-            # Laws have losses of their own: what they store is not damped as members are.
+            # Laws include losses: their stiffness is not damped as members are.
             first = first + 1j * resisting + (1 - members) * sum(np.real(f) * s for f, s in laws)
             strong = np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)
         for c, i in enumerate(there.tolist()):
