@@ -1,11 +1,11 @@
-"""Parts of solid elements in studies, held against CalculiX, which solves the whole structure.
+"""Parts of solid elements in studies, compared with CalculiX, which solves the whole structure.
 
-    python -m benchmarks.parts_ccx bolts OUT --seeds 1 2 [--csv bolts.csv]    # 6 minutes for each seed
-    python -m benchmarks.parts_ccx corner OUT [--csv corner.csv]              # 2 minutes
-    python -m benchmarks.parts_ccx picture OUT parts.png                      # of the studies in OUT
+    python -m benchmarks.parts_ccx bolts OUT --seeds 1 2 [--csv bolts.csv]  # 8 minutes a seed
+    python -m benchmarks.parts_ccx corner OUT [--csv corner.csv]            # 2 minutes
+    python -m benchmarks.parts_ccx picture OUT parts.png                     # of studies in OUT
 
-`bolts` runs `dovetail run` on two cases of each seed: a bolt that is soft in two directions, and no such bolt.
-`corner` compares a frame on a solid corner piece without any fit. CalculiX is needed: `ccx` on the PATH.
+`bolts` runs `dovetail run` on two cases of each seed: one bolt soft in two directions, and none. `corner`
+compares a frame on a solid corner piece without any fit. CalculiX is needed: `ccx` on the PATH.
 """
 
 import argparse
@@ -27,9 +27,9 @@ class Answer:
 
     Attributes
     ----------
-    seed, hidden, verdict : int, str, str
-    effects : tuple of str
-        Names of the effects found.
+    seed, verdict : int, str
+    hidden, effects : tuple of str
+        Names of the effects that are hidden, and of those found.
     values : tuple of (float, float, float)
         Hidden stiffness, found stiffness and its standard deviation [N/m] of each hidden direction that was
         found.
@@ -43,8 +43,8 @@ class Answer:
     """
 
     seed: int
-    hidden: str
     verdict: str
+    hidden: tuple[str, ...]
     effects: tuple[str, ...]
     values: tuple[tuple[float, float, float], ...]
     probability: float
@@ -69,16 +69,17 @@ def answer_of(folder: Path, seed: int, truth: bolts.Truth) -> Answer:
     result = json.loads((folder / "report" / "result.json").read_text())
     found = {effect["name"]: effect["parameters"][0] for effect in result["effects"]}
     names = [f"joint_stiffness:bolt {truth.soft}.{d}" for d in bolts.HIDDEN_DIRECTIONS if truth.soft]
-    values = []
-    for name in set(names) & set(found):
-        true = truth.bolts[truth.soft]["xyz".index(name[-1])]
-        values.append((true, float(found[name]["value"]), float(found[name]["std"] or 0.0)))
+    values = [
+        (truth.bolts[truth.soft]["xyz".index(name[-1])], found[name]["value"], found[name]["std"] or 0.0)
+        for name in names
+        if name in found
+    ]
     return Answer(
         seed,
-        ", ".join(names),
         result["verdict"],
+        tuple(names),
         tuple(found),
-        tuple(sorted(values)),
+        tuple(values),
         float(result["posterior"][0]["probability"]),
         float(result["error_db"][-1]["level"]),
         float(result["seconds"]),
@@ -99,15 +100,12 @@ def run_bolts(out: Path, seeds: Sequence[int], table: Path | None) -> None:
             a = diagnose(out / f"bolts-{seed}-{'soft' if hidden else 'nothing'}", seed, hidden)
             true = ", ".join(f"{1e-6 * t:.2f}" for t, _, _ in a.values)
             value = ", ".join(f"{1e-6 * v:.2f} ± {1e-6 * std:.2f}" for _, v, std in a.values)
-            rows.append((
-                seed, short(a.hidden.split(", ") if a.hidden else ()), short(a.effects), true, value,
-                f"{100 * a.probability:.1f}", f"{a.level_db:.2f}", f"{a.seconds:.0f}", "yes" if a.right else "no",
-            ))  # fmt: skip
+            names = [short(effects) for effects in (a.hidden, a.effects)]
+            numbers = f"{100 * a.probability:.1f}", f"{a.level_db:.2f}", f"{a.seconds:.0f}"
+            rows.append((seed, *names, true, value, *numbers, "yes" if a.right else "no"))
             print(*rows[-1], sep=" | ", flush=True)
-    head = (
-        "seed", "hidden", "found", "true [kN/mm]", "found [kN/mm]", "probability [%]", "residual [dB]", "time [s]",
-        "right",
-    )  # fmt: skip
+    head = ("seed", "hidden", "found", "true [kN/mm]", "found [kN/mm]")
+    head += ("probability [%]", "residual [dB]", "time [s]", "right")
     _write(table, head, rows)
 
 

@@ -101,10 +101,7 @@ def measured(folder: Path, truth: Truth) -> FRF:
         for name, k in truth.bolts.items()
     ]
     places = {**BASE_SENSORS, **COVER_SENSORS, **{n: place for n, (place, _) in FORCES.items()}}
-    nodes = [
-        base.at(place) if place[2] <= BASE_TOP else cover.at(place) + first
-        for place in places.values()
-    ]
+    nodes = [base.at(place) if place[2] <= BASE_TOP else cover.at(place) + first for place in places.values()]
     modes = solve(folder, "whole", (base, cover), springs, N_MODES, nodes)
     order = list(places)
     out = [(k, d) for k in range(len(BASE_SENSORS) + len(COVER_SENSORS)) for d in range(3)]
@@ -124,8 +121,7 @@ def study_text(name: str) -> str:
         rows = [f'  {{ name = "{part}.{b}", nodes = {clamped_nodes(solid, b, height)} }},' for b in BOLTS]
         hit = {n: place for n, (place, _) in FORCES.items() if (place[2] <= BASE_TOP) == (part == "base")}
         rows += [
-            f'  {{ name = "{n}", nodes = [{solid.at(place)}] }},'
-            for n, place in {**sensors, **hit}.items()
+            f'  {{ name = "{n}", nodes = [{solid.at(place)}] }},' for n, place in {**sensors, **hit}.items()
         ]
         parts += ["[[superelements]]", f'name = "{part}"', f'file = "{part}.sti"', 'units = "mm-t-s"']
         parts += ["attach = [", *rows, "]", ""]
@@ -135,7 +131,14 @@ def study_text(name: str) -> str:
         parts += ["[[joints]]", f'name = "bolt {b}"', f'point1 = "base.{b}"', f'point2 = "cover.{b}"']
         parts += [f"location = {place}", f"k = {{ {k} }}", ""]
     for n, (_, d) in FORCES.items():
-        parts += ["[[excitations]]", f'name = "{n}{d}"', f'point = "{n}"', f'direction = "{d}"', f"node = {n}", ""]
+        parts += [
+            "[[excitations]]",
+            f'name = "{n}{d}"',
+            f'point = "{n}"',
+            f'direction = "{d}"',
+            f"node = {n}",
+            "",
+        ]
     parts += ["[[measurements]]", 'file = "frf.uff"', "", "[damping]", "modal = 0.004", ""]
     return "\n".join(['sensors = "sensors.csv"', "", "[study]", f'name = "{name}"', "", *parts])
 
@@ -148,7 +151,9 @@ def make(folder: Path, seed: int, hidden: bool, noise: float = NOISE) -> Truth:
         export_matrices(folder, part, solid)
     frf = measured(folder, truth)
     noisy = FRF.from_arrays(LINES, with_noise(frf.H, noise, seed), "accelerance", frf.outputs, frf.inputs)
-    write_uff(folder / "frf.uff", noisy, dofs={c: f"{c[:-1]}{c[-1].upper()}+" for c in (*frf.outputs, *frf.inputs)})
+    write_uff(
+        folder / "frf.uff", noisy, dofs={c: f"{c[:-1]}{c[-1].upper()}+" for c in (*frf.outputs, *frf.inputs)}
+    )
     rows = [f"{n},{n},xyz,{n}" for n in (*BASE_SENSORS, *COVER_SENSORS)]
     (folder / "sensors.csv").write_text("\n".join(["name,point,direction,node", *rows]) + "\n")
     (folder / "study.toml").write_text(study_text("Two plates held by four bolts"))

@@ -22,6 +22,7 @@ from benchmarks.parts_ccx.calculix import (
 from dovetail import load_study
 from fem import FRF
 from fem.io.arrays import write_npz
+from updating.correlation.frf_correlation import Comparison
 
 STEEL = Material(209e3, 0.3, 7.82e-9)
 BLOCK = 24.0
@@ -81,7 +82,9 @@ def measured(folder: Path) -> tuple[FRF, SolidModes]:
     H = accelerance(modes, LINES, out, force, ZETA)
     order = list(at)
     outputs = [f"{order[k]}{'xyz'[d]}" for k, d in out]
-    return FRF.from_arrays(LINES, H, "accelerance", outputs, [f"{n}{d}" for n, (*_, d) in FORCES.items()]), modes
+    return FRF.from_arrays(
+        LINES, H, "accelerance", outputs, [f"{n}{d}" for n, (*_, d) in FORCES.items()]
+    ), modes
 
 
 def study_text(model: str) -> str:
@@ -100,11 +103,31 @@ def study_text(model: str) -> str:
         t.append(f'orientation = "{"xyz"[HEIGHT_AXIS[bar]]}"')
         if model == "zones":
             t.append(f"rigid1 = {BLOCK * 1e-3}")
-    t += ["", "[materials.steel]", f"E = {STEEL.E * 1e6:g}", f"rho = {STEEL.rho * 1e12:g}", f"nu = {STEEL.nu}"]
-    t += ["", "[sections.bar]", 'shape = "rectangle"', f"b = {B * 1e-3}", f"h = {H * 1e-3}", f"nu = {STEEL.nu}"]
+    t += [
+        "",
+        "[materials.steel]",
+        f"E = {STEEL.E * 1e6:g}",
+        f"rho = {STEEL.rho * 1e12:g}",
+        f"nu = {STEEL.nu}",
+    ]
+    t += [
+        "",
+        "[sections.bar]",
+        'shape = "rectangle"',
+        f"b = {B * 1e-3}",
+        f"h = {H * 1e-3}",
+        f"nu = {STEEL.nu}",
+    ]
     if part:
         corner = solids((CUT, CUT, CUT))
-        t += ["", "[[superelements]]", 'name = "corner"', 'file = "corner.sti"', 'units = "mm-t-s"', "attach = ["]
+        t += [
+            "",
+            "[[superelements]]",
+            'name = "corner"',
+            'file = "corner.sti"',
+            'units = "mm-t-s"',
+            "attach = [",
+        ]
         for bar, axis in enumerate("xyz"):
             nodes = corner.on_plane(bar, CUT)
             t.append(f'  {{ point = "corner{axis}", nodes = {nodes}, tie = "{model}" }},')
@@ -112,7 +135,10 @@ def study_text(model: str) -> str:
     else:
         mass, centre, inertia = _block_beyond_bars()
         t += ["", "[[masses]]", 'name = "block"', 'point = "corner"', f"mass = {mass:.6g}"]
-        t += [f"arm = {[round(v, 9) for v in centre.tolist()]}", f"inertia = {[float(f'{v:.6g}') for v in inertia.tolist()]}"]
+        t += [
+            f"arm = {[round(v, 9) for v in centre.tolist()]}",
+            f"inertia = {[float(f'{v:.6g}') for v in inertia.tolist()]}",
+        ]
     across = [(n, bar, s, d) for n, (bar, s) in SENSORS.items() for d in "xyz".replace("xyz"[bar], "")]
     for n, bar, s, d in across:
         t += ["", "[[sensors]]", f'name = "{n}{d}"', f'member = "{"xyz"[bar]}"']
@@ -129,7 +155,7 @@ def _metres(place: list[float]) -> list[float]:
 
 
 def _block_beyond_bars() -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Return mass [kg], centre [m] and moments of inertia about it [kg·m²] of the block, less its bars there."""
+    """Return mass [kg], centre [m] and moments of inertia about it [kg·m²] of the block less its bars."""
     rho, a = STEEL.rho * 1e12, 2 * BLOCK * 1e-3
     bodies = [(rho * a**3, np.zeros(3), np.full(3, a))]
     for bar in range(3):
@@ -154,7 +180,9 @@ class Agreement:
     frequency: tuple[float, ...]
 
 
-def compare(folder: Path, models: tuple[str, ...] = ("lines", "zones", "rigid", "average")) -> list[Agreement]:
+def compare(
+    folder: Path, models: tuple[str, ...] = ("lines", "zones", "rigid", "average")
+) -> list[Agreement]:
     """Write studies of some models into a folder, and compare each with the solids."""
     folder.mkdir(parents=True, exist_ok=True)
     export_matrices(folder, "corner", solids((CUT, CUT, CUT)))
@@ -167,5 +195,7 @@ def compare(folder: Path, models: tuple[str, ...] = ("lines", "zones", "rigid", 
         study = load_study(folder / f"{model}.toml")
         found = study.solve_modes(elastic.size).frequency
         error = tuple((found[-elastic.size :] / elastic - 1).tolist())
-        out.append(Agreement(model, float(study.compare().total_db), error))
+        compared = study.compare()
+        assert isinstance(compared, Comparison)
+        out.append(Agreement(model, float(compared.total_db), error))
     return out
