@@ -1,6 +1,7 @@
 """A picture of both structures with an FRF of each: CalculiX, and the models with parts."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from benchmarks.parts_ccx import bolts, corner
-from benchmarks.parts_ccx.calculix import Solid
+from benchmarks.parts_ccx.calculix import SAME_PLACE, Solid
 from dovetail import load_study
 from fem import FRF
 
@@ -38,10 +39,10 @@ def _draw_solid(ax: Any, solid: Solid, colour: str, alpha: float = 1.0) -> None:
     )
 
 
-def _frame(ax: Any, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+def _frame(ax: Any, low: NDArray[np.float64], high: NDArray[np.float64], zoom: float) -> None:
     for axis, a, b in zip("xyz", low, high, strict=True):
         getattr(ax, f"set_{axis}lim")(a, b)
-    ax.set_box_aspect(high - low, zoom=1.5)
+    ax.set_box_aspect(high - low, zoom=zoom)
     ax.set_axis_off()
 
 
@@ -91,16 +92,17 @@ def _draw_plates(ax: Any, case: Path) -> None:
     for name, (x, y) in bolts.BOLTS.items():
         ax.plot([x, x], [y, y], [0, 40], color=RED if name == soft else "k", lw=3, zorder=10)
         ax.text(x, y, 46, name, color=RED if name == soft else "k", fontsize=9, zorder=11)
-    _frame(ax, np.array([0.0, 0.0, -40.0]), np.array([528.0, 168.0, 70.0]))
+    _frame(ax, np.array([0.0, 0.0, -40.0]), np.array([528.0, 168.0, 70.0]), 1.05)
     ax.view_init(32, -62)
     ax.set_title("two plates, four bolts; the red one is soft along x and y", fontsize=10)
 
 
 def _draw_corner(ax: Any) -> None:
-    whole, piece = corner.solids(), corner.solids((corner.CUT,) * 3)
-    _draw_solid(ax, whole, GREY, 0.9)
-    _draw_solid(ax, piece, BLUE, 0.9)
+    whole = corner.solids()
+    inside = (whole.nodes[whole.elements - 1] <= corner.CUT + SAME_PLACE).all(axis=(1, 2))
+    _draw_solid(ax, replace(whole, elements=whole.elements[~inside]), GREY)
+    _draw_solid(ax, replace(whole, elements=whole.elements[inside]), BLUE)
     low, high = whole.nodes.min(axis=0), whole.nodes.max(axis=0)
-    _frame(ax, low, high)
+    _frame(ax, low, high, 1.1)
     ax.view_init(24, 38)
     ax.set_title("three bars on a solid corner (blue: superelement)", fontsize=10)
