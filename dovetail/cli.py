@@ -51,9 +51,11 @@ COMMANDS = (
     buckling, transient, spectrum, psd, open_desk, run, report, export, compare, candidates, locate, diagnose,
     history, identify_modes, match, update, identify_joint, fleet,
 )  # fmt: skip
-"""In the order of the help; each has HELP, EXAMPLE, add_arguments and run."""
+"""In the order of the help; each has HELP, EXAMPLE and run, which returns an `Answer`; RESULTS are its
+files and add_arguments adds its other options, if there are some."""
 
 WITHOUT_STUDY = (new, frf_estimate, report)
+WITHOUT_TABLES = (*WITHOUT_STUDY, open_desk, run, export, identify_joint)
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that the user's input has not caused: a full disk, a reader that has gone."""
@@ -85,7 +87,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _warn if not options.debug else warnings.showwarning
-            options.run(options, progress)
+            if options.results is not None:
+                options.results.check(options)
+            answer = options.run(options, progress)
+            progress.close()
+            if answer is not None:
+                answer.give(options)
         sys.stdout.flush()  # while an error of it can still be said
     except KeyboardInterrupt as reason:
         progress.close()
@@ -166,15 +173,21 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=f"example:\n  {command.EXAMPLE}",
             formatter_class=plain,
         )
-        p.set_defaults(run=command.run)
+        results = getattr(command, "RESULTS", None)
+        p.set_defaults(run=command.run, results=results)
         if command not in WITHOUT_STUDY:
             p.add_argument("study", type=Path, help="the study file (TOML)")
             p.add_argument(
                 "--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output"
             )
+        if command not in WITHOUT_TABLES:
+            p.add_argument("--xlsx", type=Path, metavar="FILE", help="also write the tables for Excel: .xlsx")
         p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
         p.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        command.add_arguments(p)
+        if hasattr(command, "add_arguments"):
+            command.add_arguments(p)
+        if results is not None:
+            results.add_arguments(p)
     return parser
 
 

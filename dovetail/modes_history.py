@@ -11,6 +11,7 @@ from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
 from dovetail.mode_result import mode_diagnosis_dict
 from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
+from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
@@ -90,24 +91,23 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
     return tuple(out)
 
 
-def history_lines(study: Study, history: tuple[StateChange, ...]) -> list[str]:
-    """Return a history as lines of text."""
-    width = max(len("state"), *(len(s.name) for s in history))
-    lines = [f"{study.name}: {len(history)} states after the baseline", ""]
-    lines.append(f"{'state':{width}}  largest shift  probability  change since the baseline")
-    for s in history:
-        k = int(np.nanargmax(np.abs(s.shift))) if np.isfinite(s.shift).any() else -1
-        shift = f"{100 * s.shift[k]:+8.2f} %" if k >= 0 else f"{'-':>10}"
-        sure = percent(s.probability) if np.isfinite(s.probability) else "-"
-        lines.append(f"{s.name:{width}}  {shift:>13}  {sure:>11}  {s.answer}")
-    return lines
+def history_lines(study: Study, history: tuple[StateChange, ...]) -> list[str | Table]:
+    """Return a history as printed: a line, and a table of the states."""
+    sized = [s.shift[np.isfinite(s.shift)] for s in history]
+    table = Table.of(
+        "states",
+        Column("state", [s.name for s in history]),
+        Column("largest shift", [s[np.abs(s).argmax()] if s.size else None for s in sized], "%", "+.2f", 100),
+        Column("probability", [s.probability for s in history], show=percent),
+        Column("change since the baseline", [s.answer for s in history]),
+    )
+    return [f"{study.name}: {len(history)} states after the baseline", "", table]
 
 
 def history_dict(study: Study, history: tuple[StateChange, ...]) -> dict[str, Any]:
     """Return a history in plain types."""
     assert study.baseline is not None
     return {
-        "study": study.name,
         "baseline_Hz": study.baseline.modes.frequency,
         "states": [
             {

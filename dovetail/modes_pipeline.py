@@ -16,6 +16,7 @@ from dovetail.found import mode_found_text
 from dovetail.identified import as_measured, modes_in
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.probable import probability_text
+from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text, far_text
 from dovetail.result import FOUND, JSON, PICTURES, REPORT
 from fem.io.atomic import replacing
@@ -181,22 +182,34 @@ def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
         scratch.write_bytes(mode_found_text(result, result.folder).encode())
 
 
-def mode_lines(name: str, d: ModeDiagnosis) -> list[str]:
-    """Return a diagnosis from modes as lines of text."""
-    m, out = d.modes, [f"{name}: {d.verdict}; {d.reason}", *_doubts(d), ""]
-    out.append("probability  explanation")
-    for e in d.credible[:MOST_SAID]:
-        out.append(f"{e.probability:11.2f}  {explanation_text(e)}")
-    if len(d.credible) > MOST_SAID:
-        out.append(f"{'':11}  and {len(d.credible) - MOST_SAID} more that share the rest of 90 %")
-    out += ["", "measured Hz  nominal %  fitted %  found %   MAC"]
-    for k in range(len(m.measured)):
-        off = [_off(f[k], m.measured[k]) for f in (m.nominal, m.fitted, m.found)]
-        mac = f"{m.mac_found[k]:5.3f}" if np.isfinite(m.mac_found[k]) else "    -"
-        out.append(f"{m.measured[k]:11.5g}  {off[0]:>9}  {off[1]:>8}  {off[2]:>7}  {mac}" + _remark(m, k))
-    if d.next_measurements:
-        out += ["", "would tell the first two explanations apart:", *(f"  {t}" for t in d.next_measurements)]
-    return [*out, *(f"note: {note}" for note in d.notes)]
+def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
+    """Return a diagnosis from modes as printed lines and tables."""
+    m, few, rest = d.modes, d.credible[:MOST_SAID], len(d.credible) - MOST_SAID
+    explanations = Table.of(
+        "explanations",
+        Column("probability", [e.probability for e in few], show=".2f"),
+        Column("explanation", [explanation_text(e) for e in few]),
+    )
+    off = {"nominal": m.nominal, "fitted": m.fitted, "found": m.found}
+    modes = Table.of(
+        "modes",
+        Column("measured", m.measured, "Hz"),
+        *(Column(name, f / m.measured - 1, "%", "+.2f", 100) for name, f in off.items()),
+        Column("MAC", m.mac_found, show=".3f"),
+        Column("", [_remark(m, k) for k in range(len(m.measured))]),
+    )
+    proposals = [f"  {text}" for text in d.next_measurements]
+    return [
+        f"{name}: {d.verdict}; {d.reason}",
+        *_doubts(d),
+        "",
+        explanations,
+        *([f"{'':11}  and {rest} more that share the rest of 90 %"] if rest > 0 else []),
+        "",
+        modes,
+        *(["", "would tell the first two explanations apart:", *proposals] if proposals else []),
+        *(f"note: {note}" for note in d.notes),
+    ]
 
 
 def _doubts(d: ModeDiagnosis) -> list[str]:
@@ -207,11 +220,7 @@ def _doubts(d: ModeDiagnosis) -> list[str]:
 def _remark(m: ModeTable, k: int) -> str:
     """Return what a row of the table of modes ends with."""
     if not m.belongs[k]:
-        return f"  does not belong to the model ({percent(m.bad[k])})"
+        return f"does not belong to the model ({percent(m.bad[k])})"
     if not m.held_out[k]:
         return ""
-    return "  predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")
-
-
-def _off(computed: float, measured: float) -> str:
-    return f"{100 * (computed / measured - 1):+.2f}" if np.isfinite(computed) else "-"
+    return "predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dovetail.commands.common import Options, say, write_with_nodes
+from dovetail.commands.answer import Answer
+from dovetail.commands.common import Options, noted, write_with_nodes
 from dovetail.commands.labels import NodeNumbers
-from dovetail.disk.output import OutputError, Progress, write_json
+from dovetail.disk.output import OutputError, Progress
 from dovetail.file.ambient import AmbientChannels, read_channels
 from dovetail.file.table import StudyError
+from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.io import UFF_SUFFIXES, write_npz
 from fem.io.arrays import MODE_STD
@@ -19,6 +22,7 @@ from updating.ambient.identification import identify_ambient
 from updating.ambient.set_ups import MergedModes, merge_set_ups
 from updating.modal.identified_modes import IdentifiedModes
 
+Values = Sequence[Any] | np.ndarray
 NULLS = {
     "shape": "no set-up with the mode has the channel",
     "shape_std": "no set-up with the mode has the channel",
@@ -40,8 +44,8 @@ def std_of(found: AmbientModes | MergedModes | IdentifiedModes) -> dict[str, np.
     return {key: std for key, std in every.items() if np.isfinite(std).all() and (std > 0).all()}
 
 
-def identify_ambient_modes(options: Options, study: Study, progress: Progress) -> None:
-    """Print the modes in a study's ambient responses with their uncertainty; draw and write them."""
+def identify_ambient_modes(options: Options, study: Study, progress: Progress) -> Answer:
+    """Return the modes in a study's ambient responses with their uncertainty; draw and write them."""
     if study.ambient is None:
         msg = f"{study.path}: it has no [ambient]; --ambient needs the time data of an ambient test"
         raise StudyError(msg)
@@ -67,18 +71,40 @@ def identify_ambient_modes(options: Options, study: Study, progress: Progress) -
     if options.picture is not None:
         progress("drawing", 0.9)
         _draw(options.picture, set_ups, [path.name for path in test.paths])
-    progress.close()
-    write_json(options.json, _as_json(study, found, data), NULLS)
     cycles = found.duration * float(found.modes.frequency.min(initial=np.inf))
     parts = "" if len(set_ups) == 1 else f"{len(set_ups)} set-ups, "
-    say(
-        options,
-        f"{study.name}: {found.modes.n_modes} mode(s) identified from {test.name}, {parts}"
-        f"{len(found.modes.labels)} channels, {found.duration:.4g} s"
-        + (f" or {cycles:.3g} periods of the lowest mode" if np.isfinite(cycles) else ""),
-        found.table(),
-        *(f"note: {text}" for each in data for text in each.notes),
-        *_key_lines(options, found),
+    table = table_of_modes(found, **_quality(found))
+    return Answer(
+        study,
+        [
+            f"{study.name}: {found.modes.n_modes} mode(s) identified from {test.name}, {parts}"
+            f"{len(found.modes.labels)} channels, {found.duration:.4g} s"
+            + (f" or {cycles:.3g} periods of the lowest mode" if np.isfinite(cycles) else ""),
+            found.table(),
+            *noted(*(each.notes for each in data)),
+            *_key_lines(options, found),
+        ],
+        _as_json(study, found, data) | {"modes": table.records()},
+        NULLS,
+        sheets=[table],
+    )
+
+
+def table_of_modes(found: AmbientModes | MergedModes | IdentifiedModes, **quality: Values) -> Table:
+    """Return identified modes with standard deviations, and values of their quality by key, for files."""
+    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else found.modes.zeta
+    return Table.of(
+        "identified modes",
+        Column("frequency", found.modes.frequency, "Hz", key="frequency_Hz"),
+        Column("std of frequency", found.frequency_std, "Hz", key="frequency_std_Hz"),
+        Column("damping", zeta, "%", scale=100, key="damping_ratio"),
+        Column("std of damping", found.zeta_std, "%", scale=100, key="damping_ratio_std"),
+        *(
+            Column(key, values, key=key, places=() if key == "set_ups" else ("file",))
+            for key, values in quality.items()
+        ),
+        Column("", list(found.modes.shapes.T), key="shape", places=()),
+        Column("", list(found.shape_std.T), key="shape_std", places=()),
     )
 
 
@@ -123,37 +149,27 @@ def _key_lines(options: Options, found: AmbientModes | MergedModes) -> tuple[str
 def _as_json(
     study: Study, found: AmbientModes | MergedModes, data: Sequence[AmbientChannels]
 ) -> dict[str, object]:
-    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else found.modes.zeta
     set_ups: tuple[AmbientModes, ...] = found.set_ups if isinstance(found, MergedModes) else (found,)
     said = found.unexplained if isinstance(found, MergedModes) else unexplained_words(found.unexplained)
     peaks = [p for s in set_ups for p in s.unexplained]
-
     return {
-        "study": study.name,
         "record": None if study.ambient is None else study.ambient.name,
         "duration_s": found.duration,
         "band_Hz": next(iter(set_ups)).band,
         "order": [s.order for s in set_ups] if isinstance(found, MergedModes) else found.order,
-        "modes": [
-            {
-                "frequency_Hz": f, "frequency_std_Hz": found.frequency_std[k],
-                "damping_ratio": zeta[k], "damping_ratio_std": found.zeta_std[k], **_quality(found, k),
-                "shape": found.modes.shapes[:, k], "shape_std": found.shape_std[:, k],
-            }
-            for k, f in enumerate(found.modes.frequency)
-        ],
         "outputs": found.modes.labels,
         "scaled": False,
         "unexplained_peaks": [{"frequency_Hz": p.frequency, "rise_dB": p.rise_db} for p in peaks],
         "notes": [text for each in data for text in each.notes],
         "warnings": (*said, *study.warnings),
-    }  # fmt: skip
+    }
 
 
-def _quality(found: AmbientModes | MergedModes, k: int) -> dict[str, object]:
-    """Return how well a mode's shape and its parts agree."""
+def _quality(found: AmbientModes | MergedModes) -> dict[str, Values]:
+    """Return how well each mode's shape and its parts agree."""
     if isinstance(found, MergedModes):
-        numbers = {str(s + 1): mode + 1 for s, mode in found.members[k].items()}
-        scatter, mac = found.scatter[k], found.agreement[k]
-        return {"set_ups": numbers, "frequency_scatter": scatter, "mac_of_set_ups": mac}
-    return {"mpc": found.mpc[k], "mpd_deg": found.mpd[k], "spectra_mac": found.spectra_mac[k]}
+        numbers = [{str(s + 1): mode + 1 for s, mode in each.items()} for each in found.members]
+        return {
+            "set_ups": numbers, "frequency_scatter": found.scatter, "mac_of_set_ups": found.agreement,
+        }  # fmt: skip
+    return {"mpc": found.mpc, "mpd_deg": found.mpd, "spectra_mac": found.spectra_mac}

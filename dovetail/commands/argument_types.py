@@ -45,6 +45,28 @@ def add_pool(p: argparse.ArgumentParser, units: str) -> None:
     )
 
 
+def add_bands(p: argparse.ArgumentParser) -> None:
+    """Add the number of frequency bands."""
+    words = "number of equal frequency bands (default 6)"
+    p.add_argument("--bands", type=whole_up_to(1000), default=6, metavar="N", help=words)
+
+
+def add_kind(p: argparse.ArgumentParser) -> None:
+    """Add the kind of FRFs that are computed."""
+    words = "kind of FRF (default: that of the measurement, or accelerance)"
+    p.add_argument("--kind", choices=["receptance", "mobility", "accelerance"], help=words)
+
+
+def add_placing(p: argparse.ArgumentParser, where: str) -> None:
+    """Add the options of placing a test's geometry on a mesh or a model."""
+    words = "largest distance [m] (default 0.01)"
+    p.add_argument("--tolerance", type=positive, default=0.01, metavar="M", help=words)
+    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
+    p.add_argument("--same-axes", action="store_true", help=f"the geometry has the {where}'s axes and origin")
+    words = "which of several placements, as an error numbers them"
+    p.add_argument("--alternative", type=int, metavar="K", help=words)
+
+
 def count(text: str) -> int:
     """Read a whole number of at least 1."""
     value = int(text) if text.isdecimal() and len(text) < 20 else 0

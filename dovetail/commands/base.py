@@ -5,13 +5,15 @@ import argparse
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import finite, positive
-from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
-from dovetail.commands.frf import add_lines, asked_lines
+from dovetail.commands.common import Options, assumptions, loaded, without_rounding
+from dovetail.commands.frf import add_lines, asked_lines, table_of_frf
 from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Progress, write_json
+from dovetail.disk.output import Progress
+from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.base_excitation import Motion, compute_base_frf
 from fem.analysis.frf import FRF
@@ -63,14 +65,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="frequency of the displacements of --vtu (default: that of the largest response); repeatable",
     )
-    RESULTS.add_arguments(p)
     add_rpm(p)
     add_lines(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Compute FRFs from the base and write them."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return FRFs from the base; draw and write them."""
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     sensors = require_sensors(study)
     frequency = asked_lines(study, options, len(sensors) * max(1, len(options.motion)))
@@ -88,18 +88,24 @@ def run(options: Options, progress: Progress) -> None:
         from viz.style import save
 
         save(plot_transmissibility(found, options.response, relative=options.relative), options.picture)
-    progress.close()
-    size = np.abs(found.H).max(axis=0)
-    at = found.frequency[np.abs(found.H).argmax(axis=0)]
-    peaks = [
-        (output, motion, value, f"{at[i, j]:.6g}" if value else "-")
-        for j, motion in enumerate(found.inputs)
-        for (i, output), value in zip(enumerate(found.outputs), without_rounding(size[:, j]), strict=True)
-    ]
-    write_json(
-        options.json,
+    size, at = np.abs(found.H).max(axis=0), found.frequency[np.abs(found.H).argmax(axis=0)]
+    peaks = np.array([without_rounding(column) for column in size.T])
+    table = Table.of(
+        "largest responses",
+        Column("sensor", list(found.outputs) * len(found.inputs)),
+        Column("base", np.repeat(found.inputs, len(found.outputs))),
+        Column("largest", peaks.ravel()),
+        Column("at", np.where(peaks > 0, at.T, np.nan).ravel(), "Hz", ".6g"),
+    )
+    return Answer(
+        study,
+        [
+            f"{study.name}: {options.response} of {len(names)} sensor(s) for a displacement of the base, "
+            f"{found.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+            table,
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "file": None if options.out is None else str(options.out),
             "response": options.response,
             "relative": options.relative,
@@ -108,19 +114,9 @@ def run(options: Options, progress: Progress) -> None:
             "frequency_Hz": found.frequency,
             "real": np.real(found.H),
             "imaginary": np.imag(found.H),
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
         {"file": "the FRFs are written to none (--out)"},
-    )
-    width = max(len(p[0]) for p in peaks)
-    say(
-        options,
-        f"{study.name}: {options.response} of {len(names)} sensor(s) for a displacement of the base, "
-        f"{found.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
-        f"{'sensor':{width}}  {'base':12}  {'largest':>12}  at Hz",
-        *(f"{o:{width}}  {m:12}  {value:12.5g}  {f}" for o, m, value, f in peaks),
-        *assumptions(study),
+        sheets=[table_of_frf(found)],
     )
 
 

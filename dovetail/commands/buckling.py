@@ -4,11 +4,13 @@ import argparse
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.load_cases import solved_case
 from dovetail.commands.results import Results, write_motions
-from dovetail.disk.output import Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder
+from dovetail.report.table import Column, Table
 from fem.analysis.buckling import SIGNS, solve_buckling
 from fem.analysis.modes import Modes
 from fem.model import Model
@@ -35,12 +37,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         default="positive",
         help="factors of the load as it is, of its opposite, or both (default positive)",
     )
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print load factors; draw and write shapes."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return load factors; draw and write shapes."""
     study = loaded(options, ())
     progress("solving for load factors")
     solution = solved_case(study, options.case)
@@ -58,29 +58,21 @@ def run(options: Options, progress: Progress) -> None:
                 progress("drawing", k, found.factors.size)
                 title = f"Buckling shape {k + 1}: load factor {factor:.4g}, {solution.cases[0]}"
                 render_mode(study.model, shapes, k, scratch / f"buckling-{k + 1:02d}.png", title=title)
-    progress.close()
-    moving = _moving_members(study.model, found.shapes)
-    write_json(
-        options.json,
-        {
-            "study": study.name,
-            "case": solution.cases[0],
-            "factors": found.factors,
-            "moves_most": moving,
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
-        },
+    table = Table.of(
+        "shapes",
+        Column("shape", range(1, found.factors.size + 1)),
+        Column("load factor", found.factors, show=".6g"),
+        Column("moves most", _moving_members(study.model, found.shapes)),
     )
-    rows = [
-        f"{k + 1:5d}  {f:12.6g}  {name}"
-        for k, (f, name) in enumerate(zip(found.factors, moving, strict=True))
-    ]
-    say(
-        options,
-        f"{study.name}, {solution.cases[0]}: {study.model.mesh.n_lines} elements",
-        *(["shape   load factor  moves most", *rows] if rows else ["the load makes no part buckle"]),
-        *notes_of_mesh(study),
-        *assumptions(study),
+    return Answer(
+        study,
+        [
+            f"{study.name}, {solution.cases[0]}: {study.model.mesh.n_lines} elements",
+            table if found.factors.size else "the load makes no part buckle",
+            *notes_of_mesh(study),
+            *assumptions(study),
+        ],
+        {"case": solution.cases[0], "factors": found.factors, "moves_most": table.columns[-1].values},
     )
 
 

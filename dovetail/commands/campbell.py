@@ -1,20 +1,20 @@
 """``dovetail campbell``: modes of a rotor over its speed, and critical speeds."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import NO_WHIRL, add_speeds
-from dovetail.disk.output import Progress, write_json
+from dovetail.disk.output import Progress
 from dovetail.file.rotation import RPM
-from fem.analysis.campbell import Campbell, CriticalSpeed, solve_campbell
+from dovetail.report.table import Column, Table, columns_of
+from fem.analysis.campbell import Campbell, solve_campbell
 from fem.analysis.whirl import whirl_name
-from fem.io.atomic import replacing
 
 HELP = "compute natural frequencies and damping of a rotor over its speed, and critical speeds"
 EXAMPLE = "dovetail campbell study.toml --speeds 0:6000:61 --order 1 --order 2 --picture campbell.png"
@@ -55,12 +55,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="K",
         help="an excitation at K times the speed; repeatable (default 1, unbalance)",
     )
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print critical speeds and modes over speed; draw and write them."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return critical speeds and modes over speed; draw and write them."""
     study = loaded(options, ())
     first, last, number = options.speeds
     rpm = np.linspace(first, last, number)
@@ -72,8 +70,6 @@ def run(options: Options, progress: Progress) -> None:
         orders,
         lambda k, n: progress("solving for modes over speed", k, n),
     )
-    if options.out is not None:
-        _write_table(options.out, rpm, found)
     if options.vtu is not None:
         names = (
             f"critical speed {k + 1}: {c.speed / RPM:.6g} rpm, {c.order:g}X"
@@ -85,31 +81,30 @@ def run(options: Options, progress: Progress) -> None:
         from viz.style import save
 
         save(plot_campbell(found, orders, f"{study.name}: Campbell diagram"), options.picture)
-    progress.close()
-    write_json(
-        options.json,
+    critical = _critical(found)
+    title = f"{study.name}: {study.model.mesh.n_lines} elements, {number} speeds from {first:g} to {last:g}"
+    return Answer(
+        study,
+        [
+            f"{title} turns a minute",
+            critical if found.critical else "no order meets a natural frequency within these speeds",
+            "",
+            "damped natural frequencies [Hz] (F forward, B backward, P in a plane; others tilt no rotor)",
+            _damped(rpm, found),
+            *_unstable(rpm, found),
+            *([] if found.converged else ["not all modes have converged"]),
+            *notes_of_mesh(study),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "speed_rpm": rpm,
             "orders": orders,
             "branches": [_branch(found, k) for k in range(found.n_branches)],
-            "critical_speeds": [_critical(c) for c in found.critical],
+            "critical_speeds": critical.records(),
             "converged": found.converged,
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
         NULLS,
-    )
-    say(
-        options,
-        f"{study.name}: {study.model.mesh.n_lines} elements, {number} speeds from {first:g} to {last:g} "
-        "turns a minute",
-        *_critical_lines(found),
-        *_table(rpm, found),
-        *_unstable(rpm, found),
-        *([] if found.converged else ["not all modes have converged"]),
-        *notes_of_mesh(study),
-        *assumptions(study),
+        _every(rpm, found),
     )
 
 
@@ -124,52 +119,52 @@ def _branch(found: Campbell, k: int) -> dict[str, Any]:
     }
 
 
-def _critical(c: CriticalSpeed) -> dict[str, Any]:
-    """Return a critical speed for JSON."""
-    return {
-        "speed_rpm": c.speed / RPM,
-        "order": c.order,
-        "branch": c.branch + 1,
-        "frequency_Hz": c.pole.imag / (2 * np.pi),
-        "damping_ratio": c.zeta,
-        "whirl": c.whirl,
-        "whirl_sense": whirl_name(c.whirl),
-    }
+def _critical(found: Campbell) -> Table:
+    """Return the critical speeds."""
+    each = found.critical
+    return Table.of(
+        "critical speeds",
+        Column("critical", [c.speed / RPM for c in each], "1/min", ".2f", key="speed_rpm"),
+        Column("order", [c.order for c in each], show=lambda order: f"{order:g}X", key="order"),
+        Column("branch", [c.branch + 1 for c in each], key="branch"),
+        Column("frequency", [c.pole.imag / (2 * np.pi) for c in each], "Hz", ".4f", key="frequency_Hz"),
+        Column("damping", [c.zeta for c in each], "%", _percent, 100, key="damping_ratio"),
+        Column("whirl", [c.whirl for c in each], key="whirl", places=()),
+        Column("whirl", [whirl_name(c.whirl) or "no tilt" for c in each]),
+        Column("", [whirl_name(c.whirl) for c in each], key="whirl_sense", places=()),
+    )
 
 
-def _critical_lines(found: Campbell) -> list[str]:
-    """Return the table of critical speeds."""
-    if not found.critical:
-        return ["no order meets a natural frequency within these speeds"]
-    rows = [
-        f"{c.speed / RPM:12.2f}  {c.order:5g}X  {c.branch + 1:6d}  {c.pole.imag / (2 * np.pi):12.4f}"
-        f"  {_percent(c.zeta):9.4f}   {whirl_name(c.whirl) or 'no tilt'}"
-        for c in found.critical
-    ]
-    return ["critical 1/min   order  branch  frequency Hz  damping %   whirl", *rows]
-
-
-def _percent(zeta: float) -> float:
+def _percent(zeta: float) -> str:
     """Return a damping ratio in percent, rounding as 0."""
-    return round(100 * zeta, 9) + 0.0
+    return f"{round(zeta, 9) + 0.0:.4f}"
 
 
-def _table(rpm: np.ndarray, found: Campbell) -> list[str]:
+def _damped(rpm: np.ndarray, found: Campbell) -> Table:
     """Return damped frequencies over speed, at some of the speeds."""
     chosen = np.unique(np.linspace(0, rpm.size - 1, min(rpm.size, _PRINTED)).round().astype(int))
     senses = [whirl_name(found.turning(k)) for k in range(found.n_branches)]
     head = [f"{k + 1} {sense[:1].upper()}".strip() for k, sense in enumerate(senses)]
-    rows = [
-        f"{rpm[i]:12.1f}"
-        + "".join(f"{f:11.3f}" if np.isfinite(f) else f"{'-':>11}" for f in found.frequency[i])
-        for i in chosen
-    ]
-    return [
-        "",
-        "damped natural frequencies [Hz] (F forward, B backward, P in a plane; others tilt no rotor)",
-        f"{'1/min':>12}" + "".join(f"{name:>11}" for name in head),
-        *rows,
-    ]
+    every = [Column("", rpm, "1/min", ".1f"), *columns_of(head, found.frequency, show=".3f")]
+    return Table("modes over speed", every).rows(chosen)
+
+
+def _every(rpm: np.ndarray, found: Campbell) -> Table:
+    """Return frequencies, damping ratios and whirl of all branches over speed."""
+    quantities = (
+        ("frequency", "Hz", found.frequency),
+        ("damping ratio", "-", found.zeta),
+        ("whirl", "-", found.whirl),
+    )
+    return Table.of(
+        "modes over speed",
+        Column("speed", rpm, "1/min"),
+        *(
+            Column(f"{name} {k + 1}", values[:, k], unit)
+            for k in range(found.n_branches)
+            for name, unit, values in quantities
+        ),
+    )
 
 
 def _unstable(rpm: np.ndarray, found: Campbell) -> list[str]:
@@ -177,22 +172,3 @@ def _unstable(rpm: np.ndarray, found: Campbell) -> list[str]:
     grows = np.nan_to_num(found.zeta) < -1e-9  # below it is rounding
     at = np.flatnonzero(grows.any(axis=1))
     return [f"unstable: a mode grows at {rpm[at[0]]:g} 1/min"] if at.size else []
-
-
-def _write_table(path: Path, rpm: np.ndarray, found: Campbell) -> None:
-    """Write frequencies and damping ratios of all branches over speed."""
-    names = [f"{what} {k + 1} [{unit}]" for k in range(found.n_branches) for what, unit in _COLUMNS]
-    each = np.stack([found.frequency, found.zeta, found.whirl], axis=2).reshape(rpm.size, -1)
-    with replacing(path) as scratch:
-        np.savetxt(
-            scratch,
-            np.column_stack([rpm, each]),
-            fmt="%.9g",
-            delimiter=",",
-            header=",".join(["speed [1/min]", *names]),
-            comments="",
-            encoding="utf-8",
-        )
-
-
-_COLUMNS = (("frequency", "Hz"), ("damping ratio", "-"), ("whirl", "-"))

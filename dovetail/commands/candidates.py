@@ -2,8 +2,10 @@
 
 import argparse
 
-from dovetail.commands.common import Options, check_places, loaded, say
-from dovetail.disk.output import Progress, write_json
+from dovetail.commands.answer import Answer
+from dovetail.commands.common import Options, check_places, loaded
+from dovetail.disk.output import Progress
+from dovetail.report.table import Column, Table
 
 HELP = "list the effects that may be added, with places, parameters and units"
 EXAMPLE = "dovetail candidates study.toml --at joint:J"
@@ -25,8 +27,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print names, places and parameters of candidates."""
+def run(options: Options, progress: Progress) -> Answer:
+    """Return names, places and parameters of candidates."""
     from dovetail.notebook.candidates import parameter_text
     from dovetail.report.words import unstated_text
     from updating.diagnosis.candidates import admitted, situated
@@ -34,18 +36,20 @@ def run(options: Options, progress: Progress) -> None:
     check_places(options)
     study = loaded(options, needs=("sensors",))
     found = study.candidates(options.kind, options.at)
-    progress.close()
     model = situated(study.model, options.kind or study.kinds)
     rows = [row | {"admitted": admitted(e, model)} for row, e in zip(found.rows(), found, strict=True)]
-    write_json(options.json, {"study": study.name, "candidates": rows, "warnings": study.warnings})
-    name, where = (max(map(len, column), default=0) for column in (found.names, [e.where for e in found]))
-    say(
-        options,
-        f"{study.name}: {len(found)} candidates; each parameter with its first value and its bounds",
-        f"{'candidate':{name}}  {'where':{where}}  parameters",
-        *(
-            f"{e.name:{name}}  {e.where:{where}}  {', '.join(map(parameter_text, e.parameters()))}"
-            for e in found
-        ),
-        *(unstated_text(model) if options.kind is None else ()),
+    table = Table.of(
+        "candidates",
+        Column("candidate", found.names),
+        Column("where", [e.where for e in found]),
+        Column("parameters", [", ".join(map(parameter_text, e.parameters())) for e in found]),
+    )
+    return Answer(
+        study,
+        [
+            f"{study.name}: {len(found)} candidates; each parameter with its first value and its bounds",
+            table,
+            *(unstated_text(model) if options.kind is None else ()),
+        ],
+        {"candidates": rows},
     )

@@ -1,4 +1,4 @@
-"""Common parts of several commands: loading a study, printing, and checks of the places to write to."""
+"""Common parts of several commands: loading a study, notes, and checks of the places to write to."""
 
 import argparse
 import sys
@@ -10,25 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.commands.labels import NodeNumbers
-from dovetail.disk.output import Output, check_outputs
+from dovetail.disk.output import Output, OutputError, check_outputs
 from dovetail.file.config import NEEDS
 from dovetail.file.paths import InputFile, input_files
+from dovetail.report.office import office
 from dovetail.study import Study, load_study
 from fem.io import write_uff
-from fem.io.atomic import goes_to_stdout
 
 Options = argparse.Namespace
 
 ROUNDING = 1e-10
 """Values below this part of the largest of their table are printed as 0 [-]."""
-
-
-def say(options: Options, *lines: str) -> None:
-    """Print lines, unless quiet is asked for or standard output is wanted for JSON."""
-    target = getattr(options, "json", None)
-    taken = target is not None and (str(target) == "-" or goes_to_stdout(target))
-    if not options.quiet and not taken:
-        sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
 def without_rounding(values: ArrayLike) -> NDArray[np.float64]:
@@ -55,13 +47,28 @@ def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] =
     Parameters
     ----------
     options : Options
-        With the study and, if asked for, the file for JSON.
+        With the study, if the command has one, and the files for JSON and Excel, if asked for.
     outputs : Output
         All others.
     more : sequence of InputFile
         Inputs besides the study.
+
+    Raises
+    ------
+    OutputError, OfficeError
+        For an Excel file of another suffix, or without its library, and as
+        :func:`dovetail.disk.output.check_outputs`.
     """
-    check_outputs((*input_files(options.study), *more), *outputs, Output("--json", options.json))
+    xlsx = getattr(options, "xlsx", None)
+    if xlsx is not None and xlsx.suffix.lower() != ".xlsx":
+        msg = f"--xlsx {xlsx} is written as .xlsx, not '{xlsx.suffix}'"
+        raise OutputError(msg)
+    if xlsx is not None:
+        office("openpyxl")
+    study = getattr(options, "study", None)
+    known = (*(() if study is None else input_files(study)), *more)
+    json = getattr(options, "json", None)
+    check_outputs(known, *outputs, Output("--json", json), Output("--xlsx", xlsx))
 
 
 def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
@@ -78,12 +85,19 @@ def notes_of_mesh(study: Study) -> list[str]:
         "notes on the mesh file:": study.model.mesh.notes,
         "notes on the measured files:": study.measured_notes,
     }
-    return [
-        line for head, said in notes.items() if said for line in ("", head, *(f"  - {text}" for text in said))
-    ]
+    return [line for head, texts in notes.items() if texts for line in ("", head, *_listed(texts))]
 
 
 def assumptions(study: Study, *, spreads: bool = False) -> list[str]:
     """Return the assumptions for missing entries of the study as lines, with those on deviations if asked."""
-    said = [text for text in study.assumptions if spreads or text not in study.assumed_spreads]
-    return ["", "assumed:", *(f"  - {text}" for text in said)] if said else []
+    texts = [text for text in study.assumptions if spreads or text not in study.assumed_spreads]
+    return ["", "assumed:", *_listed(texts)] if texts else []
+
+
+def noted(*notes: Iterable[str]) -> list[str]:
+    """Return notes as printed lines."""
+    return [f"note: {text}" for texts in notes for text in texts]
+
+
+def _listed(texts: Iterable[str]) -> list[str]:
+    return [f"  - {text}" for text in texts]

@@ -6,16 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.commands.argument_types import AddEffect, SetValues, values_by_name, whole_up_to
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
-from dovetail.commands.spreadsheet import Sheet, add_xlsx, check_xlsx, write_xlsx
-from dovetail.commands.tables import band_names, cell, width_of
-from dovetail.disk.output import Progress, write_json
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
+from dovetail.commands.bands import columns_of_bands
+from dovetail.commands.common import Options, check_places, loaded, noted
+from dovetail.disk.output import Progress
+from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
     from dovetail.study import Study
@@ -56,18 +52,11 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--fitted", action="store_true", help="fit the uncertain parameters and the added effects first"
     )
     p.set_defaults(added=[])
-    p.add_argument(
-        "--bands",
-        type=whole_up_to(1000),
-        default=6,
-        metavar="N",
-        help="number of equal frequency bands (default 6)",
-    )
-    add_xlsx(p)
+    add_bands(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print how far the model's FRFs, or natural frequencies, are from the measured ones."""
+def run(options: Options, progress: Progress) -> Answer:
+    """Return how far the model's FRFs, or natural frequencies, are from the measured ones."""
     from dovetail import pipeline, result
     from dovetail.commands.compared_modes import compare_modes
     from dovetail.modes_pipeline import has_modes_alone
@@ -76,16 +65,14 @@ def run(options: Options, progress: Progress) -> None:
     from updating.correlation.frf_correlation import suspected_labels
     from updating.diagnosis.begin import begin_fitted
 
-    check_places(options, check_xlsx(options))
+    check_places(options)
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
     if has_modes_alone(study):
-        compare_modes(options, study, progress)
-        return
+        return compare_modes(options, study, progress)
     if study.amplitudes and not study.measurements and not options.fitted:
-        _compare_amplitudes(options, study, progress)
-        return
+        return _compare_amplitudes(options, study, progress)
     if options.added and options.fitted:
         progress("fitting the uncertain parameters and the added effects", 0.1)
         study = study.fit(faults=True)
@@ -100,12 +87,21 @@ def run(options: Options, progress: Progress) -> None:
     computed = problem.frf(found)
     c = compare_frfs(problem.measured, computed, options.bands, problem.data.mask)
     suspected = suspected_labels(problem.measured, computed, problem.data.mask)
-    progress.close()
     what = "with fitted parameters" if options.fitted else "nominal"
-    write_json(
-        options.json,
+    held_out = f"{found.held_out_db:.2f}" if np.isfinite(found.held_out_db) else "-"
+    return Answer(
+        study,
+        [
+            f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
+            f"{held_out} on those held out and {c.total_db:.2f} on all; noise of the "
+            f"measurement {problem.data.noise_db:.2f} dB",
+            _table(c),
+            *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
+            *(f"set right: {words.fault_text(f)}" for f in faults),
+            *suspected,
+            *noted(study.measured_notes),
+        ],
         {
-            "study": study.name,
             "model": what,
             **result.comparison_dict(c),
             "error_db": found.fit_db,
@@ -115,55 +111,26 @@ def run(options: Options, progress: Progress) -> None:
             "added": [result.effect_dict(e, study.fitted) for e in study.added],
             "faults": [result.fault_dict(f) for f in faults],
             "suspected_labels": suspected,
-            "measured_notes": study.measured_notes,
-            "warnings": study.warnings,
         },
         NULLS,
     )
-    write_xlsx(options.xlsx, _sheets(c))
-    say(
-        options,
-        f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
-        f"{cell(found.held_out_db, 0)} on those held out and {c.total_db:.2f} on all; noise of the "
-        f"measurement {problem.data.noise_db:.2f} dB",
-        *_rows(c),
-        *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
-        *(f"set right: {words.fault_text(f)}" for f in faults),
-        *suspected,
-        *(f"note: {note}" for note in study.measured_notes),
+
+
+def _table(c: "Comparison") -> Table:
+    """Return the error of each sensor over all lines and in each band."""
+    from dovetail.result import least_frac
+
+    return Table.of(
+        "sensors",
+        Column("sensor", c.outputs),
+        Column("all lines", c.by_sensor(), "dB", ".2f", head="all dB"),
+        *columns_of_bands(c.bands, c.by_band()),
+        Column("least FRAC", least_frac(c), show=".3f"),
     )
 
 
-def _rows(c: "Comparison") -> list[str]:
-    """Return the error of each sensor over all lines and in each band, as rows of a table."""
-    from dovetail.result import least_frac
-
-    head = "  ".join(f"{word:>11}" for word in band_names(c.bands))
-    width = width_of(c.outputs)
-    rows = zip(c.outputs, c.by_sensor(), c.by_band(), least_frac(c), strict=True)
-    return [
-        f"{'sensor':{width}}  {'all dB':>7}  {head}  {'least FRAC':>10}",
-        *(
-            f"{name:{width}}  {cell(total, 7)}  {'  '.join(cell(db, 11) for db in row)}  {cell(frac, 10, 3)}"
-            for name, total, row, frac in rows
-        ),
-    ]
-
-
-def _sheets(c: "Comparison") -> dict[str, Sheet]:
-    """Return the errors of sensors, over all lines and by band, for Excel."""
-    from dovetail.result import least_frac
-
-    head = ("sensor", "all lines [dB]", *(f"{band} Hz [dB]" for band in band_names(c.bands)), "least FRAC")
-    rows = [
-        (name, float(total), *map(float, row), float(frac))
-        for name, total, row, frac in zip(c.outputs, c.by_sensor(), c.by_band(), least_frac(c), strict=True)
-    ]
-    return {"sensors": (head, rows)}
-
-
-def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> None:
-    """Print how far the model's amplitudes are from measured ones, which have no phase.
+def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> Answer:
+    """Return how far the model's amplitudes are from measured ones, which have no phase.
 
     No line is held out, and FRAC, which needs phases, is left out.
     """
@@ -177,26 +144,20 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
     computed = computed_frf(study.model, m.sensors, m.excitations, frf.frequency, frf.kind)
     c = compare_frfs(frf, replace(frf, H=np.abs(computed.H).astype(complex)), options.bands)
     c = replace(c, phase_deg=np.full(c.phase_deg.shape, np.nan), frac=np.full(c.frac.shape, np.nan))
-    progress.close()
-    write_json(
-        options.json,
+    return Answer(
+        study,
+        [
+            f"{study.name}, nominal: error of the amplitude {c.total_db:.2f} dB on all lines of {m.name}, "
+            "whose FRFs have no phase",
+            _table(c),
+            *noted(study.measured_notes),
+        ],
         {
-            "study": study.name,
             "model": "nominal",
             **result.comparison_dict(c),
             "all_lines_db": c.total_db,
             "phase": False,
             "added": [result.effect_dict(e, study.fitted) for e in study.added],
-            "measured_notes": study.measured_notes,
-            "warnings": study.warnings,
         },
         NULLS,
-    )
-    write_xlsx(options.xlsx, _sheets(c))
-    say(
-        options,
-        f"{study.name}, nominal: error of the amplitude {c.total_db:.2f} dB on all lines of {m.name}, whose "
-        "FRFs have no phase",
-        *_rows(c),
-        *(f"note: {note}" for note in study.measured_notes),
     )

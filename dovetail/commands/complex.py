@@ -4,11 +4,13 @@ import argparse
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import MOTION_FORMATS, Results
 from dovetail.commands.speed import NO_WHIRL, add_rpm, at_asked_speed
-from dovetail.disk.output import Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder
+from dovetail.report.table import Column, Table
 from fem.analysis.complex_modes import solve_complex_modes
 from fem.analysis.whirl import whirl, whirl_name
 from fem.io import write_modes
@@ -35,12 +37,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="number of modes besides rigid-body ones; overdamped ones count (default 10)",
     )
     add_rpm(p)
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print complex modes; draw and write them."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return complex modes; draw and write them."""
     study = at_asked_speed(loaded(options, ()), options)
     progress("solving for complex modes")
     model = study.model
@@ -59,51 +59,43 @@ def run(options: Options, progress: Progress) -> None:
                 name = of_modes[k - modes.n_rigid]
                 title = f"{mode_title(modes, k)}{f', {name}' if name else ''}"
                 render_mode(study.model, modes, k, scratch / f"mode-{k + 1:02d}.png", title=title)
-    progress.close()
     n = 6 * study.model.mesh.n_points
     moved = found.shapes[:n].reshape(-1, 6, found.n_modes)[:, :3].reshape(-1, found.n_modes)
     collinearity = modal_phase_collinearity(moved)
-    columns = found.frequency, found.damped_frequency, found.zeta, collinearity, turning
-    write_json(
-        options.json,
+    senses = [whirl_name(w) for w in turning]
+    table = Table.of(
+        "complex modes",
+        Column("mode", range(1, found.n_modes + 1)),
+        Column("pole", found.poles, key="pole", places=()),
+        Column("frequency", found.frequency, "Hz", ".4f", key="frequency_Hz"),
+        Column("damped", found.damped_frequency, "Hz", ".4f", key="damped_frequency_Hz"),
+        Column("damping", found.zeta, "%", ".4f", 100, key="damping_ratio"),
+        Column("MPC", collinearity, show=".3f", key="modal_phase_collinearity"),
+        Column("whirl", turning, key="whirl", places=("file",)),
+        Column("sense of whirl", senses, key="whirl_sense", places=("file",)),
+        Column("", [_words(*mode) for mode in zip(found.damped_frequency, senses, strict=True)]),
+    )
+    n_rigid = found.rigid.shape[1]
+    failed = f"not converged: largest residual {found.residual.max(initial=0.0):.1e}"
+    return Answer(
+        study,
+        [
+            f"{study.name}: {study.model.mesh.n_lines} elements, {n_rigid} rigid-body mode(s) apart",
+            table,
+            *([] if found.converged else [failed]),
+            *notes_of_mesh(study),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
-            "n_rigid": found.rigid.shape[1],
-            "modes": [
-                {
-                    "pole": pole,
-                    "frequency_Hz": f,
-                    "damped_frequency_Hz": d,
-                    "damping_ratio": z,
-                    "modal_phase_collinearity": c,
-                    "whirl": w,
-                    "whirl_sense": whirl_name(w),
-                }
-                for pole, f, d, z, c, w in zip(found.poles, *columns, strict=True)
-            ],
+            "n_rigid": n_rigid,
+            "modes": table.records(),
             "converged": found.converged,
             "largest_residual": float(np.max(found.residual, initial=0.0)),
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
         {"whirl": NO_WHIRL},
     )
-    rows = [
-        f"{k + 1:5d}  {f:12.4f}  {d:12.4f}  {100 * z:9.4f}  {c:6.3f}{_words(d, w)}"
-        for k, (f, d, z, c, w) in enumerate(zip(*columns, strict=True))
-    ]
-    say(
-        options,
-        f"{study.name}: {study.model.mesh.n_lines} elements, {found.rigid.shape[1]} rigid-body mode(s) apart",
-        " mode  frequency Hz     damped Hz  damping %     MPC",
-        *rows,
-        *([] if found.converged else [f"not converged: largest residual {found.residual.max():.1e}"]),
-        *notes_of_mesh(study),
-        *assumptions(study),
-    )
 
 
-def _words(damped: float, turning: float) -> str:
+def _words(damped: float, sense: str) -> str:
     """Return the words behind a mode: overdamped, or the sense of its whirl."""
-    words = [*([] if damped else ["overdamped"]), *([] if np.isnan(turning) else [whirl_name(turning)])]
-    return "".join(f"   {word}" for word in words)
+    return "   ".join(word for word in ("" if damped else "overdamped", sense) if word)

@@ -1,13 +1,14 @@
 """Results of a diagnosis as lines of text."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
+
+from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
     from updating.diagnosis.diagnosis import Diagnosis
-
-
-from dovetail.commands.tables import cell, width_of
+    from updating.diagnosis.findings import Ranked
 
 
 def found_lines(d: "Diagnosis") -> list[str]:
@@ -27,17 +28,30 @@ def found_lines(d: "Diagnosis") -> list[str]:
     return out + [f"  {words.fault_text(f)}" for f in d.faults]
 
 
-def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> list[str]:
-    """Return the table of errors after each step."""
+def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> Table:
+    """Return the errors after each step, and the noise floor."""
     from dovetail.report.words import step_label
 
-    held_out = held_out or {}
-    width = width_of([step_label(s.label) for s in d.steps])
-    names = "".join(f"  {n:>16}" for n in held_out)
-    rows = [
-        f"{step_label(s.label):{width}}  {s.fit_db:9.2f}  {cell(s.held_out_db, 11)}"
-        + "".join(f"  {cell(db[k], 16)}" for db in held_out.values())
-        for k, s in enumerate(d.steps)
-    ]
-    floor = f"{'noise floor':{width}}  {d.noise_floor_db:9.2f}"
-    return [f"{'error after each step':{width}}  fitted dB  held-out dB{names}", *rows, floor]
+    return Table.of(
+        "steps",
+        Column("error after each step", [*(step_label(s.label) for s in d.steps), "noise floor"]),
+        Column("fitted", [*(s.fit_db for s in d.steps), d.noise_floor_db], "dB", ".2f"),
+        Column("held-out", [*(s.held_out_db for s in d.steps), math.nan], "dB", ".2f"),
+        *(Column(name, [*db, math.nan], show=".2f") for name, db in (held_out or {}).items()),
+    )
+
+
+def table_of_candidates(ranked: "Sequence[Ranked]", k: int) -> Table:
+    """Return the candidates of a round."""
+    from dovetail.report import words
+    from updating.correlation import DB_PER_NEPER
+
+    return Table.of(
+        f"round {k + 1}",
+        Column("candidate", [words.ranked_label(r) for r in ranked]),
+        Column("level", [r.level for r in ranked], "dB", ".2f", DB_PER_NEPER),
+        Column("fitted", [r.fit_db for r in ranked], "dB", ".2f"),
+        Column("held-out", [r.held_out_db for r in ranked], "dB", ".2f"),
+        Column("similarity", [r.similarity for r in ranked], show=".2f"),
+        Column("parameters", [words.parameters_text(r.parameters) for r in ranked]),
+    )

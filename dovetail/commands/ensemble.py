@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
-from dovetail.commands.argument_types import add_pool, whole, whole_up_to
-from dovetail.commands.common import Options, assumptions, check_places, loaded, say
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import add_kind, add_pool, whole, whole_up_to
+from dovetail.commands.common import Options, assumptions, check_places, loaded
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.load_cases import refuse_gauges
 from dovetail.commands.stepping import said
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.disk.output import Output, OutputError, Progress
 from dovetail.units.pool import pool_of
 from fem.analysis.frf import FRFKind
 
@@ -40,16 +41,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="folder of samples and results (default: ensemble-STUDY); a run that was stopped, and one with "
         "more samples, continues there",
     )
-    p.add_argument(
-        "--kind",
-        choices=["receptance", "mobility", "accelerance"],
-        help="kind of FRF (default: that of the measurement, or accelerance)",
-    )
+    add_kind(p)
     add_lines(p)
     add_pool(p, "samples")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Compute samples, print and write their bands."""
     from dovetail.ensemble.run import JOURNAL, SAMPLES, run_ensemble
     from dovetail.ensemble.samples import SampledModel
@@ -81,6 +78,5 @@ def run(options: Options, progress: Progress) -> None:
         found = run_ensemble(model, options.samples, options.checks, folder, pool, said(options, progress))
     progress("writing", 1, 1)
     write_files(found, study, folder)
-    progress.close()
-    write_json(options.json, as_dict(found, study))
-    say(options, *lines_of(found, study), f"written to {folder}", *assumptions(study, spreads=True))
+    printed = [*lines_of(found, study), f"written to {folder}", *assumptions(study, spreads=True)]
+    return Answer(study, printed, as_dict(found, study))

@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from dovetail.commands.common import Options, check_places, loaded, say
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.commands.answer import Answer
+from dovetail.commands.common import Options, check_places, loaded, noted
+from dovetail.disk.output import Output, OutputError, Progress
 from dovetail.export import WRITERS, exported_deck
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
@@ -32,7 +33,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--units", choices=tuple(UNITS), default="SI", help="units of the decks (default SI)")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Write the files that are asked for."""
     paths = {name: path for name in WRITERS if (path := getattr(options, name)) is not None}
     if not paths and options.uff is None:
@@ -60,26 +61,15 @@ def run(options: Options, progress: Progress) -> None:
         write_modes(
             first_modes(assemble(study.model, reciprocal=False), MODES), study.model.mesh, options.uff
         )
-    progress.close()
-    files = {
-        **{name: str(path) for name, path in paths.items()},
-        **({"uff": str(options.uff)} if options.uff else {}),
-    }
-    write_json(
-        options.json,
+    files = {name: str(path) for name, path in (*paths.items(), ("uff", options.uff)) if path is not None}
+    return Answer(
+        study,
+        [*lines, *(f"{name}: {path}" for name, path in files.items()), *noted(notes)],
         {
-            "study": study.name,
             "files": files,
             "units": options.units,
             "whole": options.whole,
             "exported": lines,
             "notes": notes,
-            "warnings": study.warnings,
         },
-    )
-    say(
-        options,
-        *lines,
-        *(f"{name}: {path}" for name, path in files.items()),
-        *(f"note: {text}" for text in notes),
     )

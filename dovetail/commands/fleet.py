@@ -3,10 +3,11 @@
 import argparse
 from pathlib import Path
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_pool, whole_up_to
-from dovetail.commands.common import Options, check_places, say, warn
+from dovetail.commands.common import Options, check_places, warn
 from dovetail.commands.stepping import said
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Output, Progress
 from dovetail.file.paths import InputFile
 from dovetail.units.pool import pool_of
 
@@ -36,12 +37,21 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_pool(p, "units")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Triage the units, rank them, diagnose the outliers, and write table and page."""
     from dovetail.fleet.diagnosing import diagnose_outliers
     from dovetail.fleet.run import JOURNAL, UNITS, run_fleet
     from dovetail.fleet.triage import Fleet
-    from dovetail.fleet.written import PAGE, PICTURE, RANKING, as_dict, lines_of, rows_of, write_files
+    from dovetail.fleet.written import (
+        PAGE,
+        PICTURE,
+        RANKING,
+        as_dict,
+        lines_of,
+        ranking,
+        rows_of,
+        write_files,
+    )
 
     folder: Path = options.out or Path(f"fleet-{options.study.stem}")
     files = [Path(f) for f in dict.fromkeys(options.units)]
@@ -63,6 +73,5 @@ def run(options: Options, progress: Progress) -> None:
     rows = rows_of(found, diagnoses)
     progress("writing", 1, 1)
     write_files(found, rows, study, folder, failures)
-    progress.close()
-    write_json(options.json, as_dict(found, rows, study, diagnoses, failures))
-    say(options, *lines_of(found, rows, study, failures), f"written to {folder}")
+    printed = [*lines_of(found, rows, study, failures), f"written to {folder}"]
+    return Answer(study, printed, as_dict(found, rows, study, diagnoses, failures), full=ranking(rows))

@@ -1,22 +1,18 @@
 """``dovetail frf``: FRFs from the excitations to the sensors."""
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import positive
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-    write_with_nodes,
-)
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import add_kind, positive
+from dovetail.commands.common import Options, loaded, noted, write_with_nodes
 from dovetail.commands.labels import NodeNumbers, own_labels
+from dovetail.commands.results import Results, Written
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.disk.output import OutputError, Progress
 from dovetail.file.settings import MOST_LINES
+from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz
@@ -24,20 +20,15 @@ from updating.measurement.measurement import STRAIN, BaseMotion
 
 HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
+WRITERS = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
+RESULTS = Results(more=(Written("--out", "file to write", tuple(WRITERS), required=True),))
 MOST_VALUES = 50_000_000
 """Values of all FRFs together that are computed at once: 0.8 GB."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="file to write: .npz, .csv or .uff"
-    )
-    p.add_argument(
-        "--kind",
-        choices=["receptance", "mobility", "accelerance"],
-        help="kind of FRF (default: that of the measurement, or accelerance)",
-    )
+    add_kind(p)
     add_rpm(p)
     add_lines(p)
 
@@ -57,18 +48,13 @@ def add_lines(p: argparse.ArgumentParser) -> None:
         )
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Compute FRFs and write them."""
-    writers = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
     suffix = options.out.suffix.lower()
-    if suffix not in writers:
-        msg = f"{options.out}: FRFs are written as .npz, .csv or .uff, not '{suffix}'"
-        raise OutputError(msg)
-    check_places(options, Output("--out", options.out))
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     study.require_ends()
     parts = {"outputs": study.sensors, "inputs": study.excitations}
-    nodes = NodeNumbers(study) if writers[suffix] is None else None
+    nodes = NodeNumbers(study) if WRITERS[suffix] is None else None
     labels = [
         own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
         for which, part in parts.items()
@@ -80,33 +66,45 @@ def run(options: Options, progress: Progress) -> None:
     base = [label for e, label in driven if isinstance(e, BaseMotion)]
     strain = [label for s, label in zip(study.sensors, labels[0], strict=True) if s.quantity == STRAIN]
     computed = FRF.from_arrays(frequency, own.H, own.kind, *labels, base=base, strain=strain)
-    writer = writers[suffix]
+    writer = WRITERS[suffix]
     if writer is not None:
         writer(options.out, computed)
     elif nodes is not None:
         write_with_nodes(options.out, nodes, frf=computed)
     new = nodes.unnamed("outputs", study.sensors) if nodes is not None else ""
-    progress.close()
-    words = {
-        "file": str(options.out),
-        "kind": str(computed.kind),
-        "unit": computed.unit,
-        "lines": computed.n_freq,
-        "first_Hz": frequency[0],
-        "last_Hz": frequency[-1],
-        "outputs": own.outputs,
-        "inputs": own.inputs,
-        "measured_notes": study.measured_notes,
-        "warnings": study.warnings,
-    }
-    write_json(options.json, words)
-    say(
-        options,
-        f"{options.out}: {computed.quantity} [{computed.unit}], {len(own.outputs)} responses to "
-        f"{len(own.inputs)} excitation(s), "
-        f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
-        *([f"note: the file has {new}; give these labels in the study to read it back"] if new else []),
+    note = f"the file has {new}; give these labels in the study to read it back"
+    return Answer(
+        study,
+        [
+            f"{options.out}: {computed.quantity} [{computed.unit}], {len(own.outputs)} responses to "
+            f"{len(own.inputs)} excitation(s), "
+            f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
+            *noted([note] if new else []),
+        ],
+        {
+            "file": str(options.out),
+            "kind": str(computed.kind),
+            "unit": computed.unit,
+            "lines": computed.n_freq,
+            "first_Hz": frequency[0],
+            "last_Hz": frequency[-1],
+            "outputs": own.outputs,
+            "inputs": own.inputs,
+        },
+        sheets=[table_of_frf(computed)],
     )
+
+
+def table_of_frf(frf: FRF) -> Table:
+    """Return FRFs as a table: frequencies down, real and imaginary parts across."""
+    pairs = [(i, j) for j in range(len(frf.inputs)) for i in range(len(frf.outputs))]
+    parts = {"re": np.real(frf.H), "im": np.imag(frf.H)}
+    each = [
+        Column(f"{part}({frf.outputs[i]}/{frf.inputs[j]})", values[:, i, j], frf.unit)
+        for i, j in pairs
+        for part, values in parts.items()
+    ]
+    return Table("FRFs", [Column("frequency", frf.frequency, "Hz"), *each])
 
 
 def asked_lines(study: Study, options: Options, values: int) -> np.ndarray:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import number_up_to, positive, values_by_name, whole_up_to
-from dovetail.commands.common import Options, say, warn
-from dovetail.disk.output import Output, OutputError, Progress, check_outputs
-from dovetail.file.paths import InputFile
+from dovetail.commands.common import Options, noted, warn
+from dovetail.commands.results import Results, Written
+from dovetail.disk.output import OutputError, Progress
+from dovetail.report.table import Column, Table
 from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
 from fem.io.atomic import replacing
 
@@ -23,6 +25,11 @@ if TYPE_CHECKING:
 HELP = "estimate FRFs from time data, with coherence"
 EXAMPLE = "dovetail frf-estimate hits.wav --force ch1 --scale ch1=230,ch2=98.1 --hits 0.8 --out frf.npz"
 
+RESULTS = Results(
+    picture="FRFs and coherences",
+    more=(Written("--out", "file to write", (".npz", ".uff", ".unv"), required=True),),
+    read={"records": "a record of time data"},
+)
 Floats = NDArray[np.float64]
 STILL_RINGING = 0.05
 """A response whose level at the end of a block is above this part of its peak has not died away [-]."""
@@ -34,7 +41,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "records", type=Path, nargs="+", metavar="FILE",
         help="time data: .wav, .tdms, .csv, .txt, .npz, .mat, .h5 or .uff; records of hits are joined",
     )  # fmt: skip
-    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .npz or .uff")
     p.add_argument(
         "--force", "--reference", nargs="+", metavar="CHANNEL",
         help="channels of forces (default: those in a unit of force), or of the motions that "
@@ -78,7 +84,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--estimator", choices=["H1", "H2", "Hv"], default="H1", help="default H1")
     p.add_argument("--band", type=positive, nargs=2, metavar="HZ", help="lines to keep")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw FRFs and coherences (.png)")
 
 
 def labels_by_name(text: str) -> dict[str, str]:
@@ -106,19 +111,10 @@ class _Chosen:
     of_motion: bool = False
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Estimate FRFs and write them."""
     from fem.io.time_data import read_time_data
 
-    suffix = options.out.suffix.lower()
-    if suffix not in (".npz", ".uff", ".unv"):
-        msg = f"{options.out}: estimated FRFs are written as .npz or .uff, not '{suffix}'"
-        raise OutputError(msg)
-    if options.picture is not None and options.picture.suffix.lower() != ".png":
-        msg = f"{options.picture}: the picture is written as .png"
-        raise OutputError(msg)
-    inputs = [InputFile(path, "a record of time data") for path in options.records]
-    check_outputs(inputs, Output("--out", options.out), Output("--picture", options.picture))
     if len(options.records) > 1 and options.hits is None:
         msg = "several records are joined where --hits cuts blocks of them; give one record, or --hits"
         raise OutputError(msg)
@@ -134,8 +130,7 @@ def run(options: Options, progress: Progress) -> None:
 
         with replacing(options.picture) as scratch:
             save(plot_estimate(estimate, title=options.out.stem), scratch)
-    progress.close()
-    _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
+    return _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
 
 
 def _channels(options: Options, data: "TimeData") -> _Chosen:
@@ -343,31 +338,33 @@ def _write(path: Path, estimate: "EstimatedFRF") -> None:
     write_uff(path, frf, functions=coherences)
 
 
-def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> None:
+def _report(options: Options, estimate: "EstimatedFRF", notes: list[str]) -> Answer:
     frf = estimate.frf
-    width = max(len(o) + len(i) for o in frf.outputs for i in frf.inputs) + 3
+    pairs = [(i, j) for j in range(len(frf.inputs)) for i in range(len(frf.outputs))]
+    spread = estimate.std / np.maximum(np.abs(frf.H), 1e-300)
+    table = Table.of(
+        "FRFs",
+        Column("FRF", [f"{frf.outputs[i]}/{frf.inputs[j]}" for i, j in pairs]),
+        Column("least coherence", [_least(estimate, i, j) for i, j in pairs]),
+        Column("median", [np.median(estimate.coherence[:, i, j]) for i, j in pairs], show=".4f"),
+        Column("std of |H|, median", [np.median(spread[:, i, j]) for i, j in pairs], "%", ".3g", 100),
+    )
     averages = max(1, int(np.floor(estimate.effective_averages.min())))
     uff = options.out.suffix.lower() != ".npz"
-    say(
-        options,
-        f"{options.out}: {frf.quantity} [{frf.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
-        f"{'reference' if frf.base else 'force'}(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to "
-        f"{frf.frequency[-1]:.4g} Hz, "
-        f"{options.estimator} of {estimate.n_averages[0]} blocks worth {estimate.effective_averages[0]:.3g} "
-        "independent ones",
-        f"{'FRF':{width}}  {'least coherence':>15}  {'median':>7}  {'std of |H|, median %':>20}",
-        *(
-            f"{f'{o}/{i}':{width}}  {_least(estimate, a, b):>15}  "
-            f"{np.median(estimate.coherence[:, a, b]):7.4f}  "
-            f"{100 * np.median(estimate.std[:, a, b] / np.maximum(np.abs(frf.H[:, a, b]), 1e-300)):20.3g}"
-            for b, i in enumerate(frf.inputs)
-            for a, o in enumerate(frf.outputs)
-        ),
-        *(f"note: {note}" for note in notes),
-        "in a study:",
-        "  [[measurements]]",
-        f'  file = "{options.out.name}"',
-        *([f"  averages = {averages}"] if uff else []),
+    return Answer(
+        None,
+        [
+            f"{options.out}: {frf.quantity} [{frf.unit}], {len(frf.outputs)} responses to {len(frf.inputs)} "
+            f"{'reference' if frf.base else 'force'}(s), {frf.n_freq} lines from {frf.frequency[0]:.4g} to "
+            f"{frf.frequency[-1]:.4g} Hz, {options.estimator} of {estimate.n_averages[0]} blocks worth "
+            f"{estimate.effective_averages[0]:.3g} independent ones",
+            table,
+            *noted(notes),
+            "in a study:",
+            "  [[measurements]]",
+            f'  file = "{options.out.name}"',
+            *([f"  averages = {averages}"] if uff else []),
+        ],
     )
 
 

@@ -6,18 +6,22 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import not_negative, positive
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.commands.common import Options, loaded
+from dovetail.commands.results import Results, Written
+from dovetail.disk.output import Progress
 from fem.io.atomic import replacing
 
 HELP = "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model"
 EXAMPLE = "dovetail identify-joint study.toml --joint J --directions rx --propose new.toml --picture Z.png"
+
+RESULTS = Results(
+    table="values, covariance, and Z line by line with its condition numbers",
+    formats=(".npz",),
+    picture="the dynamic stiffness over frequency",
+    more=(Written("--propose", "write the study with the identified joint", (".toml",)),),
+)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -44,18 +48,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="X",
         help="accuracy asked of the model, relative to each FRF; 0 takes it for exact (default 0.05)",
     )
-    p.add_argument(
-        "--propose", type=Path, metavar="FILE", help="write the study with the identified joint, as .toml"
-    )
-    p.add_argument(
-        "--picture", type=Path, metavar="FILE", help="draw the dynamic stiffness over frequency, as .png"
-    )
-    p.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="write values, covariance, and Z line by line with its condition numbers to an .npz file",
-    )
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
     p.add_argument(
         "--amplification",
@@ -67,7 +59,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Fit a joint by output error; show it line by line beside; write the joint into a study."""
     from dovetail.identify import read_task
     from dovetail.propose import write_proposal
@@ -76,18 +68,6 @@ def run(options: Options, progress: Progress) -> None:
     from joint.assembly import identify, summarise
     from joint.assembly_fit import estimate
 
-    for path, suffix, what in (
-        (options.out, ".npz", "the result"),
-        (options.propose, ".toml", "the proposed study"),
-        (options.picture, ".png", "the picture"),
-    ):
-        if path is not None and path.suffix.lower() != suffix:
-            msg = f"{path}: {what} is written as {suffix}"
-            raise OutputError(msg)
-    check_places(
-        options, Output("--out", options.out), Output("--propose", options.propose),
-        Output("--picture", options.picture),
-    )  # fmt: skip
     study = loaded(options)
     task = read_task(study, options.joint, options.directions, options.measurement)
     terms = tuple(options.terms.replace(",", " ").split())
@@ -100,20 +80,15 @@ def run(options: Options, progress: Progress) -> None:
     progress("fitting the joint to all lines")
     found = estimate(task, terms, coupled=options.coupled, accuracy=options.accuracy, lines=lines)
     summary = [] if lines is None else summarise(lines, task.directions)
-    progress.close()
     if options.out is not None:
         _write_joint(options.out, found, lines)
     if options.picture is not None:
         draw_joint(found, options.picture, options.amplification)
     proposal = write_proposal(study, found, options.propose) if options.propose is not None else ()
-    write_json(options.json, joint_result(study.name, found, lines, summary))
-    say(options, *joint_words(found, lines, summary, reason))
-    if proposal:
-        say(
-            options,
-            f"{options.propose} is written: the study with this joint. Check it with "
-            f"dovetail compare {options.propose}",
-        )
+    check = f"Check it with dovetail compare {options.propose}"
+    written = [f"{options.propose} is written: the study with this joint. {check}"] if proposal else []
+    printed = [*joint_words(found, lines, summary, reason), *written]
+    return Answer(study, printed, joint_result(study.name, found, lines, summary))
 
 
 def _write_joint(path: Path, found: Any, lines: Any) -> None:

@@ -2,21 +2,14 @@
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
-
-from dovetail.commands.ambient_modes import identify_ambient_modes, std_of
+from dovetail.commands.ambient_modes import identify_ambient_modes, std_of, table_of_modes
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import number_up_to, positive
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-    write_with_nodes,
-)
+from dovetail.commands.common import Options, loaded, noted, write_with_nodes
 from dovetail.commands.labels import NodeNumbers
-from dovetail.disk.output import Output, OutputError, Progress, write_json
+from dovetail.commands.results import Results, Written
+from dovetail.disk.output import OutputError, Progress
 from dovetail.file.config import NEEDS
 from dovetail.update import identify_study
 from fem.io import UFF_SUFFIXES, write_npz
@@ -27,12 +20,16 @@ from updating.modal.peaks import peak_words
 HELP = "identify natural modes from measured FRFs or ambient responses, with their uncertainty"
 EXAMPLE = "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff"
 
+RESULTS = Results(
+    table="the modes",
+    formats=(".npz", *UFF_SUFFIXES),
+    picture="the stabilisation diagram",
+    more=(Written("--synthesis", "also draw synthesised over measured FRFs"),),
+)
+
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument("--out", type=Path, metavar="FILE", help="also write the modes: .npz or .uff")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the stabilisation diagram")
-    p.add_argument("--synthesis", type=Path, metavar="FILE", help="also draw synthesised over measured FRFs")
     p.add_argument(
         "--ambient", action="store_true",
         help="use the time data of [ambient] (default: if there are no [[measurements]])",
@@ -59,24 +56,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print the modes in a study's FRFs with their uncertainty; draw and write them."""
-    for path in (options.picture, options.synthesis):
-        if path is not None and path.suffix.lower() != ".png":
-            msg = f"{path}: the picture is written as .png"
-            raise OutputError(msg)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return the modes in a study's FRFs with their uncertainty; draw and write them."""
     suffix = "" if options.out is None else options.out.suffix.lower()
-    if suffix not in ("", ".npz", *UFF_SUFFIXES):
-        msg = f"{options.out}: modes are written as .npz or .uff, not '{suffix}'"
-        raise OutputError(msg)
-    check_places(
-        options, Output("--out", options.out), Output("--picture", options.picture),
-        Output("--synthesis", options.synthesis),
-    )  # fmt: skip
     study = loaded(options, ("sensors",) if options.ambient else NEEDS)
     if options.ambient or (study.ambient is not None and not study.measurements):
-        identify_ambient_modes(options, study, progress)
-        return
+        return identify_ambient_modes(options, study, progress)
     progress("identifying modes")
     own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
     limits = replace(study.shape_limits, **{key: value for key, value in own.items() if value is not None})
@@ -102,22 +87,20 @@ def run(options: Options, progress: Progress) -> None:
             draw = plot_stabilisation if kind == "stabilisation" else plot_synthesis
             with replacing(path) as scratch:
                 save(draw(data.frf, found), scratch)
-    progress.close()
-    zeta = np.zeros(found.modes.n_modes) if found.modes.zeta is None else found.modes.zeta
-    write_json(
-        options.json,
+    left = sum(not c.accepted for c in found.candidates)
+    table = table_of_modes(found, mpc=found.mpc, mpd_deg=found.mpd)
+    return Answer(
+        study,
+        [
+            f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {left} other "
+            "pole(s) were tried and rejected",
+            found.table(),
+            *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
+            *noted(study.measured_notes),
+        ],
         {
-            "study": study.name,
             "measurement": data.name,
-            "modes": [
-                {
-                    "frequency_Hz": f, "frequency_std_Hz": found.frequency_std[k],
-                    "damping_ratio": zeta[k], "damping_ratio_std": found.zeta_std[k],
-                    "mpc": found.mpc[k], "mpd_deg": found.mpd[k],
-                    "shape": found.modes.shapes[:, k], "shape_std": found.shape_std[:, k],
-                }
-                for k, f in enumerate(found.modes.frequency)
-            ],
+            "modes": table.records(),
             "outputs": data.frf.outputs,
             "scaled": found.scaled,
             "left_out": [
@@ -127,16 +110,7 @@ def run(options: Options, progress: Progress) -> None:
                 {"frequency_Hz": p.frequency, "level_dB": p.level_db, "share": p.share, "reason": p.reason}
                 for p in found.unexplained
             ],
-            "measured_notes": study.measured_notes,
             "warnings": (*said, *study.warnings),
         },
-    )  # fmt: skip
-    left = sum(not c.accepted for c in found.candidates)
-    say(
-        options,
-        f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {left} other "
-        "pole(s) were tried and rejected",
-        found.table(),
-        *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
-        *(f"note: {text}" for text in study.measured_notes),
+        sheets=[table],
     )

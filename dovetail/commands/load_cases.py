@@ -2,11 +2,14 @@
 
 import argparse
 import re
+from collections.abc import Mapping
 
 from dovetail.commands.common import Options
 from dovetail.file.table import StudyError
+from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.statics import StaticSolution
+from fem.model import DIRECTIONS
 from updating.measurement.measurement import Sensor, motions_of
 
 
@@ -65,6 +68,20 @@ def refuse_gauges(study: Study) -> None:
             "and ensembles are of motions alone; leave them out"
         )
         raise StudyError(msg)
+
+
+def table_of_reactions(rows: Mapping[str, Mapping[str, float]], heading: str, indent: str = "") -> Table:
+    """Return forces by place and direction.
+
+    Those in directions that are none of the six, as of a place with several points, follow in words.
+    """
+    others = [", ".join(f"{d} {v:.5g}" for d, v in r.items() if d not in DIRECTIONS) for r in rows.values()]
+    columns = [
+        Column(heading, list(rows)),
+        *(Column(d, [row.get(d) for row in rows.values()]) for d in DIRECTIONS),
+        Column("N, N·m", others),
+    ]
+    return Table("reactions", columns, indent)
 
 
 def place_of_point(study: Study, point: int) -> str:

@@ -4,36 +4,28 @@ import argparse
 
 import numpy as np
 
-from dovetail.commands.argument_types import count, whole_up_to
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
-from dovetail.commands.tables import band_names, cell, width_of
-from dovetail.disk.output import Progress, write_json
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import add_bands, count
+from dovetail.commands.bands import columns_of_bands
+from dovetail.commands.common import Options, check_places, loaded, noted
+from dovetail.disk.output import Progress
+from dovetail.report.table import Column, Table
 
 HELP = "find the sensors, bands and places that carry the misfit"
 EXAMPLE = "dovetail locate study.toml"
+SHARE = "share of the misfit that a small change would explain"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--bands",
-        type=whole_up_to(1000),
-        default=6,
-        metavar="N",
-        help="number of equal frequency bands (default 6)",
-    )
+    add_bands(p)
     p.add_argument(
         "--number", type=count, default=20, metavar="N", help="sensors and places to print (default 20)"
     )
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print which sensors, bands, members and places carry the misfit."""
+def run(options: Options, progress: Progress) -> Answer:
+    """Return which sensors, bands, members and places carry the misfit."""
     from dovetail import pipeline, result
     from dovetail.report import words
     from updating.diagnosis.begin import begin_fitted
@@ -47,38 +39,33 @@ def run(options: Options, progress: Progress) -> None:
     problem, fitted, faults = begin_fitted(problem)
     progress("locating the misfit", 0.5)
     where = find_places(problem, fitted, options.bands)
-    progress.close()
-    write_json(
-        options.json,
-        {
-            "study": study.name,
-            **result.localisation_dict(where),
-            "measured_notes": study.measured_notes,
-            "warnings": study.warnings,
-        },
+    order = np.argsort(-np.nan_to_num(where.by_sensor_db), kind="stable")
+    sensors = Table.of(
+        "sensors",
+        Column("sensor", where.sensors),
+        Column("all", where.by_sensor_db, "dB", ".2f"),
+        *columns_of_bands(where.bands, where.by_band_db),
+    ).rows(order)
+    shares = [(f"member {m}", s) for m, s in where.members.items()] + list(where.places)
+    shares = sorted(shares, key=lambda place: -place[1])
+    places = Table.of(
+        "places",
+        Column("place", [words.place(name) for name, _ in shares]),
+        Column(SHARE, [s for _, s in shares], "%", "{:.1f} %".format, 100, head=SHARE),
     )
-    order = np.argsort(-np.nan_to_num(where.by_sensor_db), kind="stable")[: options.number]
-    head = "  ".join(f"{word:>11}" for word in band_names(where.bands))
-    width = width_of(where.sensors)
-    places = sorted(
-        [(f"member {m}", s) for m, s in where.members.items()] + list(where.places), key=lambda t: -t[1]
-    )
-    wide = width_of([words.place(p) for p, _ in places])
-    say(
-        options,
-        f"{study.name}: {fitted.fit_db:.2f} dB once the uncertain parameters are fitted; sensors, the "
-        "worst first",
-        f"{'sensor':{width}}  {'all dB':>7}  {head}",
-        *(
-            f"{where.sensors[i]:{width}}  {where.by_sensor_db[i]:7.2f}  "
-            f"{'  '.join(cell(db, 11) for db in where.by_band_db[i])}"
-            for i in order
-        ),
-        "",
-        f"{'place':{wide}}  share of the misfit that a small change would explain",
-        *(f"{words.place(name):{wide}}  {100 * share:5.1f} %" for name, share in places[: options.number]),
-        "",
-        *(f"set right: {words.fault_text(f)}" for f in faults),
-        where.note,
-        *(f"note: {note}" for note in study.measured_notes),
+    return Answer(
+        study,
+        [
+            f"{study.name}: {fitted.fit_db:.2f} dB once the uncertain parameters are fitted; sensors, the "
+            "worst first",
+            sensors.first(options.number),
+            "",
+            places.first(options.number),
+            "",
+            *(f"set right: {words.fault_text(f)}" for f in faults),
+            where.note,
+            *noted(study.measured_notes),
+        ],
+        result.localisation_dict(where),
+        sheets=[sensors, places],
     )

@@ -6,21 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.argument_types import positive
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
-from dovetail.disk.output import Output, OutputError, Progress, write_json
-from dovetail.file.paths import InputFile
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import add_placing
+from dovetail.commands.common import Options, loaded
+from dovetail.commands.results import Results
+from dovetail.disk.output import Progress
 from dovetail.file.table import StudyError
+from dovetail.report.table import Column, Table
 from fem.io import UFF_SUFFIXES, read_uff
 from fem.io.atomic import replacing
 
 HELP = "find where the points of a test's geometry lie on the model, with units and axes"
 EXAMPLE = "dovetail match study.toml geometry.unv --tolerance 0.005 --picture match.png"
+
+RESULTS = Results(picture="the points on the model", read={"geometry": "the geometry"})
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -28,26 +27,13 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "geometry", type=Path, help="universal file with points, or a table (CSV) of name, x, y, z"
     )
-    p.add_argument(
-        "--tolerance", type=positive, default=0.01, metavar="M", help="largest distance [m] (default 0.01)"
-    )
-    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
-    p.add_argument("--same-axes", action="store_true", help="the geometry has the model's axes and origin")
-    p.add_argument(
-        "--alternative", type=int, metavar="K", help="which of several placements, as an error numbers them"
-    )
-    p.add_argument("--picture", type=Path, metavar="FILE", help="also draw the points on the model")
+    add_placing(p, "model")
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Find where the points of a test's geometry are on the model; draw it."""
+def run(options: Options, progress: Progress) -> Answer:
+    """Return where the points of a test's geometry are on the model; draw it."""
     from updating.measurement.matching import match_members
 
-    if options.picture is not None and options.picture.suffix.lower() != ".png":
-        msg = f"{options.picture}: the picture is written as .png"
-        raise OutputError(msg)
-    geometry = InputFile(options.geometry, "the geometry")
-    check_places(options, Output("--picture", options.picture), more=[geometry])
     study = loaded(options, ())
     names, points = _test_points(options.geometry)
     progress("matching")
@@ -61,34 +47,32 @@ def run(options: Options, progress: Progress) -> None:
 
         with replacing(options.picture) as scratch:
             save(plot_geometry_match(mesh, found, names), scratch)
-    progress.close()
-    rows = []
-    for (i, p), distance in zip(found.pairs.tolist(), found.distance, strict=True):
-        member, position, _ = mesh.nearest_on_members(mesh.points[p])
-        rows.append((names[i], mesh.points[p], member, position, float(distance)))
-    write_json(
-        options.json,
+    places = [mesh.nearest_on_members(mesh.points[p]) for _, p in found.pairs.tolist()]
+    points_on = mesh.points[[p for _, p in found.pairs.tolist()]]
+    table = Table.of(
+        "points",
+        Column("point", [names[i] for i, _ in found.pairs.tolist()], key="name"),
+        *(Column(x, points_on[:, k], "m", ".4f") for k, x in enumerate("xyz")),
+        Column("", list(points_on), key="point_m", places=()),
+        Column("member", [member for member, _, _ in places], key="member"),
+        Column("position", [position for _, position, _ in places], "m", ".4f", key="position_m"),
+        Column("off", found.distance, "mm", ".2f", 1e3, key="distance_m"),
+    )
+    unmatched = [names[i] for i in found.unmatched]
+    return Answer(
+        study,
+        [
+            f"{study.name}: {found.describe()}",
+            table,
+            *(f"{name} lies on no member within the tolerance" for name in unmatched),
+        ],
         {
-            "study": study.name,
             "scale_m": found.scale,
             "rotation": found.R,
             "translation_m": found.translation,
-            "points": [
-                {"name": n, "point_m": xyz, "member": m, "position_m": s, "distance_m": d}
-                for n, xyz, m, s, d in rows
-            ],
-            "unmatched": [names[i] for i in found.unmatched],
+            "points": table.records(),
+            "unmatched": unmatched,
         },
-    )
-    say(
-        options,
-        f"{study.name}: {found.describe()}",
-        f"{'point':>10}  {'x m':>9} {'y m':>9} {'z m':>9}  {'off mm':>7}  member, position m",
-        *(
-            f"{n:>10}  {xyz[0]:9.4f} {xyz[1]:9.4f} {xyz[2]:9.4f}  {1e3 * d:7.2f}  {m}, {s:.4f}"
-            for n, xyz, m, s, d in rows
-        ),
-        *(f"{names[i]:>10}  lies on no member within the tolerance" for i in found.unmatched),
     )
 
 

@@ -4,10 +4,12 @@ import argparse
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say, warn
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, warn
 from dovetail.commands.results import Results
-from dovetail.disk.output import Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder
+from dovetail.report.table import Column, Table
 from fem.analysis.modes import first_modes, solve_modes
 from fem.analysis.warping import warped_modes
 from fem.io import write_modes
@@ -27,12 +29,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="number of modes besides rigid-body ones (default 10)",
     )
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print natural frequencies; draw mode shapes."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return natural frequencies; draw mode shapes."""
     study = loaded(options, ())
     progress("solving for modes")
     system = assemble(study.model, reciprocal=False)
@@ -52,37 +52,32 @@ def run(options: Options, progress: Progress) -> None:
             for k in range(found.n_rigid, found.n_modes):
                 progress("drawing mode shapes", k - found.n_rigid, found.n_modes - found.n_rigid)
                 render_mode(study.model, found, k, scratch / f"mode-{k + 1:02d}.png")
-    progress.close()
-    write_json(
-        options.json,
+    remarks = [
+        "rigid body" if k < found.n_rigid else "grows: the structure is unstable" if f < 0 else ""
+        for k, f in enumerate(found.frequency)
+    ]
+    table = Table.of(
+        "modes",
+        Column("mode", range(1, found.n_modes + 1)),
+        Column("frequency", found.frequency, "Hz", ".4f", key="frequency_Hz"),
+        Column("damping", zeta, "%", ".3f", 100, key="damping_ratio"),
+        Column("", remarks),
+    )
+    asked = 0 if options.max is not None else options.number or 0
+    few = found.n_modes < found.n_rigid + asked
+    return Answer(
+        study,
+        [
+            f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
+            table,
+            *notes_of_mesh(study),
+            *([f"the model has {found.n_modes} modes in all"] if few else []),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "n_rigid": found.n_rigid,
-            "modes": [
-                {"frequency_Hz": f, "damping_ratio": z} for f, z in zip(found.frequency, zeta, strict=True)
-            ],
+            "modes": table.records(),
             "elements": study.model.mesh.n_lines,
-            "mesh_notes": study.model.mesh.notes,
-            "measured_notes": study.measured_notes,
-            "assumptions": study.assumptions,
             "warnings": (*study.warnings, *warped),
         },
-    )
-    rows = [
-        f"{k + 1:5d}  {f:12.4f}  {100 * z:8.3f}"
-        f"{'   rigid body' if k < found.n_rigid else '   grows: the structure is unstable' if f < 0 else ''}"
-        for k, (f, z) in enumerate(zip(found.frequency, zeta, strict=True))
-    ]
-    say(
-        options,
-        f"{study.name}: {study.model.mesh.n_lines} elements, {system.n_free} coordinates",
-        " mode  frequency Hz  damping %",
-        *rows,
-        *notes_of_mesh(study),
-        *(
-            [f"the model has {found.n_modes} modes in all"]
-            if options.max is None and options.number and found.n_modes < found.n_rigid + options.number
-            else []
-        ),
-        *assumptions(study),
     )

@@ -5,12 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dovetail.commands.argument_types import positive
-from dovetail.commands.common import (
-    Options,
-    say,
-    warn,
-)
+from dovetail.commands.answer import Answer
+from dovetail.commands.argument_types import add_placing, positive
+from dovetail.commands.common import Options, noted, warn
 from dovetail.disk.output import OutputError, Progress, result_folder
 
 if TYPE_CHECKING:
@@ -52,24 +49,13 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="S",
         help="metres in the mesh's unit, 0.001 for mm",
     )
-    p.add_argument(
-        "--tolerance", type=positive, default=0.01, metavar="M", help="largest distance [m] (default 0.01)"
-    )
-    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
-    p.add_argument("--same-axes", action="store_true", help="the geometry has the mesh's axes and origin")
-    p.add_argument(
-        "--alternative",
-        type=int,
-        metavar="K",
-        help="which of several placements, as 'dovetail match' numbers them",
-    )
+    add_placing(p, "mesh")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Write a study to start from: one of a test and a mesh, or a template with FRFs for it."""
     if options.test is not None:
-        _from_test(options, progress)
-        return
+        return _from_test(options, progress)
     from dovetail.file.template import write_template
 
     if options.folder is None:
@@ -80,14 +66,15 @@ def run(options: Options, progress: Progress) -> None:
     with result_folder(options.folder, options.force) as scratch:
         write_template(scratch)
     (options.folder / ".dovetail").unlink(missing_ok=True)  # from now on it is the user's
-    progress.close()
-    say(
-        options,
-        f"{options.folder / 'study.toml'} is written: a portal frame, to be changed into yours.",
-        f"{options.folder / 'frf.npz'} is a simulated measurement, with noise and with an effect "
-        "that the study lacks.",
-        "Next:",
-        f"  dovetail modes {options.folder / 'study.toml'}",
+    return Answer(
+        None,
+        [
+            f"{options.folder / 'study.toml'} is written: a portal frame, to be changed into yours.",
+            f"{options.folder / 'frf.npz'} is a simulated measurement, with noise and with an effect "
+            "that the study lacks.",
+            "Next:",
+            f"  dovetail modes {options.folder / 'study.toml'}",
+        ],
     )
 
 
@@ -99,7 +86,7 @@ def _refuse_existing(options: Options, folder: Path, names: tuple[str, ...]) -> 
             raise OutputError(msg)
 
 
-def _from_test(options: Options, progress: Progress) -> None:
+def _from_test(options: Options, progress: Progress) -> Answer:
     """Write a study of a deck or a mesh, and of a test with tables of sensors and excitations."""
     from dovetail.file.from_deck import MESH, read_structure, study_text
     from dovetail.file.from_test import EXCITATIONS, SENSORS, STUDY, Draft, Placing, draft_study
@@ -124,7 +111,6 @@ def _from_test(options: Options, progress: Progress) -> None:
         for name, text in draft.files.items():
             (scratch / name).write_text(text, encoding="utf-8")
     (folder / ".dovetail").unlink(missing_ok=True)  # from now on it is the user's
-    progress.close()
     try:
         load_study(folder / STUDY, () if measured is None else ("sensors",))
     except ValueError as reason:
@@ -132,12 +118,14 @@ def _from_test(options: Options, progress: Progress) -> None:
     others = [name for name in draft.files if name != STUDY]
     with_others = f", with {' and '.join(others)}" if others else ""
     change = "" if structure.complete else "Material, sections, supports and damping are placeholders. "
-    say(
-        options,
-        f"{folder / STUDY} is written{with_others}.",
-        *(f"note: {note}" for note in draft.notes),
-        f"{change}Next:",
-        f"  dovetail check {folder / STUDY}",
+    return Answer(
+        None,
+        [
+            f"{folder / STUDY} is written{with_others}.",
+            *noted(draft.notes),
+            f"{change}Next:",
+            f"  dovetail check {folder / STUDY}",
+        ],
     )
 
 

@@ -3,9 +3,10 @@
 import argparse
 import sys
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, check_places, say, warn
-from dovetail.disk.output import Progress, write_json
+from dovetail.commands.common import Options, check_places, warn
+from dovetail.disk.output import Progress
 
 HELP = "open the desk in a browser: compare, add effects, fit and save by hand"
 EXAMPLE = "dovetail open study.toml"
@@ -36,13 +37,9 @@ def run(options: Options, progress: Progress) -> None:
     warn(desk.study.warnings)
 
     def announce(address: str) -> None:
-        write_json(options.json, {"study": desk.study.name, "address": address})
-        say(
-            options,
-            f"the desk of {desk.study.name} is at",
-            address,
-            "Ctrl+C closes it; it opens again where it was",
-        )
+        again = "Ctrl+C closes it; it opens again where it was"
+        printed = [f"the desk of {desk.study.name} is at", address, again]
+        Answer(None, printed, {"study": desk.study.name, "address": address}).give(options)
         sys.stdout.flush()  # the server runs on, and a program may wait for the address
 
     serve(desk, port, announce, browser=not options.no_browser)

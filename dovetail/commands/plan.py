@@ -1,15 +1,18 @@
 """``dovetail plan``: which missing effects a test could see and name, before it is made."""
 
 import argparse
-from pathlib import Path
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import count, positive
-from dovetail.commands.common import Options, check_places, loaded, say
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.commands.common import Options, loaded
+from dovetail.commands.results import Results
+from dovetail.disk.output import Progress
 from dovetail.file.table import StudyError
 
 HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
+
+RESULTS = Results(picture="where effects are named")
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -65,11 +68,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="diagnose N sets of data drawn with effects of known sizes, and compare with the map",
     )
     p.add_argument("--seed", type=int, default=1, help="of the data of --check (default 1)")
-    p.add_argument("--picture", type=Path, metavar="FILE", help="draw where effects are named (PNG)")
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print which relevant effects a test sees and names."""
+def run(options: Options, progress: Progress) -> Answer:
+    """Return which relevant effects a test sees and names."""
     from dovetail.plan import (
         check_plan,
         choose_channels,
@@ -78,15 +80,11 @@ def run(options: Options, progress: Progress) -> None:
         separate_twins,
         with_channels,
     )
-    from dovetail.report import planning, words
+    from dovetail.report import planning
     from updating.plan.plan import with_averages
 
-    check_places(options, Output("--picture", options.picture))
     if options.excitations is not None and options.choose is None:
         msg = "--excitations chooses forces beside sensors; say how many sensors: --choose N"
-        raise StudyError(msg)
-    if options.picture is not None and options.picture.suffix.lower() != ".png":
-        msg = f"{options.picture}: the picture is written as .png"
         raise StudyError(msg)
     study = loaded(options)
     if options.check or options.separate:
@@ -108,31 +106,23 @@ def run(options: Options, progress: Progress) -> None:
 
         progress("drawing", 0.99)
         render_plan(plan, options.picture, study.name)
-    progress.close()
-    result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
-    if quieter:
-        result["more_averages"] = planning.averages_dict(quieter, *options.averages)
-    if apart:
-        result["second_test"] = planning.separation_dicts(apart)
-    if chosen:
-        result["chosen"] = planning.chosen_dict(chosen)
-    write_json(options.json, result | ({"check": planning.check_dicts(checked)} if checked else {}))
-    lines = [
-        *(planning.chosen_lines(chosen) if chosen else ()),
-        f"{study.name}: {planning.title(plan)}",
-        planning.headline(plan),
-        "",
-        *words.columns(planning.HEAD, [planning.cells_of(row) for row in planning.kind_rows(plan)]),
-    ]
+    kinds = planning.table_of_kinds(planning.kind_rows(plan))
+    fields, printed = planning.plan_dict(plan), planning.chosen_lines(chosen) if chosen else []
+    printed += [f"{study.name}: {planning.title(plan)}", planning.headline(plan), "", kinds]
     for title, some in (
         ("seen, but not told apart:", planning.twin_lines(plan)),
         ("not seen in relevant size:", planning.blind_lines(plan)),
     ):
-        lines += ["", title, *(f"  {line}" for line in some)] if some else []
+        printed += ["", title, *(f"  {line}" for line in some)] if some else []
+    if chosen:
+        fields["chosen"] = planning.chosen_dict(chosen)
     if quieter:
-        lines += ["", planning.averages_line(plan, quieter, *options.averages)]
+        fields["more_averages"] = planning.averages_dict(quieter, *options.averages)
+        printed += ["", planning.averages_line(plan, quieter, *options.averages)]
     if apart:
-        lines += ["", *planning.separation_lines(apart)]
+        fields["second_test"] = planning.separation_dicts(apart)
+        printed += ["", "second tests:", planning.table_of_twins(apart)]
     if checked:
-        lines += ["", *planning.check_lines(checked)]
-    say(options, *lines)
+        fields["check"] = planning.check_dicts(checked)
+        printed += ["", planning.table_of_check(checked)]
+    return Answer(study, printed, fields)

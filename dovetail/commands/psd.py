@@ -5,19 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
+from dovetail.commands.answer import Answer
+from dovetail.commands.common import Options, assumptions, loaded, without_rounding
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.frf import MOST_VALUES
 from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import Progress, write_json
+from dovetail.disk.output import Progress
 from dovetail.file.histories import read_columns
-from dovetail.file.paths import InputFile
+from dovetail.report.table import Column, Table, columns_of
 from fem.analysis.random_vibration import RESPONSES, RandomResponse, solve_random
 from fem.analysis.selection import Selection
 from fem.analysis.tabulated import Tabulated
-from fem.io.atomic import replacing
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
@@ -27,6 +27,7 @@ RESULTS = Results(
     table="the densities",
     motions="root mean squares of the whole structure",
     picture="the densities",
+    read={"psd": "the excitation's density"},
 )
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
@@ -45,12 +46,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--response", choices=RESPONSES, default="acceleration", help="default acceleration")
     p.add_argument("--relative", action="store_true", help="responses relative to the base")
     add_rpm(p)
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print root mean squares; draw and write densities."""
-    RESULTS.check(options, InputFile(options.psd, "the excitation's density"))
+def run(options: Options, progress: Progress) -> Answer:
+    """Return root mean squares and densities; draw and write them."""
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     sensors = require_sensors(study)
     table = read_columns(options.psd, ("frequency",))
@@ -72,13 +71,6 @@ def run(options: Options, progress: Progress) -> None:
     found = solved(sensor_rows(study.model, sensors))
     names, unit = [s.name for s in sensors], UNITS[options.response]
     square = f"({unit})²/Hz"
-    if options.out is not None:
-        header = ",".join(["frequency [Hz]", *(f"{name} [{square}]" for name in names)])
-        columns = np.column_stack([found.frequency, found.density])
-        with replacing(options.out) as scratch:
-            np.savetxt(
-                scratch, columns, fmt="%.9g", delimiter=",", header=header, comments="", encoding="utf-8"
-            )
     if options.vtu is not None:
         progress("computing root mean squares of all points")
         at_once = max(1, MOST_VALUES // (found.frequency.size * len(table.names)))
@@ -93,30 +85,30 @@ def run(options: Options, progress: Progress) -> None:
 
         title = f"{study.name}: {options.response}{', relative to the base' * options.relative}"
         save(plot_densities(found.frequency, found.density, names, square, title), options.picture)
-    progress.close()
-    write_json(
-        options.json,
+    rms = without_rounding(found.rms)
+    sizes = Table.of(
+        "root mean squares",
+        Column("sensor", names),
+        Column("RMS", rms, unit),
+        Column("3 sigma", 3 * rms, unit, head="3 sigma"),
+        Column("crossings", np.where(rms > 0, found.crossings, np.nan), "Hz"),
+    )
+    densities = [Column("frequency", found.frequency, "Hz"), *columns_of(names, found.density, square)]
+    return Answer(
+        study,
+        [
+            f"{study.name}: random {options.response}, {found.frequency.size} lines from "
+            f"{found.frequency[0]:g} to {found.frequency[-1]:g} Hz",
+            sizes,
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "response": found.response,
             "relative": found.relative,
             "rms": dict(zip(names, found.rms, strict=True)),
             "crossings_Hz": dict(zip(names, found.crossings, strict=True)),
             "frequency_Hz": found.frequency,
             "density": dict(zip(names, found.density.T, strict=True)),
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
-    )
-    width = max([len(n) for n in names] + [6])
-    say(
-        options,
-        f"{study.name}: random {options.response}, {found.frequency.size} lines from "
-        f"{found.frequency[0]:g} to {found.frequency[-1]:g} Hz",
-        f"{'sensor':{width}} {f'RMS {unit}':>12} {'3 sigma':>12} {'crossings Hz':>14}",
-        *(
-            f"{name:{width}} {rms:12.5g} {3 * rms:12.5g} {f'{f:.5g}' if rms else '-':>14}"
-            for name, rms, f in zip(names, without_rounding(found.rms), found.crossings, strict=True)
-        ),
-        *assumptions(study),
+        full=Table("densities", densities),
     )

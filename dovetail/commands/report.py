@@ -3,22 +3,23 @@
 import argparse
 from pathlib import Path
 
-from dovetail.commands.common import Options, say
+from dovetail.commands.answer import Answer
+from dovetail.commands.common import Options
 from dovetail.disk.output import Output, OutputError, Progress, check_outputs
 from dovetail.file.paths import InputFile
 
-HELP = "write the report of a run as a Word document or as PowerPoint slides"
+HELP = "write the report of a run or an update as a Word document or as PowerPoint slides"
 EXAMPLE = "dovetail report out/report --docx report.docx"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument("folder", type=Path, metavar="DIR", help="folder that 'dovetail run' has written")
+    p.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or an update")
     p.add_argument("--docx", type=Path, metavar="FILE", help="Word document to write")
     p.add_argument("--pptx", type=Path, metavar="FILE", help="PowerPoint file to write")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Read the report of a run and write it for other programs."""
     from dovetail.report.outline import read_outline
     from dovetail.report.slides import write_pptx
@@ -32,9 +33,8 @@ def run(options: Options, progress: Progress) -> None:
     page = InputFile(options.folder / REPORT, "the report")
     check_outputs((page,), *(Output(option, path) for option, path, _ in wanted))
     outline = read_outline(options.folder)
-    for _, path, write in wanted:
-        if path:
-            progress(f"writing {path.name}")
-            write(outline, path)
-            progress.close()
-            say(options, str(path))
+    files = [(path, write) for _, path, write in wanted if path]
+    for path, write in files:
+        progress(f"writing {path.name}")
+        write(outline, path)
+    return Answer(None, [str(path) for path, _ in files])

@@ -1,9 +1,10 @@
-"""Files of results that several commands write: tables, pictures, and motions of the structure."""
+"""Files that commands read and write if asked to: tables, pictures, and motions of the structure."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -18,9 +19,18 @@ from viz.offscreen import require_drawing
 MOTION_FORMATS = (".vtu", ".vtk", ".xdmf")
 
 
+class Written(NamedTuple):
+    """A file that an option writes: contents in words, suffixes that it may have, whether it is needed."""
+
+    option: str
+    contents: str
+    formats: tuple[str, ...] = (".png",)
+    required: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Results:
-    """The files that a command writes if asked to, besides that of ``--json``.
+    """The files that a command reads besides the study, and writes besides those of JSON and Excel.
 
     Attributes
     ----------
@@ -34,6 +44,12 @@ class Results:
         Contents of the picture of ``--picture``.
     pictures : tuple of (str, str)
         Contents of the folder of ``--pictures``, and the name of the first file in it.
+    more : tuple of Written
+        Other files.
+    read : mapping of str to str
+        Inputs: options' names, whose values are a file or several, and what these files are.
+    rendered : bool
+        Whether the picture is of the structure, which needs OpenGL.
     """
 
     table: str = ""
@@ -41,31 +57,32 @@ class Results:
     motions: str = ""
     picture: str = ""
     pictures: tuple[str, str] = ("", "")
+    more: tuple[Written, ...] = ()
+    read: Mapping[str, str] = field(default_factory=dict)
+    rendered: bool = False
+
+    def files(self) -> tuple[Written, ...]:
+        """Return the files that can be asked for."""
+        known = (
+            Written("--out", f"also write {self.table}" * bool(self.table), self.formats),
+            Written("--vtu", f"also write {self.motions} for ParaView" * bool(self.motions), MOTION_FORMATS),
+            *self.more,
+            Written("--picture", f"also draw {self.picture}" * bool(self.picture)),
+        )
+        return tuple(w for w in known if w.contents)
 
     def add_arguments(self, p: argparse.ArgumentParser) -> None:
         """Add the options of these files to a command's parser."""
-        if self.table:
-            words = f"also write {self.table}: {_listed(self.formats)}"
-            p.add_argument("--out", type=Path, metavar="FILE", help=words)
-        if self.motions:
-            words = f"also write {self.motions} for ParaView: {_listed(MOTION_FORMATS)}"
-            p.add_argument("--vtu", type=Path, metavar="FILE", help=words)
-        if self.picture:
-            words = f"also draw {self.picture} as .png"
-            p.add_argument("--picture", type=Path, metavar="FILE", help=words)
+        for name, contents, formats, required in self.files():
+            words = f"{contents}: {_listed(formats)}"
+            p.add_argument(name, type=Path, metavar="FILE", help=words, required=required)
         if self.pictures[0]:
             words = f"also draw {self.pictures[0]} as PNG into this folder"
             p.add_argument("--pictures", type=Path, metavar="DIR", help=words)
             p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
-    def check(self, options: Options, *read: InputFile) -> None:
+    def check(self, options: Options) -> None:
         """Refuse files that cannot be written, before anything is computed.
-
-        Parameters
-        ----------
-        options : Options
-        read : InputFile
-            Inputs besides the study.
 
         Raises
         ------
@@ -73,12 +90,8 @@ class Results:
             For a suffix that is not allowed, and as :func:`dovetail.disk.output.check_outputs`.
         """
         outputs = []
-        for option, what, formats in (
-            ("--out", self.table, self.formats),
-            ("--vtu", self.motions, MOTION_FORMATS),
-            ("--picture", self.picture, (".png",)),
-        ):
-            path = getattr(options, option.removeprefix("--")) if what else None
+        for option, _, formats, _ in self.files():
+            path = getattr(options, option.removeprefix("--"))
             if path is not None and path.suffix.lower() not in formats:
                 msg = f"{option} {path} is written as {_listed(formats)}, not '{path.suffix}'"
                 raise OutputError(msg)
@@ -88,10 +101,18 @@ class Results:
             msg = f"--pictures {folder}: there are several, and a folder is needed, such as {folder.stem}"
             raise OutputError(msg)
         if self.pictures[0]:
-            outputs.append(Output("--pictures", options.pictures, self.pictures[1:]))
-        check_places(options, *outputs, more=read)
-        if self.pictures[0] and options.pictures is not None:
+            outputs.append(Output("--pictures", folder, self.pictures[1:]))
+        check_places(options, *outputs, more=tuple(self._inputs(options)))
+        if folder is not None:
             require_drawing("--pictures")
+        if self.rendered and options.picture is not None:
+            require_drawing("--picture")
+
+    def _inputs(self, options: Options) -> Iterator[InputFile]:
+        for name, what in self.read.items():
+            given = getattr(options, name)
+            for path in given if isinstance(given, list) else [given] * (given is not None):
+                yield InputFile(path, what)
 
 
 def write_motions(

@@ -3,15 +3,11 @@
 import argparse
 from pathlib import Path
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_processes
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
+from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import found_lines, staircase
-from dovetail.disk.output import Output, Progress, write_json
+from dovetail.disk.output import Output, Progress
 
 HELP = "compare, locate, diagnose and write a report"
 EXAMPLE = "dovetail run study.toml --out out/report"
@@ -30,7 +26,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_processes(p)
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Do the whole loop and print the verdict."""
     from dovetail import pipeline
     from dovetail.mode_result import mode_result_dict
@@ -45,25 +41,24 @@ def run(options: Options, progress: Progress) -> None:
     study = loaded(options)
     if has_modes_alone(study):
         found = run_modes(study, options.out, progress, force=options.force)
-        progress.close()
-        write_json(options.json, mode_result_dict(found))
-        notes = (f"note: {note}" for note in found.study.measured_notes)
-        say(options, *mode_lines(study.name, found.diagnosis), *notes, "", str(found.report))
-        return
+        notes = noted(found.study.measured_notes)
+        printed = [*mode_lines(study.name, found.diagnosis), *notes, "", str(found.report)]
+        return Answer(None, printed, mode_result_dict(found))
     done = pipeline.run(
         study, options.out, progress, force=options.force, processes=options.processes or cores()
     )
-    progress.close()
-    write_json(options.json, result_dict(done))
-    say(
-        options,
-        f"{study.name}: {done.diagnosis.verdict}",
-        words.headline(done),
-        *found_lines(done.diagnosis),
-        "",
-        *staircase(done.diagnosis, done.held_out_channels),
-        *(["", *beside_lines(done.measured_modes)] if done.measured_modes else []),
-        *(f"note: {note}" for note in (*done.notes, *study.measured_notes)),
-        "",
-        str(done.report),
+    return Answer(
+        None,  # JSON is result.json
+        [
+            f"{study.name}: {done.diagnosis.verdict}",
+            words.headline(done),
+            *found_lines(done.diagnosis),
+            "",
+            staircase(done.diagnosis, done.held_out_channels),
+            *(["", *beside_lines(done.measured_modes)] if done.measured_modes else []),
+            *noted(done.notes, study.measured_notes),
+            "",
+            str(done.report),
+        ],
+        result_dict(done),
     )

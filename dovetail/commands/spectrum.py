@@ -1,19 +1,22 @@
 """``dovetail spectrum``: largest responses to a motion of the base given by its response spectrum."""
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import number_up_to, positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
+from dovetail.commands.common import Options, assumptions, loaded, without_rounding
 from dovetail.commands.excitations import BASE
+from dovetail.commands.load_cases import table_of_reactions
 from dovetail.commands.results import Results, write_motions
-from dovetail.disk.output import Progress, write_json
+from dovetail.disk.output import Progress
 from dovetail.file.histories import Columns, read_columns
-from dovetail.file.paths import InputFile
 from dovetail.file.rotation import RPM
 from dovetail.file.table import StudyError, suggest
+from dovetail.report.table import Column, Table, columns_of
 from dovetail.study import Study
 from fem.analysis.response_spectrum import COMBINATIONS, SpectrumResponse, solve_spectrum
 from fem.analysis.section_forces import SECTION_FORCES
@@ -22,7 +25,7 @@ from fem.analysis.tabulated import Tabulated
 from fem.effects.spin import Spin
 from fem.model import DIRECTIONS
 from fem.system import assemble
-from updating.measurement.measurement import motions_of, sensor_rows
+from updating.measurement.measurement import Sensor, motions_of, sensor_rows
 
 HELP = "combine the largest responses of modes to a response spectrum of the base"
 FREQUENCY, PERIOD, TIME = "frequency", "period", "time"
@@ -30,9 +33,11 @@ PER_OCTAVE = 24
 """Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
 half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
 EXAMPLE = "dovetail spectrum study.toml --spectrum design.csv --max 60 --json spectrum.json"
+Forces = dict[str, dict[str, float]]
 RESULTS = Results(
     motions="the largest displacements and section forces, and the peak of each mode",
     picture="the spectrum with the modes",
+    read={"spectrum": "the spectrum"},
 )
 
 
@@ -62,12 +67,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--no-missing-mass", action="store_true", help="leave out the inertia that the modes do not have"
     )
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print combined responses."""
-    RESULTS.check(options, InputFile(options.spectrum, "the spectrum"))
+def run(options: Options, progress: Progress) -> Answer:
+    """Return combined responses."""
     study = loaded(options, ())
     refuse_rotors(study)
     table = read_columns(options.spectrum, (FREQUENCY, PERIOD, TIME))
@@ -91,17 +94,43 @@ def run(options: Options, progress: Progress) -> None:
         from viz.style import save
 
         save(plot_spectra(spectra, found.modes.frequency, study.name), options.picture)
-    progress.close()
     share = found.effective_mass / np.where(found.total_mass > 0, found.total_mass, np.inf)
     mesh = study.model.mesh
     members = {m: abs(found.line_forces[rows]).max(axis=(0, 1)) for m, rows in mesh.members.items()}
-    reactions: dict[str, dict[str, float]] = {}
+    reactions: Forces = {}
     for (name, direction), value in found.reactions.items():
         reactions.setdefault(name, {})[direction] = value
-    write_json(
-        options.json,
+    table = Table.of(
+        "modes",
+        Column("mode", range(1, found.modes.n_modes + 1)),
+        Column("frequency", found.modes.frequency, "Hz", ".4f"),
+        *(
+            column
+            for j, k in enumerate(found.directions)
+            for column in (
+                Column(f"S {k}", found.acceleration_of_modes[:, j], "m/s²"),
+                Column(f"mass {k}", share[:, j], "%", ".3f", 100),
+            )
+        ),
+    )
+    sums = ", ".join(f"{k} {100 * m:.2f} %" for k, m in zip(found.directions, share.sum(axis=0), strict=True))
+    forces = ", ".join(f"{k} {f:.5g}" for k, f in zip(found.directions, found.base_force, strict=True))
+    mass = ", missing mass added" * found.missing_mass
+    return Answer(
+        study,
+        [
+            f"{study.name}: {found.combination.upper()} of {found.modes.n_modes} modes{mass}",
+            table,
+            f"effective mass of these modes: {sums}",
+            f"force of the base [N, N·m]: {forces}",
+            "",
+            table_of_reactions(_beyond_rounding(reactions), "support"),
+            "",
+            _largest_forces(members),
+            *(["", _at_sensors(sensors, found)] if sensors else []),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "combination": found.combination,
             "missing_mass": found.missing_mass,
             "directions": found.directions,
@@ -126,11 +155,31 @@ def run(options: Options, progress: Progress) -> None:
                 s.name: {"displacement": u, "acceleration": a}
                 for s, u, a in zip(sensors, found.displacement, found.acceleration, strict=True)
             },
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
     )
-    say(options, *_lines(study, found, share, reactions, members), *assumptions(study))
+
+
+def _beyond_rounding(reactions: Forces) -> Forces:
+    """Return reactions with those that are rounding beside the largest as 0."""
+    clean = iter(without_rounding([value for row in reactions.values() for value in row.values()]))
+    return {name: {d: float(next(clean)) for d in row} for name, row in reactions.items()}
+
+
+def _largest_forces(members: Mapping[str, np.ndarray]) -> Table:
+    """Return the largest section forces of members."""
+    forces = without_rounding(list(members.values()))
+    unit = Column("N, N·m, largest", [""] * len(members), places=("text",))
+    return Table.of("members", Column("member", list(members)), *columns_of(SECTION_FORCES, forces), unit)
+
+
+def _at_sensors(sensors: Sequence[Sensor], found: SpectrumResponse) -> Table:
+    """Return the largest displacements and accelerations of sensors."""
+    return Table.of(
+        "sensors",
+        Column("sensor", [s.name for s in sensors]),
+        Column("relative", without_rounding(found.displacement), "m"),
+        Column("acceleration", without_rounding(found.acceleration), "m/s²"),
+    )
 
 
 def _write_peaks(path: Path, study: Study, found: SpectrumResponse) -> None:
@@ -189,46 +238,3 @@ def _shock_spectra(time: np.ndarray, acceleration: np.ndarray, zeta: float) -> t
     f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(PER_OCTAVE * np.log2(50 * n))) + 1)
     each = [shock_response_spectrum(time, a, f, zeta, response="pseudo_velocity") for a in acceleration.T]
     return f, 2 * np.pi * f[:, None] * np.stack(each, axis=1)
-
-
-def _lines(
-    study: Study,
-    found: SpectrumResponse,
-    share: np.ndarray,
-    reactions: dict[str, dict[str, float]],
-    members: dict[str, np.ndarray],
-) -> list[str]:
-    """Return what is printed."""
-    d, sensors = found.directions, motions_of(study.sensors)
-    head = "".join(f"{f'S {k} m/s²':>12}{f'mass {k} %':>10}" for k in d)
-    width = max([len(m) for m in (*members, *reactions, *(s.name for s in sensors))] + [8])
-    out = [
-        f"{study.name}: {found.combination.upper()} of {found.modes.n_modes} modes"
-        f"{', missing mass added' if found.missing_mass else ''}",
-        f" mode  frequency Hz{head}",
-    ]
-    for k, f in enumerate(found.modes.frequency):
-        cells = "".join(
-            f"{sa:12.5g}{100 * m:10.3f}"
-            for sa, m in zip(found.acceleration_of_modes[k], share[k], strict=True)
-        )
-        out.append(f"{k + 1:5d}  {f:12.4f}{cells}")
-    sums = ", ".join(f"{k} {100 * m:.2f} %" for k, m in zip(d, share.sum(axis=0), strict=True))
-    forces = ", ".join(f"{k} {force:.5g}" for k, force in zip(d, found.base_force, strict=True))
-    out += [f"effective mass of these modes: {sums}", f"force of the base [N, N·m]: {forces}"]
-    out += ["", f"{'support':{width}} " + "".join(f"{k:>12}" for k in DIRECTIONS) + "   N, N·m"]
-    held = iter(without_rounding([value for row in reactions.values() for value in row.values()]))
-    for name, row in ((name, {k: next(held) for k in own}) for name, own in reactions.items()):
-        cells = "".join(f"{row[k]:12.5g}" if k in row else f"{'-':>12}" for k in DIRECTIONS)
-        out.append(f"{name:{width}} {cells}")
-    out += ["", f"{'member':{width}} " + "".join(f"{q:>12}" for q in SECTION_FORCES) + "   N, N·m, largest"]
-    forces = without_rounding(list(members.values()))
-    out += [
-        f"{m:{width}} " + "".join(f"{v:12.5g}" for v in own) for m, own in zip(members, forces, strict=True)
-    ]
-    if sensors:
-        out += ["", f"{'sensor':{width}} {'relative m':>12}{'m/s²':>12}"]
-        moved, accelerated = without_rounding(found.displacement), without_rounding(found.acceleration)
-        for s, u, a in zip(sensors, moved, accelerated, strict=True):
-            out.append(f"{s.name:{width}} {u:12.5g}{a:12.5g}")
-    return out

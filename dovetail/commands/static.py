@@ -2,17 +2,20 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, say
-from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved
+from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
+from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved, table_of_reactions
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import STRESSES, StaticCases, factor_fields, factor_words
-from dovetail.disk.output import Progress, result_folder, write_json
+from dovetail.disk.output import Progress, result_folder
+from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
@@ -53,12 +56,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="N",
         help="equal pieces of each member, at whose ends --json gives section forces (default 20)",
     )
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Print static responses; draw and write them."""
-    RESULTS.check(options)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return static responses; draw and write them."""
     study = loaded(options, ())
     progress("solving for the load cases")
     if options.second_order:
@@ -76,44 +77,37 @@ def run(options: Options, progress: Progress) -> None:
         _write_fields(options.vtu, study, solution)
     if options.pictures is not None:
         _draw(options, solution, progress)
-    progress.close()
     members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
     stresses = {m: s for m in members if (s := solution.stresses(m, options.pieces)) is not None}
     on_lines = solution.beyond_rounding(solution.forces_on_lines(4))
     largest = [_largest_fields(study, found) for found in solution.largest_displacements()]
-    write_json(
-        options.json,
+    each = {
+        name: _envelope_fields(study, solution, on_lines, stresses, columns)
+        for name, columns in envelopes.items()
+    }
+    return Answer(
+        study,
+        [
+            f"{study.name}: {study.model.mesh.n_lines} elements, {len(solution.cases)} load case(s)",
+            *(
+                part
+                for k in range(len(solution.cases))
+                for part in _case(study, solution, on_lines, stresses, largest[k], k)
+            ),
+            *(part for name, fields in each.items() for part in _envelope(name, fields)),
+            *notes_of_mesh(study),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "section_forces": SECTION_FORCES,
             **factor_fields(solution),
             "cases": {
                 name: _case_fields(study, solution, members, stresses, largest[k], k)
                 for k, name in enumerate(solution.cases)
             },
-            "envelopes": {
-                name: _envelope_fields(study, solution, on_lines, stresses, columns)
-                for name, columns in envelopes.items()
-            },
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
+            "envelopes": each,
         },
-    )
-    say(
-        options,
-        f"{study.name}: {study.model.mesh.n_lines} elements, {len(solution.cases)} load case(s)",
-        *(
-            line
-            for k in range(len(solution.cases))
-            for line in _case_lines(study, solution, on_lines, stresses, largest[k], k)
-        ),
-        *(
-            line
-            for name, columns in envelopes.items()
-            for line in _envelope_lines(name, study, solution, on_lines, stresses, columns)
-        ),
-        *notes_of_mesh(study),
-        *assumptions(study),
+        sheets=[_along_members(solution, members)],
     )
 
 
@@ -165,24 +159,40 @@ def _largest_fields(study: Study, found: LargestDisplacement) -> Fields:
     return {"m": found.size, "place": f"{found.member} at {found.position:.4g} m", "at": at}
 
 
-def _case_lines(
+def _along_members(solution: StaticCases, members: Fields) -> Table:
+    """Return section forces and displacements along members in all load cases, for files."""
+    rows = [(m, x) for _ in solution.cases for m, s in members.items() for x in s.positions]
+    units = [unit for unit in ("N", "N·m", "m", "rad") for _ in range(3)]
+    parts = [
+        np.hstack([s.forces[:, :, k], s.displacements[:, :, k]])
+        for k in range(len(solution.cases))
+        for s in members.values()
+    ]
+    values = zip((*SECTION_FORCES, *DIRECTIONS), np.vstack(parts).T, units, strict=True)
+    return Table.of(
+        "along members",
+        Column("load case", np.repeat(solution.cases, len(rows) // len(solution.cases))),
+        Column("member", [m for m, _ in rows]),
+        Column("position", [x for _, x in rows], "m"),
+        *(Column(name, column, unit) for name, column, unit in values),
+    )
+
+
+def _case(
     study: Study, solution: StaticCases, on_lines: np.ndarray, stresses: Stresses, largest: Fields, k: int
-) -> list[str]:
+) -> list[str | Table]:
     """Return what is printed of a load case."""
     rows: dict[str, dict[str, float]] = {}
     for (name, direction), value in solution.held_beyond_rounding().items():
         rows.setdefault(name, {})[direction] = float(value[k])
-    width = max([len(r) for r in rows] + [8])
-    out = [
+    reactions = table_of_reactions(rows, "reaction", "  ")
+    case = solution.cases[k]
+    out: list[str | Table] = [
         "",
-        f"{solution.cases[k]}: largest displacement {1e3 * largest['m']:.4g} mm, {largest['place']}"
-        f"{factor_words(solution, solution.cases[k])}",
-        f"  {'reaction':{width}} " + "".join(f"{d:>12}" for d in DIRECTIONS) + "   N, N·m",
+        f"{case}: largest displacement {1e3 * largest['m']:.4g} mm, {largest['place']}"
+        f"{factor_words(solution, case)}",
+        replace(reactions, title=f"reactions, {case}"),
     ]
-    for name, row in rows.items():
-        cells = "".join(f"{row[d]:12.5g}" if d in row else f"{'-':>12}" for d in DIRECTIONS)
-        others = "".join(f"  {d} {v:.5g}" for d, v in row.items() if d not in DIRECTIONS)
-        out.append(f"  {name:{width}} {cells}{others}")
     member = study.model.mesh.member_of_line()
     each = np.moveaxis(on_lines[..., k], -1, 0)
     for q, values in zip(SECTION_FORCES, each, strict=True):
@@ -265,33 +275,25 @@ def _envelope_of_stresses(
     return {name: fields(values[..., columns]) for name, values in each.items() if values is not None}
 
 
-def _envelope_lines(
-    name: str,
-    study: Study,
-    solution: StaticCases,
-    on_lines: np.ndarray,
-    stresses: Stresses,
-    columns: list[int],
-) -> list[str]:
+def _envelope(name: str, found: Fields) -> list[str | Table]:
     """Return what is printed of an envelope: ranges of section forces and stresses of each member."""
-    found = _envelope_fields(study, solution, on_lines, stresses, columns)
-    width = max(len(m) for m in found["members"])
-    head = "".join(f"{f'{q} low':>11}{f'{q} high':>11}" for q in SECTION_FORCES)
-    rows = [
-        f"  {member:{width}} "
-        + "".join(f"{own[q][end]:11.4g}" for q in SECTION_FORCES for end in ("low", "high"))
-        for member, own in found["members"].items()
+    members = found["members"]
+    forces = [
+        Column(f"{q} {end}", [own[q][end] for own in members.values()], show=".4g")
+        for q in SECTION_FORCES
+        for end in ("low", "high")
     ]
+    table = Table(f"envelope {name}", [Column("", list(members)), *forces], "  ")
     ranges = [
         f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"
-        for member, own in found["members"].items()
+        for member, own in members.items()
         if "stress" in own
     ]
-    rows += [f"  normal stress [MPa]: {', '.join(ranges)}"] if ranges else []
+    rows = [f"  normal stress [MPa]: {', '.join(ranges)}"] if ranges else []
     for key, words in (("stress_shear", STRESSES["shear"]), ("stress_von_mises", STRESSES["von_mises"])):
-        most = [f"{m} {1e-6 * own[key]['high']:.4g}" for m, own in found["members"].items() if key in own]
+        most = [f"{m} {1e-6 * own[key]['high']:.4g}" for m, own in members.items() if key in own]
         rows += [f"  {words} [MPa]: {', '.join(most)}"] if most else []
-    return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", f"  {'':{width}} {head}", *rows]
+    return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", table, *rows]
 
 
 def _write_fields(path: Path, study: Study, solution: StaticCases) -> None:

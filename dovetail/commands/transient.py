@@ -1,25 +1,27 @@
 """``dovetail transient``: responses of the sensors in time."""
 
 import argparse
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import finite, motion_at, positive, whole_up_to
-from dovetail.commands.common import Options, assumptions, loaded, say, without_rounding
+from dovetail.commands.common import Options, assumptions, loaded, noted, without_rounding
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
-from dovetail.disk.output import OutputError, Progress, write_json
+from dovetail.disk.output import OutputError, Progress
 from dovetail.file.histories import Columns, read_columns
 from dovetail.file.initial import InitialMotion, start_of
-from dovetail.file.paths import InputFile
 from dovetail.file.table import suggest
+from dovetail.report.table import Column, Table, columns_of
 from dovetail.study import Study
-from fem.analysis.excitation import Excitation, TimeResponse, interpolated
+from fem.analysis.excitation import Excitation, interpolated
 from fem.analysis.transient import METHODS, solve_transient
 from fem.io.atomic import replacing
 from fem.system import System, assemble
@@ -33,6 +35,7 @@ RESULTS = Results(
     formats=(".csv", ".npz"),
     motions="displacements of the whole structure at some times",
     picture="the responses",
+    read={"excitation": "the excitation"},
 )
 Start = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Displacements and velocities of all DOFs."""
@@ -92,13 +95,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of times, from the first to the last, whose displacements --vtu has (default 100)",
     )
-    RESULTS.add_arguments(p)
 
 
-def run(options: Options, progress: Progress) -> None:
-    """Compute responses in time, print their peaks, draw and write them."""
-    read = [] if options.excitation is None else [InputFile(options.excitation, "the excitation")]
-    RESULTS.check(options, *read)
+def run(options: Options, progress: Progress) -> Answer:
+    """Return responses in time and their peaks; draw and write them."""
     study = at_asked_speed(loaded(options, ("sensors",)), options)
     sensors = require_sensors(study)
     system = assemble(study.model, reciprocal=False)
@@ -120,8 +120,10 @@ def run(options: Options, progress: Progress) -> None:
         snapshots=() if options.vtu is None else frames,
     )
     names = [s.name for s in sensors]
-    if options.out is not None:
-        _write(options.out, found, names)
+    if options.out is not None and options.out.suffix.lower() == ".npz":
+        with replacing(options.out) as scratch, scratch.open("wb") as file:
+            arrays = {q: getattr(found, q) for q in QUANTITIES}
+            np.savez_compressed(file, time=found.time, outputs=np.array(names), **arrays)
     if options.vtu is not None:
         times = found.time[frames]
         motions = dict(zip((f"{t:.6g} s" for t in times), found.snapshots.T, strict=True))
@@ -132,12 +134,22 @@ def run(options: Options, progress: Progress) -> None:
 
         panels = [(f"{q} [{unit}]", getattr(found, q)) for q, unit in QUANTITIES.items()]
         save(plot_histories(found.time, panels, names, study.name), options.picture)
-    progress.close()
     peaks = {q: found.peak(q) for q in QUANTITIES}
-    write_json(
-        options.json,
+    largest = [Column("sensor", names)]
+    for q, unit in QUANTITIES.items():
+        sizes = without_rounding(peaks[q][0])
+        largest += [Column(q, sizes, unit), Column("at", np.where(sizes > 0, peaks[q][1], np.nan), "s")]
+    every = [columns_of((f"{n} {q}" for n in names), getattr(found, q), u) for q, u in QUANTITIES.items()]
+    return Answer(
+        study,
+        [
+            f"{study.name}: {found.method}, {found.n_modes} modes, {found.time.size} times up to "
+            f"{found.time[-1]:g} s; largest sizes",
+            Table("largest responses", largest),
+            *noted(found.notes),
+            *assumptions(study),
+        ],
         {
-            "study": study.name,
             "method": found.method,
             "n_modes": found.n_modes,
             "relative": found.relative,
@@ -150,28 +162,8 @@ def run(options: Options, progress: Progress) -> None:
                 for i, name in enumerate(names)
             },
             "notes": found.notes,
-            "assumptions": study.assumptions,
-            "warnings": study.warnings,
         },
-    )
-    width = max([len(n) for n in names] + [6])
-    head = "".join(f"{f'{q} {unit}':>20}  at s    " for q, unit in QUANTITIES.items()).rstrip()
-    sizes = {q: without_rounding(peaks[q][0]) for q in QUANTITIES}
-    say(
-        options,
-        f"{study.name}: {found.method}, {found.n_modes} modes, {found.time.size} times up to "
-        f"{found.time[-1]:g} s; largest sizes",
-        f"{'sensor':{width}} {head}",
-        *(
-            f"{name:{width}} "
-            + "".join(
-                f"{sizes[q][i]:20.5g}  {f'{peaks[q][1][i]:.5g}' if sizes[q][i] else '-':8}"
-                for q in QUANTITIES
-            ).rstrip()
-            for i, name in enumerate(names)
-        ),
-        *(f"note: {note}" for note in found.notes),
-        *assumptions(study),
+        full=Table("responses", [Column("time", found.time, "s"), *chain(*every)]),
     )
 
 
@@ -235,17 +227,3 @@ def _excitation(study: Study, options: Options, initial: Start | None) -> Excita
         values = np.vstack([values, np.zeros((more, values.shape[1]))])[:n]
     base = {d: values[:, k] for d, k in driven.base.items()}
     return Excitation.of(study.model, time, driven.loads, values[:, list(driven.of_loads)], base)
-
-
-def _write(path: Path, found: TimeResponse, names: list[str]) -> None:
-    """Write responses, whole or not at all."""
-    with replacing(path) as scratch:
-        if path.suffix.lower() == ".npz":
-            arrays = {q: getattr(found, q) for q in QUANTITIES}
-            with open(scratch, "wb") as file:
-                np.savez_compressed(file, time=found.time, outputs=np.array(names), **arrays)
-            return
-        head = [f"{name} {q} [{unit}]" for q, unit in QUANTITIES.items() for name in names]
-        columns = np.hstack([found.time[:, None], *(getattr(found, q) for q in QUANTITIES)])
-        text = ",".join(["time [s]", *head])
-        np.savetxt(scratch, columns, fmt="%.9g", delimiter=",", header=text, comments="", encoding="utf-8")

@@ -1,22 +1,18 @@
 """``dovetail update``: uncertain parameters fitted to modes or FRFs."""
 
 import argparse
-import csv
-import io
 from pathlib import Path
 from typing import Any
 
+from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_pool, whole, whole_up_to
-from dovetail.commands.common import (
-    Options,
-    check_places,
-    loaded,
-    say,
-)
+from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.stepping import said
-from dovetail.commands.update_report import REPORT, errors_before_and_after, write_update_report
+from dovetail.commands.update_report import errors_before_and_after, write_update_report
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
+from dovetail.report.table import Column, Table, columns_of, write_csv
+from dovetail.result import PICTURES, REPORT
 from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
 from updating.inference.updated import Updated
@@ -61,12 +57,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_pool(p, "refits")
 
 
-def run(options: Options, progress: Progress) -> None:
+def run(options: Options, progress: Progress) -> Answer:
     """Update a study's model to its measurement; write a report and the study with the new values."""
     if options.bootstrap is not None and options.bootstrap < LEAST:
         msg = f"--bootstrap {options.bootstrap}: at least {LEAST} resamples are needed"
         raise OutputError(msg)
-    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, "pictures"))]
+    places = [Output("--out", options.out, (REPORT, STUDY, JSON, REFITS, PICTURES))]
     folder = options.out.with_name(f"{options.out.name}-bootstrap")
     if options.bootstrap is not None:
         places.append(Output("--out", folder, (JOURNAL,)))
@@ -88,29 +84,41 @@ def run(options: Options, progress: Progress) -> None:
         write_json(scratch / JSON, data, NULLS)
         write_update_report(result, unsaid, scratch, refits)
         if refits is not None:
-            (scratch / REFITS).write_text(_table_of(refits), encoding="utf-8")
-    progress.close()
-    write_json(options.json, data, NULLS)
+            write_csv(scratch / REFITS, _table_of(refits))
     u = result.updated
-    say(
-        options,
-        f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
-        u.table(),
-        *errors_before_and_after(result),
-        *_sampled(u),
-        *(lines_of(refits) if refits is not None else ()),
-        *(f"note: {text}" for text in (*result.notes, *unsaid, *study.measured_notes)),
-        f"{options.out / REPORT} and {options.out / STUDY} are written",
+    return Answer(
+        None,  # JSON is update.json
+        [
+            f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
+            u.table(),
+            *errors_before_and_after(result),
+            *_sampled(u),
+            *(lines_of(refits) if refits is not None else ()),
+            *noted(result.notes, unsaid, study.measured_notes),
+            f"{options.out / REPORT} and {options.out / STUDY} are written",
+        ],
+        data,
+        NULLS,
+        sheets=[_parameters(u), Table("correlation", columns_of(u.names, u.correlation))],
     )
 
 
-def _table_of(found: Bootstrap) -> str:
-    """Return the values of all refits as CSV."""
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\n")
-    table.writerow([f"{p.name} [{p.unit}]" for p in found.updated.parameters])
-    table.writerows([f"{value:.10g}" for value in row] for row in found.values)
-    return out.getvalue()
+def _table_of(found: Bootstrap) -> Table:
+    """Return the values of all refits."""
+    each = zip(found.updated.parameters, found.values.T, strict=True)
+    return Table("refits", [Column(p.name, values, p.unit) for p, values in each])
+
+
+def _parameters(u: Updated) -> Table:
+    """Return the parameters, their bounds and their uncertainty."""
+    keys = ("name", "unit", "start", "lower", "upper", "prior_std", "value", "std", "interval_95")
+    keys += ("at_bound", "determined", "from_prior")
+    rows = [[p.interval(0.95) if k == "interval_95" else getattr(p, k) for k in keys] for p in u.parameters]
+    columns = [
+        Column(key.replace("_", " "), values, key=key, places=() if key == "interval_95" else ("file",))
+        for key, values in zip(keys, zip(*rows, strict=True), strict=True)
+    ]
+    return Table("parameters", columns)
 
 
 def _quantiles(u: Updated) -> list[dict[str, Any]]:
@@ -139,14 +147,7 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         "study": result.study.name,
         "to": result.to,
         "ending": u.ending.value[0],
-        "parameters": [
-            {
-                "name": p.name, "unit": p.unit, "start": p.start, "lower": p.lower, "upper": p.upper,
-                "prior_std": p.prior_std, "value": p.value, "std": p.std, "interval_95": p.interval(0.95),
-                "at_bound": p.at_bound, "determined": p.determined, "from_prior": p.from_prior,
-            }
-            for p in u.parameters
-        ],
+        "parameters": _parameters(u).records(),
         "correlation": u.correlation,
         "misfit": dict(u.misfit),
         **({} if u.samples is None else {"samples": _quantiles(u)}),

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.ensemble.bootstrap import Bootstrap, sentences
+from dovetail.report.blocks import Group, Items, Picture, Report, Section, TableBlock, Text
+from dovetail.result import PICTURES, REPORT
 from dovetail.update import StudyUpdate
 
 if TYPE_CHECKING:
     from updating.correlation.pairing import ModeComparison
     from updating.inference.updated import UpdatedParameter
-
-
-REPORT = "report.html"
 
 
 def errors_before_and_after(result: StudyUpdate) -> list[str]:
@@ -34,7 +33,7 @@ def write_update_report(
     result: StudyUpdate, unsaid: tuple[str, ...], folder: Path, refits: Bootstrap | None = None
 ) -> None:
     """Write the report and its pictures into a folder."""
-    from dovetail.report import page
+    from dovetail.report.page import report_page
     from updating.measurement.computed import computed_frf
     from viz.correlation import plot_mode_pairs
     from viz.curves import plot_frf
@@ -43,21 +42,29 @@ def write_update_report(
     from viz.updating import plot_bootstrap, plot_convergence, plot_correlation, plot_parameters
 
     u, study = result.updated, result.study
-    pictures = folder / "pictures"
+    pictures = folder / PICTURES
     pictures.mkdir()
 
-    def picture(name: str, figure: Any, caption: str) -> page.Markup:
-        return page.image(save(figure, pictures / f"{name}.png"), caption, caption)
+    def picture(name: str, figure: Any, caption: str) -> Picture:
+        return Picture(save(figure, pictures / f"{name}.png"), caption, caption)
 
-    shown: list[page.Markup] = []
+    words = [*study.warnings, *u.messages, *result.notes, *unsaid]
+    parameters = picture(
+        "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
+    )
+    sections = [
+        Section("Parameters", (_parameter_table(result), parameters)),
+        Section("Doubts", (Items(words),)),
+    ]
     if result.after is not None and result.before is not None:
-        shown.append(page.section("Modes", _mode_table(result.before, result.after)))
         caption = "Measured modes and those of the updated model."
-        shown.append(picture("modes", plot_mode_pairs(result.after), caption))
+        drawn = picture("modes", plot_mode_pairs(result.after), caption)
+        sections.append(Section("Modes", (_mode_table(result.before, result.after), drawn)))
     if result.identified is not None:
         data = study.measurements[0].frf
         caption = "Mode indicators, poles of all orders, and the modes that were taken."
-        shown.append(picture("stabilisation", plot_stabilisation(data, result.identified), caption))
+        drawn = picture("stabilisation", plot_stabilisation(data, result.identified), caption)
+        sections.append(Section("Identified modes", (drawn,)))
     m = result.measurement
     if m is not None:
         frf = m.frf.select(lines=m.frf.frequency > 0, band=study.band)
@@ -66,59 +73,40 @@ def write_update_report(
             for label, model in (("at the start", study.model), ("updated", u.model))
         }
         caption = "Measured FRFs, and those of the model at the start and at the end."
-        shown.append(page.section("FRFs", picture("frfs", plot_frf(frf, models), caption)))
+        sections.append(Section("FRFs", (picture("frfs", plot_frf(frf, models), caption),)))
     if refits is not None:
         caption = "Refits of resamples (5 to 95 %, median) and the linearised interval of as many per cent."
         drawn = picture("bootstrap", plot_bootstrap(u, refits.values), caption)
-        words = page.bullets(sentences(refits))
-        shown.append(page.section("Bootstrap", _bootstrap_table(refits), drawn, words))
-    head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
+        sections.append(Section("Bootstrap", (_bootstrap_table(refits), drawn, Items(sentences(refits)))))
+    steps = [picture("convergence", plot_convergence(u), "Errors and parameters over the steps.")]
+    if len(u.parameters) > 1:
+        steps.append(picture("correlation", plot_correlation(u), "Correlations of the estimates."))
+    sections += [
+        Section("How it came about", steps),
+        Section("Notes on the mesh file", (Items(study.model.mesh.notes),)),
+        Section("Notes on the measured files", (Items(study.measured_notes),)),
+        Section("Assumptions", (Items(study.assumptions),)),
+    ]
+    verdict = (
+        Text(f"Updated to {' and '.join(result.to)}", "kind"),
+        Text(f"{u.ending.value[0]}: {u.ending.cause}", "value"),
+        *map(Text, errors_before_and_after(result)),
+    )
+    first = Group("verdict " + ("nothing" if u.converged else "unexplained"), verdict)
+    report = Report(study.name, "updated", (first,), sections)
+    (folder / REPORT).write_text(report_page(report), encoding="utf-8")
+
+
+def _parameter_table(result: StudyUpdate) -> TableBlock:
+    u = result.updated
     related = [_most_correlated(result, i) for i in range(len(u.parameters))]
     rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
-    words = [*study.warnings, *u.messages, *result.notes, *unsaid]
-    html = page.page(
-        f"{study.name}: updated",
-        page.tag("h1", study.name),
-        page.tag(
-            "div",
-            page.tag("p", f"Updated to {' and '.join(result.to)}", class_="kind"),
-            page.tag("p", f"{u.ending.value[0]}: {u.ending.cause}", class_="value"),
-            *(page.paragraph(text) for text in errors_before_and_after(result)),
-            class_="verdict " + ("nothing" if u.converged else "unexplained"),
-        ),
-        page.section(
-            "Parameters",
-            page.table([*head, "most correlated with"], rows, numbers=range(2, 9), at_most=60),
-            picture(
-                "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
-            ),
-        ),
-        page.section("Doubts", page.bullets(words)) if words else "",
-        *shown,
-        page.section(
-            "How it came about",
-            picture("convergence", plot_convergence(u), "Errors and parameters over the steps."),
-            picture("correlation", plot_correlation(u), "Correlations of the estimates.")
-            if len(u.parameters) > 1
-            else "",
-        ),
-        *(
-            page.section(head, page.bullets(notes))
-            for head, notes in (
-                ("Notes on the mesh file", study.model.mesh.notes),
-                ("Notes on the measured files", study.measured_notes),
-            )
-            if notes
-        ),
-        page.section("Assumptions", page.bullets(study.assumptions)) if study.assumptions else "",
-    )
-    (folder / REPORT).write_text(html, encoding="utf-8")
+    head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
+    return TableBlock([*head, "most correlated with"], rows, numbers=range(2, 9), at_most=60)
 
 
-def _bootstrap_table(found: Bootstrap) -> Any:
+def _bootstrap_table(found: Bootstrap) -> TableBlock:
     """Return the standard deviations of the refits beside the linearised ones."""
-    from dovetail.report import page
-
     rows = [
         (p.name, p.unit, f"{p.value:.5g}", f"{p.std:.3g}" if np.isfinite(p.std) else "-", f"{std:.3g}",
          f"{bias:.2g} ± {error:.2g}", *(f"{v:.5g}" for v in q))
@@ -128,7 +116,7 @@ def _bootstrap_table(found: Bootstrap) -> Any:
         )
     ]  # fmt: skip
     head = ["parameter", "unit", "value", "linearised std", f"std of {found.n} refits", "bias"]
-    return page.table([*head, "5 %", "median", "95 %"], rows, numbers=range(2, 9), at_most=60)
+    return TableBlock([*head, "5 %", "median", "95 %"], rows, numbers=range(2, 9), at_most=60)
 
 
 def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
@@ -151,9 +139,7 @@ def _most_correlated(result: StudyUpdate, i: int) -> str:
     return f"{result.updated.names[k]} ({result.updated.correlation[i, k]:+.2f})"
 
 
-def _mode_table(before: "ModeComparison", after: "ModeComparison") -> Any:
-    from dovetail.report import page
-
+def _mode_table(before: "ModeComparison", after: "ModeComparison") -> TableBlock:
     def by_measured(c: "ModeComparison") -> dict[int, tuple[float, float]]:
         return {i: (float(c.frequency_computed[j]), float(c.mac[i, j])) for i, j in c.pairs}
 
@@ -169,4 +155,4 @@ def _mode_table(before: "ModeComparison", after: "ModeComparison") -> Any:
                 cells += ["-", "-", "-"]
         rows.append(cells)
     head = ["mode", "measured [Hz]", "start [Hz]", "error [%]", "MAC", "updated [Hz]", "error [%]", "MAC"]
-    return page.table(head, rows, numbers=range(8))
+    return TableBlock(head, rows, numbers=range(8))

@@ -85,9 +85,8 @@ class PlanView:
             self._choice("Shown", SHOWN, self._what, lambda e: self._draw(plan, what=e.value))
         self._figure = ui.element("div").style("width: 100%")
         self._draw(plan)
-        rows = [
-            dict(zip(planning.HEAD, planning.cells_of(row), strict=True)) for row in planning.kind_rows(plan)
-        ]
+        head, cells = planning.table_of_kinds(planning.kind_rows(plan)).texts()
+        rows = [dict(zip(head, row, strict=True)) for row in cells]
         columns = [
             {
                 "name": h,
@@ -96,7 +95,7 @@ class PlanView:
                 "align": "left",
                 "classes": "desk-share" if h in SHARES else "",
             }
-            for h in planning.HEAD
+            for h in head
         ]
         table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells")
         table.props["aria-label"] = "Kinds of effects"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles
 from dovetail.ensemble.run import Ensemble
 from dovetail.file.contents import Study
+from dovetail.report.table import Column, Table, columns_of, write_csv
 from fem.analysis.frf import FRF
 from fem.io.atomic import replacing
 from fem.summary import counted
@@ -43,18 +44,29 @@ def write_files(ensemble: Ensemble, study: Study, folder: Path) -> None:
     }
     with replacing(folder / BANDS) as scratch, scratch.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-    head = ["mode", *(f"{q} [Hz]" for q in _words()), *(f"error of {q} [Hz]" for q in _words())]
-    rows = np.column_stack([np.arange(1, f.value.shape[1] + 1), f.value.T, f.error.T])
-    _write_csv(folder / FREQUENCIES, head, rows)
+    write_csv(folder / FREQUENCIES, frequencies(ensemble))
     if levels.value.size:
         units = [quantity_of(model.kind, i)[1] for _ in study.sensors for i in study.excitations]
-        head = [
-            "frequency [Hz]",
-            *(f"{n} {q} [{u}]" for n, u in zip(names, units, strict=True) for q in _words()),
-        ]
         by_frf = np.exp(levels.value).transpose(1, 2, 3, 0).reshape(len(model.frequency), -1)
-        _write_csv(folder / FRFS, head, np.column_stack([model.frequency, by_frf]))
+        heads = [(f"{n} {q}", u) for n, u in zip(names, units, strict=True) for q in _words()]
+        each = [Column(n, v, u) for (n, u), v in zip(heads, by_frf.T, strict=True)]
+        write_csv(folder / FRFS, Table("FRFs", [Column("frequency", model.frequency, "Hz"), *each]))
     draw(ensemble, study, folder / PICTURE)
+
+
+def frequencies(ensemble: Ensemble) -> Table:
+    """Return quantiles of natural frequencies with their standard errors."""
+    f = ensemble.frequency
+    return Table.of(
+        "natural frequencies",
+        Column("mode", range(1, f.value.shape[1] + 1)),
+        *columns_of(
+            (w.replace("50 %", "median") for w in _words()), f.value.T, "Hz", ".4f", places=("text",)
+        ),
+        *columns_of(_words(), f.value.T, "Hz", places=("file",)),
+        *columns_of((f"error of {q}" for q in _words()), f.error.T, "Hz", places=("file",)),
+        Column("standard errors", [_errors(e) for e in f.error.T], "Hz", places=("text",)),
+    )
 
 
 def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
@@ -133,18 +145,14 @@ def as_dict(ensemble: Ensemble, study: Study) -> dict[str, Any]:
     }
 
 
-def lines_of(ensemble: Ensemble, study: Study) -> list[str]:
+def lines_of(ensemble: Ensemble, study: Study) -> list[str | Table]:
     """Return the tables and sentences that the command prints."""
-    model, f = ensemble.model, ensemble.frequency
+    model = ensemble.model
     n, refs = model.reduced.model.n_dof, model.uncertainty.unknowns
     return [
         f"{study.name}: {counted(ensemble.n, 'sample')} of {counted(len(refs), 'uncertain parameter')} and "
         f"the damping, {n} DOFs on {model.reduced.basis.T.shape[1]} vectors",
-        " mode        5 % Hz     median Hz       95 % Hz   standard errors Hz",
-        *(
-            f"{k + 1:5d}  {v[0]:12.4f}  {v[1]:12.4f}  {v[2]:12.4f}   {_errors(e)}"
-            for k, (v, e) in enumerate(zip(f.value.T, f.error.T, strict=True))
-        ),
+        frequencies(ensemble),
         *_sentences(ensemble, study),
     ]
 
@@ -210,9 +218,3 @@ def _words() -> list[str]:
 
 def _errors(e: Floats) -> str:
     return " ".join(f"{x:.2g}" if np.isfinite(x) else "?" for x in e)
-
-
-def _write_csv(path: Path, head: list[str], rows: Floats) -> None:
-    header = ",".join(f'"{h}"' if "," in h else h for h in head)
-    with replacing(path) as scratch:
-        np.savetxt(scratch, rows, fmt="%.9g", delimiter=",", header=header, comments="", encoding="utf-8")

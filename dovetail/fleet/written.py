@@ -1,6 +1,5 @@
 """A fleet as tables, files, a picture and a page."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,9 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.fleet.diagnosing import cause_text
 from dovetail.fleet.run import Triaged
-from dovetail.report.page import bullets, facts, image, page, paragraph, section, table, tag
+from dovetail.report.blocks import Facts, Items, Picture, Section, TableBlock, Text
+from dovetail.report.page import page, tag
+from dovetail.report.table import Column, Table, write_csv
 from dovetail.units.folder import Record
 from dovetail.units.outcome import Outcome
 from fem.io.atomic import replacing
@@ -133,17 +134,37 @@ def population_rows(triaged: Triaged) -> list[tuple[str, str, float, float, floa
     return out
 
 
+def ranking(rows: Sequence[Row]) -> Table:
+    """Return the ranking for files: all that is known of each unit."""
+    numbers = {"probability": "probability", "odds": "log odds", "distance": "distance", "rest": "rest"}
+    return Table.of(
+        "ranking",
+        Column("unit", [str(r.file) for r in rows]),
+        *(Column(name, [getattr(r, key) for r in rows]) for key, name in numbers.items()),
+        *(Column(name, [getattr(r, name) for r in rows]) for name in ("where", "cause")),
+        Column("warnings", ["; ".join(r.warnings) for r in rows]),
+    )
+
+
+def population(triaged: Triaged) -> Table:
+    """Return name, unit, nominal value, mean and relative scatter of what the units' data determine."""
+    rows = population_rows(triaged)
+    names, units, nominal, mean, scatter = zip(*rows, strict=True) if rows else ((),) * 5
+    return Table.of(
+        "population",
+        Column("population", names, key="name"),
+        Column("unit", units, key="unit", places=("file",)),
+        Column("nominal", nominal, key="nominal"),
+        Column("mean", mean, key="mean"),
+        Column("scatter", scatter, "%", ".3g", 100, key="scatter"),
+    )
+
+
 def write_files(
     triaged: Triaged, rows: Sequence[Row], study: Study, folder: Path, failures: Sequence[Outcome]
 ) -> None:
     """Write the ranking as CSV, the picture and the page."""
-    head = ["unit", "probability", "log odds", "distance", "rest", "where", "cause", "warnings"]
-    with replacing(folder / RANKING) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(head)
-        for r in rows:
-            numbers = [f"{x:.6g}" for x in (r.probability, r.odds, r.distance, r.rest)]
-            writer.writerow([r.file, *numbers, r.where, r.cause, "; ".join(r.warnings)])
+    write_csv(folder / RANKING, ranking(rows))
     from viz.fleet import plot_fleet
     from viz.style import save
 
@@ -164,39 +185,27 @@ def _page(
     ]
     outliers = [k for k, r in enumerate(rows) if r.probability > 0.5]
     head = ("unit", "probability", "distance in parameters [σ]", "rest [σ]", "where", "cause")
-    parts = [
-        section(
-            "Ranking",
-            paragraph(*summary_of(triaged, rows)),
-            table(head, cells, numbers=(1, 2, 3), marked=outliers, at_most=max(PRINTED, len(outliers) + 10)),
-        ),
-        section(
-            "Distance and rest of all units",
-            image(picture, "Distance in the parameters and rest of each unit", MODEL),
-        ),
-        section(
-            "Population",
-            table(
-                ("parameter", "unit", "nominal", "mean", "scatter [%]"),
-                [
-                    (n, u, f"{a:.5g}", f"{b:.5g}", f"{100 * s:.3g}")
-                    for n, u, a, b, s in population_rows(triaged)
-                ],
-                numbers=(2, 3, 4),
-            ),
-        ),
+    shown = max(PRINTED, len(outliers) + 10)
+    ranking = TableBlock(head, cells, numbers=(1, 2, 3), marked=outliers, at_most=shown)
+    drawn = Picture(picture, "Distance in the parameters and rest of each unit", MODEL)
+    population = [
+        (n, u, f"{a:.5g}", f"{b:.5g}", f"{100 * s:.3g}") for n, u, a, b, s in population_rows(triaged)
     ]
+    scatter = ("parameter", "unit", "nominal", "mean", "scatter [%]")
     lost = [f"{Path(_name(o)).name}: {o.failure}" for o in (*triaged.failures, *failures)]
-    if lost:
-        parts.append(section("Units that failed", bullets(lost)))
     warned = [f"{r.file.name}: {w}" for r in rows for w in r.warnings]
-    if warned:
-        parts.append(section("Warnings", bullets(warned)))
-    about = facts(
-        [("study", study.path.name), ("model", f"{triaged.fleet.problem.reduced.model.n_dof} DOFs")]
-    )
+    size = f"{triaged.fleet.problem.reduced.model.n_dof} DOFs"
     title = f"{study.name}: fleet"
-    return page(title, tag("h1", title), *parts, section("About", about))
+    return page(
+        title,
+        tag("h1", title),
+        Section("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
+        Section("Distance and rest of all units", [drawn]),
+        Section("Population", [TableBlock(scatter, population, numbers=(2, 3, 4))]),
+        Section("Units that failed", [Items(lost)]),
+        Section("Warnings", [Items(warned)]),
+        Section("About", [Facts([("study", study.path.name), ("model", size)])]),
+    )
 
 
 def summary_of(triaged: Triaged, rows: Sequence[Row]) -> list[str]:
@@ -209,23 +218,27 @@ def summary_of(triaged: Triaged, rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def lines_of(triaged: Triaged, rows: Sequence[Row], study: Study, failures: Sequence[Outcome]) -> list[str]:
+def lines_of(
+    triaged: Triaged, rows: Sequence[Row], study: Study, failures: Sequence[Outcome]
+) -> list[str | Table]:
     """Return the tables that the command prints."""
     shown = rows[:PRINTED]
-    width = max([len(r.file.name) for r in shown] + [4])
-    out = [
+    causes = [f"cause of {r.file.name}: {r.cause}" for r in shown if r.cause]
+    out: list[str | Table] = [
         f"{study.name}: {' '.join(summary_of(triaged, rows))}",
-        f"{'unit':{width}}  probability  distance     rest  where",
-        *(
-            f"{r.file.name:{width}}  {r.probability:11.4f}  {r.distance:8.2f}  {r.rest:7.2f}  {r.where}"
-            + (f"\n{'':{width}}  cause: {r.cause}" if r.cause else "")
-            for r in shown
+        Table.of(
+            "ranking",
+            Column("unit", [r.file.name for r in shown]),
+            Column("probability", [r.probability for r in shown], show=".4f"),
+            Column("distance", [r.distance for r in shown], show=".2f"),
+            Column("rest", [r.rest for r in shown], show=".2f"),
+            Column("where", [r.where for r in shown]),
         ),
+        *causes,
     ]
     if len(rows) > len(shown):
         out.append(f"… and {len(rows) - len(shown)} more in {RANKING}")
-    out += ["", "population                          nominal         mean  scatter %"]
-    out += [f"{n:30} {a:12.5g} {b:12.5g} {100 * s:10.3g}" for n, _, a, b, s in population_rows(triaged)]
+    out += ["", population(triaged)]
     lost = (*triaged.failures, *failures)
     if lost:
         out += ["", f"{counted(len(lost), 'unit')} failed, and the same command tries again:"]
@@ -260,10 +273,7 @@ def as_dict(
         ],
         "share_of_outliers": p.share,
         "rest_of_regular": {"mean_log": p.rest_mean, "std_log": p.rest_std},
-        "population": [
-            {"name": n, "unit": u, "nominal": a, "mean": b, "scatter": s}
-            for n, u, a, b, s in population_rows(triaged)
-        ],
+        "population": population(triaged).records(),
         "failures": [{"file": _name(o), "reason": o.failure} for o in (*triaged.failures, *failures)],
     }
 

@@ -40,5 +40,5 @@ class Planned:
 
     def _repr_html_(self) -> str:
         """Return the table of kinds."""
-        rows = [planning.cells_of(row) for row in self.rows]
-        return table(planning.HEAD, rows, f"{planning.title(self.plan)}. {planning.headline(self.plan)}")
+        head, rows = planning.table_of_kinds(self.rows).texts()
+        return table(head, rows, f"{planning.title(self.plan)}. {planning.headline(self.plan)}")

@@ -1,9 +1,10 @@
 """Numbers in the cells of a report's tables."""
 
 import math
+from collections.abc import Sequence
 
 from dovetail.report import words
-from dovetail.report.page import Markup, join, tag
+from dovetail.report.blocks import Line, Mark, TableBlock
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import Ranked
 
@@ -45,11 +46,11 @@ def shift(before: float, after: float) -> str:
     )
 
 
-def tagged(r: Ranked, what: str) -> Markup:
-    """Return a candidate in words, with a tag."""
-    return join([words.ranked_label(r), " ", tag("span", what, class_="tag") if what else ""])
-
-
-def errors(r: Ranked) -> list[str]:
-    """Return a candidate's residual level and errors."""
-    return [db(r.level * DB_PER_NEPER), db(r.fit_db), db(r.held_out_db)]
+def ranking(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> TableBlock:
+    """Return a table of candidates, each with a tag or an empty one."""
+    rows: list[list[Line]] = []
+    for r, what in known:
+        errors = (db(e) for e in (r.level * DB_PER_NEPER, r.fit_db, r.held_out_db))
+        label = (words.ranked_label(r), " ", Mark(what) if what else "")
+        rows.append([label, words.parameters_text(r.parameters), *errors, f"{r.similarity:.2f}"])
+    return TableBlock(RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)

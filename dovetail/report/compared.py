@@ -3,85 +3,64 @@
 import numpy as np
 
 from dovetail.mode_result import ModeRunResult
+from dovetail.report.blocks import Details, Facts, Items, Section, TableBlock, Text
 from dovetail.report.drawn import held_out_bands
-from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table
-from dovetail.report.shown import Shown
 from dovetail.result import RunResult
+from fem.mesh import Mesh
 from fem.summary import counted
 from updating.inference.fit_data import TRANSVERSE, FitData
 from updating.measurement.measurement import MOTION
 
 
-def check_first(result: RunResult | ModeRunResult) -> Markup:
+def check_first(result: RunResult | ModeRunResult) -> Section:
     """Return the probable faults of the study; nothing without any."""
-    warnings = result.study.warnings
-    return section("Check first", bullets(warnings)) if warnings else Markup()
+    return Section("Check first", [Items(result.study.warnings)])
 
 
-def compared(result: RunResult, shown: Shown) -> Markup:
+def compared(result: RunResult) -> Section:
     """Return the measured data, and how they are compared with the model."""
     d, study = result.diagnosis, result.study
-    data = d.problem.data
-    rows, before = [], study.baseline_frfs
+    data, mesh, before = d.problem.data, study.model.mesh, study.baseline_frfs
     named = [(m.name, m) for m in study.measurements or study.amplitudes]
     named += [(f"{before.name}, the baseline", before)] if before is not None else []
+    rows = []
     for name, m in named:
-        f = m.frf.frequency
-        force = f"{m.force_level:g}" if m.force_level else "–"
-        rows.append(
-            [
-                name,
-                m.frf.quantity,
-                m.frf.unit,
-                len(m.frf.outputs),
-                len(m.frf.inputs),
-                m.frf.n_freq,
-                f"{f[0]:g} to {f[-1]:g}",
-                force,
-            ]
-        )
+        frf, force = m.frf, f"{m.force_level:g}" if m.force_level else "–"
+        band = f"{frf.frequency[0]:g} to {frf.frequency[-1]:g}"
+        size = len(frf.outputs), len(frf.inputs), frf.n_freq
+        rows.append([name, frf.quantity, frf.unit, *size, band, force])
     head = ["data", "kind", "unit", "responses", "excitations", "lines", "band [Hz]", "force [N]"]
-    mesh = study.model.mesh
-    return section(
-        "Compared data",
-        table(head, rows, numbers=(3, 4, 5), caption="Measured FRFs"),
-        facts(
-            [
-                (
-                    "band compared",
-                    f"{data.frequency[0]:g} to {data.frequency[-1]:g} Hz, {data.frequency.size} lines",
-                ),
-                ("held out", _held_out_words(result)),
-                ("values that count", _counted(data, result.study.model_error)),
-                ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
-                (
-                    "model",
-                    f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, "
-                    f"{mesh.n_points} points",
-                ),
-            ]
-        ),
-        folded(
-            f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}",
-            _sensor_places(result),
-        ),
-    )
+    f = data.frequency
+    facts = [
+        ("band compared", f"{f[0]:g} to {f[-1]:g} Hz, {f.size} lines"),
+        ("held out", _held_out_words(result)),
+        ("values that count", _counted(data, study.model_error)),
+        ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
+        ("model", model_size(mesh)),
+    ]
+    places = f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}"
+    measured = TableBlock(head, rows, numbers=(3, 4, 5), caption="Measured FRFs")
+    return Section("Compared data", [measured, Facts(facts), Details(places, [_sensor_places(result)])])
 
 
-def gates(result: RunResult) -> Markup:
-    """Return the tests of the measurement before the search."""
+def model_size(mesh: Mesh) -> str:
+    """Return how large a model is."""
+    members = counted(len(mesh.members), "member")
+    return f"{members}, {mesh.n_lines} beam elements, {mesh.n_points} points"
+
+
+def gates(result: RunResult) -> Section:
+    """Return the tests of the measurement before the search; nothing without any."""
     known = result.diagnosis.gates
-    if known is None:
-        return Markup()
-    rows = [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in known.checks]
-    return section(
-        "Checks of the measurement",
-        paragraph(
-            "Made before the search for effects. What fails is set right, counted as "
-            "noise, or stays a warning beside the verdict."
-        ),
-        table(["check", "outcome", "finding"], rows),
+    rows = (
+        [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in known.checks] if known else []
     )
+    text = (
+        "Made before the search for effects. What fails is set right, counted as noise, or stays a warning "
+        "beside the verdict."
+    )
+    blocks = [Text(text), TableBlock(["check", "outcome", "finding"], rows)] if known else []
+    return Section("Checks of the measurement", blocks)
 
 
 def _held_out_words(result: RunResult) -> str:
@@ -120,18 +99,12 @@ def _counted(data: FitData, model_error: float) -> str:
     return text
 
 
-def _sensor_places(result: RunResult) -> Markup:
+def _sensor_places(result: RunResult) -> TableBlock:
     rows = []
     for word, sensors in (("sensor", result.study.sensors), ("excitation", result.study.excitations)):
         for s in sensors:
-            rows.append(
-                [
-                    s.name,
-                    word if s.quantity == MOTION else f"{word} ({s.quantity})",
-                    *(f"{x:.4g}" for x in s.point),
-                    " ".join(f"{x:g}" for x in np.round(s.direction, 4) + 0.0),
-                ]
-            )
-    return table(
-        ["name", "kind", "x [m]", "y [m]", "z [m]", "direction"], rows, numbers=(2, 3, 4), at_most=1000
-    )
+            kind = word if s.quantity == MOTION else f"{word} ({s.quantity})"
+            along = " ".join(f"{x:g}" for x in np.round(s.direction, 4) + 0.0)
+            rows.append([s.name, kind, *(f"{x:.4g}" for x in s.point), along])
+    head = ["name", "kind", "x [m]", "y [m]", "z [m]", "direction"]
+    return TableBlock(head, rows, numbers=(2, 3, 4), at_most=1000)

@@ -12,12 +12,22 @@ from dovetail.report import words
 from dovetail.result import RunResult, bands_of_lines
 from fem.analysis.frf import FRF
 from updating.correlation import DB_PER_NEPER
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
+
+STAIRCASE = (
+    "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
+    "lines held out from it. The grey floor is measurement noise and mesh error."
+)
+
+FRF_ERROR = (
+    "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself."
+)
 
 _NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
@@ -41,6 +51,18 @@ class Models:
     deviations: Mapping[str, NDArray[np.float64]]
 
 
+def staircase_alt(d: Diagnosis) -> str:
+    """Return the staircase in words."""
+    steps = "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
+    return f"Error after each step: {steps}; noise floor {d.noise_floor_db:.2f} dB."
+
+
+def error_steps(d: Diagnosis) -> list[tuple[str, float, float | None]]:
+    """Return label and errors of each step, on the lines of the fit and on those held out [dB]."""
+    held = (s.held_out_db if np.isfinite(s.held_out_db) else None for s in d.steps)
+    return [(words.step_label(s.label), s.fit_db, h) for s, h in zip(d.steps, held, strict=True)]
+
+
 def compared_models(result: RunResult) -> Models:
     """Return the FRFs of the nominal model, of the fitted one, and of that with the found effects."""
     d = result.diagnosis
@@ -55,6 +77,16 @@ def compared_models(result: RunResult) -> Models:
         steps,
         {} if spread is None else {labels[-1]: spread},
     )
+
+
+def noise_of(d: Diagnosis) -> NDArray[np.float64]:
+    """Return the standard deviation of the measured FRFs by noise, (n_freq, n_out, n_in)."""
+    return np.abs(d.measured.H) * np.broadcast_to(d.problem.data.noise, d.measured.H.shape)
+
+
+def smoothing(frf: FRF) -> int:
+    """Return the number of lines over which errors of FRFs are smoothed."""
+    return max(1, frf.n_freq // 150)
 
 
 def rivals(result: RunResult) -> dict[int, Ranked]:
@@ -148,17 +180,25 @@ def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
     return out
 
 
-def ranking_caption(result: RunResult, k: int, ranked: Sequence[Ranked] | None = None) -> str:
-    """Return the caption of a round's candidates."""
+def ranking_bars(result: RunResult, k: int) -> tuple[list[str], list[float], float, list[int], int | None]:
+    """Return a round's labels, residual levels and the level before [dB], twins, and the one accepted."""
     d = result.diagnosis
-    ranked = d.rounds[k] if ranked is None else ranked
-    found = d.findings[k] if k < len(d.findings) else None
-    labels = dict(zip([r.name for r in ranked], candidate_labels(ranked), strict=True))
-    accepted = labels.get(found.effect.name) if found else None
-    outcome = f"{accepted} is accepted" if accepted else "none of them is accepted"
+    ranked, found = d.rounds[k], d.findings[k] if k < len(d.findings) else None
+    names = [r.name for r in ranked]
+    others = {t.name for t in found.twins} if found else set()
+    twins = [n for n, name in enumerate(names) if name in others]
+    accepted = names.index(found.effect.name) if found and found.effect.name in names else None
+    before = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
+    return candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked], before, twins, accepted
+
+
+def ranking_caption(result: RunResult, k: int) -> str:
+    """Return the caption of a round's candidates."""
+    labels, *_, accepted = ranking_bars(result, k)
+    outcome = "none of them" if accepted is None else labels[accepted]
     return (
         f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        f"uncertain parameters; {outcome}. They are ranked by their evidence, which also "
+        f"uncertain parameters; {outcome} is accepted. They are ranked by their evidence, which also "
         "counts the parameters of a law."
     )
 

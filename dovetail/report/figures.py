@@ -13,17 +13,20 @@ from plotly.graph_objects import Figure
 
 from dovetail.report import planning, words
 from dovetail.report.drawn import (
-    candidate_labels,
     compared_models,
     error_bands,
+    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
     marked_places,
     misfit_limit,
     misfit_steps,
+    noise_of,
     pair_errors,
+    ranking_bars,
     rivals,
+    smoothing,
     telling_pairs,
 )
 from dovetail.report.probable import hypotheses, reported
@@ -31,7 +34,6 @@ from dovetail.result import RunResult
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from fem.model import Model
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT
 from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
 from updating.measurement.measurement import motions_of
@@ -158,12 +160,7 @@ def _misfit(result: RunResult) -> Figure | None:
 
 
 def _staircase(result: RunResult) -> Figure:
-    d = result.diagnosis
-    steps = [
-        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
-        for s in d.steps
-    ]
-    return staircase_figure(steps, d.noise_floor_db, height=430)
+    return staircase_figure(error_steps(result.diagnosis), result.diagnosis.noise_floor_db, height=430)
 
 
 def _probability(result: RunResult) -> Figure | None:
@@ -178,19 +175,11 @@ def _error_map(result: RunResult, step: int) -> Figure:
 
 def _ranking(result: RunResult, k: int) -> Figure | None:
     d = result.diagnosis
-    ranked = d.rounds[k]
-    if not ranked:
+    if not d.rounds[k]:
         return None
-    found = d.findings[k] if k < len(d.findings) else None
-    names = [r.name for r in ranked]
-    twins = {t.name for t in found.twins} if found else set()
-    return ranking_figure(
-        candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked],
-        d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER, names=names,
-        twins=[n for n, name in enumerate(names) if name in twins],
-        accepted=names.index(found.effect.name) if found and found.effect.name in names else None,
-        xlabel=words.level_label(d),
-    )  # fmt: skip
+    labels, levels, before, twins, accepted = ranking_bars(result, k)
+    names, label = [r.name for r in d.rounds[k]], words.level_label(d)
+    return ranking_figure(labels, levels, before, names=names, twins=twins, accepted=accepted, xlabel=label)
 
 
 def _frf(result: RunResult, figures: Figures) -> Figure:
@@ -279,9 +268,8 @@ def _plain(values: NDArray[np.float64]) -> list[list[float | None]]:
 def _frf_error(result: RunResult) -> Figure:
     d = result.diagnosis
     measured = d.measured
-    sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
     models = compared_models(result).frfs
-    errors, noise = frf_errors(measured, models, floor=sigma, smooth=max(1, measured.n_freq // 150))
+    errors, noise = frf_errors(measured, models, floor=noise_of(d), smooth=smoothing(measured))
     return frf_error_figure(measured.frequency, errors, floor=noise, held_out=held_out_bands(result))
 
 

@@ -3,41 +3,35 @@
 import numpy as np
 
 from dovetail.report import cells, words
-from dovetail.report.page import Markup, folded, paragraph, section, table, tag
+from dovetail.report.blocks import Block, Details, Heading, Plot, Section, TableBlock, Text
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult, least_frac
 
 
-def misfit(result: RunResult, shown: Shown) -> Markup:
+def misfit(result: RunResult, shown: Shown) -> Section:
     """Return the error by sensor and by band, and places where a small change would help."""
-    after = [shown.picture("misfit-final"), _map(shown, "final", "with the found effects")]
-    return section(
-        "Where it fails",
-        paragraph(
-            "The model with its uncertain parameters fitted and nothing added. One that lacks nothing is "
-            "equally good "
-            "everywhere; a missing effect shows near it, or in the modes that strain it."
-        ),
-        _structure(shown),
-        _map(shown, "fitted", "once the uncertain parameters are fitted"),
-        *_shares(result),
-        folded("The same with the found effects", *after) if any(after) else "",
-        folded("Error of each sensor", _sensor_errors(result)),
+    text = (
+        "The model with its uncertain parameters fitted and nothing added. One that lacks nothing is "
+        "equally good everywhere; a missing effect shows near it, or in the modes that strain it."
     )
-
-
-def _structure(shown: Shown) -> Markup:
-    """Return the sensors by their error, members, joints and supports by their share of it."""
-    words_ = (
+    what = (
         "sensors coloured by their error; members, joints and supports by the share of it that a small "
         "change would explain"
     )
-    return shown.figure(
-        "misfit", f"The structure, {words_}.", f"{words_.capitalize()}.", ["misfit-fitted"], hint=TURN
-    )
+    alt, caption = f"The structure, {what}.", f"{what.capitalize()}."
+    after = [shown.album["misfit-final"], _map(shown, "final", "with the found effects")]
+    blocks = [
+        Text(text),
+        shown.figure("misfit", alt, caption, ["misfit-fitted"], hint=TURN),
+        _map(shown, "fitted", "once the uncertain parameters are fitted"),
+        *_shares(result),
+        Details("The same with the found effects", after),
+        Details("Error of each sensor", [_sensor_errors(result)]),
+    ]
+    return Section("Where it fails", blocks)
 
 
-def _map(shown: Shown, name: str, what: str) -> Markup:
+def _map(shown: Shown, name: str, what: str) -> Plot:
     return shown.figure(
         f"map-{name}",
         f"Map of the error of each sensor in each band, {what}; the table of sensors below has the numbers.",
@@ -46,26 +40,19 @@ def _map(shown: Shown, name: str, what: str) -> Markup:
     )
 
 
-def _shares(result: RunResult) -> list[Markup]:
+def _shares(result: RunResult) -> list[Block]:
     where = result.localisation
     if where is None:
         return []
     shares = [*((f"member {m}", s) for m, s in where.members.items()), *where.places]
-    rows = [
-        [words.place(name), f"{100 * s:.0f}"] for name, s in sorted(shares, key=lambda t: -t[1]) if s >= 0.005
-    ]
-    return [
-        tag("h3", "Where a small change would help"),
-        table(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
-        if rows
-        else paragraph(
-            "Nowhere: no small change of any member, joint or support explains a share of the misfit."
-        ),
-        paragraph(where.note),
-    ]
+    shares = sorted((each for each in shares if each[1] >= 0.005), key=lambda t: -t[1])
+    rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
+    nowhere = "Nowhere: no small change of any member, joint or support explains a share of the misfit."
+    table = TableBlock(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
+    return [Heading("Where a small change would help"), table if rows else Text(nowhere), Text(where.note)]
 
 
-def _sensor_errors(result: RunResult) -> Markup:
+def _sensor_errors(result: RunResult) -> TableBlock:
     first, last = result.comparisons[0], result.comparisons[-1]
     middle = result.comparisons[min(1, len(result.comparisons) - 1)]
     columns = [c.by_sensor() for c in (first, middle, last)]
@@ -76,4 +63,4 @@ def _sensor_errors(result: RunResult) -> Markup:
         for i in order
     ]
     head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
-    return table(head, rows, numbers=(1, 2, 3, 4))
+    return TableBlock(head, rows, numbers=(1, 2, 3, 4))

@@ -3,52 +3,55 @@
 import math
 
 from dovetail.report import cells, planning, words
+from dovetail.report.blocks import (
+    Block,
+    Details,
+    Group,
+    Heading,
+    Items,
+    Pick,
+    Picture,
+    Section,
+    TableBlock,
+    Text,
+)
 from dovetail.report.confidence import best_of
 from dovetail.report.drawn import ranking_caption
-from dovetail.report.page import Markup, bullets, folded, join, paragraph, section, table, tag
 from dovetail.report.probable import hypotheses
-from dovetail.report.shown import TURN, Shown
+from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult
 from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
-from updating.diagnosis.separation import Decisive, Proposal
+from updating.diagnosis.separation import Proposal
 
 
-def missing(result: RunResult, shown: Shown) -> Markup:
+def missing(result: RunResult, shown: Shown) -> Section:
     """Return the found effects, their evidence, and measurements that would tell them from rivals."""
     d = result.diagnosis
     if not d.findings:
-        return section("Missing effects", *_nothing_found(result, shown), *_hypotheses(result, shown))
-    rows = [
-        [
-            words.effect_label(f.effect.kind, f.effect.where),
-            words.as_stiffness(p).name.replace("_", " "),
-            words.fitted_text(words.as_stiffness(p)),
-            _absent(f, p),
-            "–" if p.at_bound else cells.percent(p.std, p.value),
-        ]
-        for f in d.findings
-        for p in f.parameters
-    ]
-    parts = [
-        table(["effect", "parameter", "value ± std", "model has", "std [%]"], rows, numbers=(2, 3, 4)),
-        *_hypotheses(result, shown),
-    ]
+        return Section("Missing effects", [*_nothing_found(result, shown), *_hypotheses(result, shown)])
+    rows = []
+    for f in d.findings:
+        for p in f.parameters:
+            stiff = words.as_stiffness(p)
+            std = "–" if p.at_bound else cells.percent(p.std, p.value)
+            label = words.effect_label(f.effect.kind, f.effect.where)
+            rows.append([label, stiff.name.replace("_", " "), words.fitted_text(stiff), _absent(f, p), std])
+    head = ["effect", "parameter", "value ± std", "model has", "std [%]"]
+    blocks: list[Block] = [TableBlock(head, rows, numbers=(2, 3, 4)), *_hypotheses(result, shown)]
     for k, finding in enumerate(d.findings):
         if k < len(d.rounds):  # not of effects that were added by hand
-            parts.append(_why(finding, d.rounds[k]))
-            parts.append(_decided(finding, shown.picture(f"decides-{k + 1}")))
-        parts += [_separated(finding, t, p) for t, p in zip(finding.twins, finding.proposals, strict=False)]
-    parts.append(
-        paragraph(
-            "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-            "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
-            "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
-        )
+            blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
+        for twin, proposals in zip(finding.twins, finding.proposals, strict=False):
+            blocks += _separated(finding, twin, proposals)
+    text = (
+        "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
+        "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
+        "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
     )
-    return section("Missing effects", *parts)
+    return Section("Missing effects", [*blocks, Text(text)])
 
 
 def _absent(finding: Finding, found: EffectParameter) -> str:
@@ -58,47 +61,36 @@ def _absent(finding: Finding, found: EffectParameter) -> str:
     return "–" if absent == p.value else words.with_unit(absent, p.unit, like=words.near(absent, p.value))
 
 
-def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> Markup:
+def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     own = next((r for r in ranked if r.name == finding.effect.name), None)
     known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
     if own is not None:
         known += [(r, "contains it") for r in ranked if r.contains(own) and r not in finding.twins][:2]
     known.append((finding.rival, "best other"))
-    rows = [
-        [cells.tagged(r, what), words.parameters_text(r.parameters), *cells.errors(r), f"{r.similarity:.2f}"]
-        for r, what in known
-        if r is not None
-    ]
     twins = (
         "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
         if finding.twins
         else "No candidate that does not contain it brings nearly the same reduction."
     )
-    return join(
-        [
-            tag("h3", f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
-            table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=(0,) if own else ()),
-            paragraph(
-                f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that "
-                "these "
-                "sensors cannot tell them apart."
-            ),
-        ]
+    text = (
+        f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that these "
+        "sensors cannot tell them apart."
     )
+    return [
+        Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
+        cells.ranking([(r, what) for r, what in known if r is not None], (0,) if own else ()),
+        Text(text),
+    ]
 
 
-def _decided(finding: Finding, picture: Markup) -> Markup:
+def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
     """Say which FRFs and bands prefer the effect to its rival."""
+    heading = Heading("Deciding evidence")
     against = finding.rival or (finding.twins[0] if finding.twins else None)
     if against is None:
-        return join(
-            [
-                tag("h3", "Deciding evidence"),
-                paragraph("No other candidate was promising enough to be fitted and compared with it."),
-            ]
-        )
+        return [heading, Text("No other candidate was promising enough to be fitted and compared with it.")]
     if not finding.decisive:
-        return Markup()
+        return []
     first = finding.decisive[0]
     lead = (
         f"Were it {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
@@ -106,43 +98,26 @@ def _decided(finding: Finding, picture: Markup) -> Markup:
         f"best values of its parameters; it is {first.first_db:.1f} dB off. The pieces that speak most for "
         "the effect, with the error with it and with its rival:"
     )
-    return join(
-        [
-            tag("h3", "Deciding evidence"),
-            paragraph(lead),
-            bullets([_decisive(piece) for piece in finding.decisive]),
-            tag("div", picture, class_="off") if picture else "",
-        ]
-    )
+    pieces = [(words.decisive_text(each), " ", Pick(each.output, each.input)) for each in finding.decisive]
+    return [heading, Text(lead), Items(pieces), Group("off", [picture])]
 
 
-def _decisive(piece: Decisive) -> Markup:
-    """Return a piece of the data that decides, with a button that shows its FRF."""
-    show = tag(
-        "button", "show", type="button", class_="pick", data_output=piece.output, data_input=piece.input,
-        aria_label=f"Show the FRF {piece.output} / {piece.input}",
-    )  # fmt: skip
-    return join([words.decisive_text(piece), " ", show])
-
-
-def _hypotheses(result: RunResult, shown: Shown) -> list[Markup]:
+def _hypotheses(result: RunResult, shown: Shown) -> list[Block]:
     """Return the probabilities of hypotheses; nothing where the search gives none."""
     known = hypotheses(result.diagnosis)
     if not known:
         return []
+    figure = shown.figure(
+        "probability",
+        "Bars of the probability of each hypothesis; the table has the numbers.",
+        "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
+    )
     rows = [[name, percent(p)] for name, p in known]
-    return [
-        tag("h3", "How probable"),
-        shown.figure(
-            "probability",
-            "Bars of the probability of each hypothesis; the table has the numbers.",
-            "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
-        ),
-        table(["hypothesis", "probability"], rows, numbers=(1,), at_most=8),
-    ]
+    table = TableBlock(["hypothesis", "probability"], rows, numbers=(1,), at_most=8)
+    return [Heading("How probable"), figure, table]
 
 
-def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> Markup:
+def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> list[Block]:
     """Return the next measurement that would tell the effect from a twin."""
     own = words.effect_label(finding.effect.kind, finding.effect.where)
     rows = [
@@ -150,22 +125,17 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
         for p in proposals[:6]
     ]
     head = ["measurement", "difference of the predictions [dB]", "odds to expect"]
-    return join(
-        [
-            tag("h3", f"To tell {own} from {words.ranked_label(twin)}"),
-            table(head, rows, numbers=(1, 2))
-            if rows
-            else paragraph("No sensor, force or band that was tried would separate them."),
-            paragraph(
-                "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
-                "the new data are as good as the present ones. A sensor counts with the present forces, a "
-                "force with the present sensors."
-            ),
-        ]
+    none = Text("No sensor, force or band that was tried would separate them.")
+    text = (
+        "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
+        "the new data are as good as the present ones. A sensor counts with the present forces, a "
+        "force with the present sensors."
     )
+    heading = Heading(f"To tell {own} from {words.ranked_label(twin)}")
+    return [heading, TableBlock(head, rows, numbers=(1, 2)) if rows else none, Text(text)]
 
 
-def _nothing_found(result: RunResult, shown: Shown) -> list[Markup]:
+def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
     d = result.diagnosis
     best, looked_at = best_of(d.rounds), len(d.candidates)
     gained = (
@@ -189,68 +159,57 @@ def _nothing_found(result: RunResult, shown: Shown) -> list[Markup]:
             "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
-    return [
-        paragraph(text),
-        *_excluded(result, shown),
-        paragraph(
-            f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
-            if looked_at
-            else "There were no candidates."
-        ),
-    ]
+    looked = f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+    tried = Text(looked if looked_at else "There were no candidates.")
+    return [Text(text), *_excluded(result, shown), tried]
 
 
-def _excluded(result: RunResult, shown: Shown) -> list[Markup]:
+def _excluded(result: RunResult, shown: Shown) -> list[Block]:
     """Return which sizes of effects the data would have shown, and where."""
     if result.excluded is None:
         return []
-    kinds = (tag("option", name) for name, _ in planning.named_kinds(result.excluded))
-    return [
-        paragraph(planning.EXCLUDED),
-        table(planning.EXCLUDED_HEAD, planning.excluded_rows(result.excluded)),
-        shown.figure(
-            "excluded",
-            "The structure coloured by the sizes above; the list above the figure chooses the effect.",
-            "From what size on an effect would have been seen at each place; dark places show small ones. "
-            "Where it may have several directions, the colour is that of the largest size. Point at a place "
-            "for all of them.",
-            tools=tag("label", "effect", tag("select", *kinds)),
-            hint=TURN,
-        ),
-    ]
+    figure = shown.figure(
+        "excluded",
+        "The structure coloured by the sizes above; the list above the figure chooses the effect.",
+        "From what size on an effect would have been seen at each place; dark places show small ones. "
+        "Where it may have several directions, the colour is that of the largest size. Point at a place "
+        "for all of them.",
+        tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
+        hint=TURN,
+    )
+    table = TableBlock(*planning.table_of_excluded(result.excluded).texts())
+    return [Text(planning.EXCLUDED), table, figure]
 
 
-def search(result: RunResult, shown: Shown) -> Markup:
-    """Return how the candidates did in each round."""
+def search(result: RunResult, shown: Shown) -> Section:
+    """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
-    if not any(d.rounds):
-        return Markup()
-    parts = [
-        paragraph(
-            "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
-            "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-            "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
-            "against each place, is larger than that without it. Then the search is repeated with it. Those "
-            "that were fitted fully are listed."
-        )
-    ]
-    for k, ranked in enumerate(d.rounds):
-        if not ranked:  # in the model before the search
-            continue
-        body = join(
-            [
-                shown.figure(
-                    f"ranking-{k + 1}",
-                    f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has "
-                    "the numbers.",
-                    ranking_caption(result, k),
-                    [f"ranking-{k + 1}"],
-                ),
-                _ranking(ranked, d.findings[k] if k < len(d.findings) else None, k),
-            ]
-        )
-        parts.append(body if len(parts) == 1 else folded(f"Round {k + 1}: {_outcome(result, k)}", body))
-    return section("How the candidates did", *parts)
+    text = (
+        "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
+        "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
+        "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
+        "against each place, is larger than that without it. Then the search is repeated with it. Those "
+        "that were fitted fully are listed."
+    )
+    rounds = [k for k, ranked in enumerate(d.rounds) if ranked]  # not those in the model before the search
+    blocks: list[Block] = [Text(text)] if rounds else []
+    for k in rounds:
+        body = _round(result, shown, k)
+        blocks += body if k == rounds[0] else [Details(f"Round {k + 1}: {_outcome(result, k)}", body)]
+    return Section("How the candidates did", blocks)
+
+
+def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:
+    d, name = result.diagnosis, f"ranking-{k + 1}"
+    ranked, finding = d.rounds[k], d.findings[k] if k < len(d.findings) else None
+    alt = (
+        f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has the numbers."
+    )
+    roles = {t.name: "twin" for t in finding.twins} | {finding.effect.name: "accepted"} if finding else {}
+    known = [(r, roles.get(r.name, "")) for r in ranked]
+    table = cells.ranking(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
+    title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"
+    return [shown.figure(name, alt, ranking_caption(result, k), [name]), Details(title, [table])]
 
 
 def _outcome(result: RunResult, k: int) -> str:
@@ -259,22 +218,3 @@ def _outcome(result: RunResult, k: int) -> str:
         f = d.findings[k]
         return f"{words.effect_label(f.effect.kind, f.effect.where)} is accepted"
     return "no candidate improves the model enough; the search ends"
-
-
-def _ranking(ranked: tuple[Ranked, ...], finding: Finding | None, k: int) -> Markup:
-    twins = {t.name for t in finding.twins} if finding else set()
-    accepted = finding.effect.name if finding else None
-    rows = []
-    for r in ranked:
-        what = "accepted" if r.name == accepted else "twin" if r.name in twins else ""
-        rows.append(
-            [
-                cells.tagged(r, what),
-                words.parameters_text(r.parameters),
-                *cells.errors(r),
-                f"{r.similarity:.2f}",
-            ]
-        )
-    marked = [i for i, r in enumerate(ranked) if r.name == accepted]
-    body = table(cells.RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)
-    return folded(f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}", body)

@@ -10,7 +10,7 @@ from plotly.graph_objects import Figure
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report import words
 from dovetail.report.figures import Figures, moving_modes
-from dovetail.report.pictures import DPI, N_MODES, Album, Say, add_modes, mode_heading, save_staircase
+from dovetail.report.pictures import N_MODES, Album, Say, add_modes, mode_heading, plot_staircase
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.reported_modes import ReportedModes
 from updating.measurement.measurement import MOTION
@@ -22,7 +22,6 @@ from viz.interactive.modes import MeasuredShape
 from viz.interactive.solids import Place
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.shapes import real_shape
-from viz.style import save
 
 LADDER: dict[str, Any] = {
     "ylabel": "error of natural frequencies [%]", "unit": "%",
@@ -100,29 +99,16 @@ def draw_modes(result: ModeRunResult, drawn: ReportedModes, folder: Path, say: S
 
 def _draw_curves(result: ModeRunResult, drawn: ReportedModes, album: Album) -> None:
     d = result.diagnosis
-    m, steps, digits = d.modes, step_errors(d), digits_of(d)
-    floor_percent = 100 * d.noise_limit
-    album.add(
-        "staircase",
-        lambda p: save_staircase(steps, floor_percent, p, digits=digits, **LADDER),
-        staircase_alt(d),
-        STAIRCASE,
-    )
-    album.add(
-        "deviations",
-        lambda p: save(frequencies.plot_deviations(m.measured, m.std, mode_steps(d), m.held_out), p, DPI),
-        f"Deviations of the natural frequencies of {', '.join(mode_steps(d))} from {len(m.measured)} "
-        "measured ones.",
-        DEVIATIONS,
-    )
-    if drawn.mac is not None:
-        mac, names = drawn.mac, mac_names(d, drawn)
-        album.add(
-            "mac",
-            lambda p: save(heat_maps.plot_mac(mac, names, ("measured [Hz]", "computed [Hz]")), p, DPI),
-            f"Modal assurance criteria of {len(mac)} measured shapes with {mac.shape[1]} computed ones.",
-            MAC,
-        )
+    m, steps, ladder = d.modes, mode_steps(d), {"digits": digits_of(d), **LADDER}
+    floor = 100 * d.noise_limit
+    album.plot("staircase", staircase_alt(d), STAIRCASE, plot_staircase, step_errors(d), floor, **ladder)
+    alt = f"Deviations of the natural frequencies of {', '.join(steps)} from {len(m.measured)} measured ones."
+    shown = m.measured, m.std, steps, m.held_out
+    album.plot("deviations", alt, DEVIATIONS, frequencies.plot_deviations, *shown)
+    if (mac := drawn.mac) is not None:
+        alt = f"Modal assurance criteria of {len(mac)} measured shapes with {mac.shape[1]} computed ones."
+        axes = "measured [Hz]", "computed [Hz]"
+        album.plot("mac", alt, MAC, heat_maps.plot_mac, mac, mac_names(d, drawn), axes)
 
 
 def staircase_alt(d: ModeDiagnosis) -> str:
@@ -142,9 +128,9 @@ def _draw_structure(result: ModeRunResult, album: Album) -> None:
     seen += f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
-        lambda p: render.render_model(study.model, p, sensors, (), marks),
         f"The structure{seen}.",
         f"The model{seen}.",
+        lambda p: render.render_model(study.model, p, sensors, (), marks),
     )
 
 

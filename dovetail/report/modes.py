@@ -8,7 +8,8 @@ import numpy as np
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report import cells, words
 from dovetail.report.answer import first_screen, verdict_box
-from dovetail.report.compared import check_first
+from dovetail.report.blocks import Facts, Items, Plot, Report, Section, TableBlock, Text
+from dovetail.report.compared import check_first, model_size
 from dovetail.report.confidence import mode_confidence
 from dovetail.report.mode_drawn import (
     DEVIATIONS,
@@ -20,14 +21,14 @@ from dovetail.report.mode_drawn import (
     staircase_alt,
     step_errors,
 )
-from dovetail.report.page import Markup, bullets, contents, facts, page, paragraph, section, table, tag
+from dovetail.report.page import report_page
 from dovetail.report.pictures import Album
 from dovetail.report.probable import probability_text
 from dovetail.report.responses import shapes, uncertain
 from dovetail.report.shown import TURN, Shown
 from dovetail.report.small_print import MODULES_OF_MODES, about_modes, assumptions, notes
 from fem.io.atomic import replacing
-from fem.summary import counted, percent
+from fem.summary import percent
 from updating.diagnosis.mode_diagnosis import ModeTable
 from updating.diagnosis.reported_modes import ReportedModes
 
@@ -41,13 +42,13 @@ def write_report(result: ModeRunResult, drawn: ReportedModes, album: Album, path
     """Write the report with its interactive figures, whole or not at all."""
     shown = Shown(album, make_mode_figures(result, drawn))
     with replacing(path) as scratch:
-        scratch.write_text(mode_report_html(result, shown), encoding="utf-8")
+        scratch.write_text(report_page(mode_report(result, shown), shown.scripts()), encoding="utf-8")
 
 
-def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
-    """Return the report as one HTML page that loads nothing else."""
+def mode_report(result: ModeRunResult, shown: Shown) -> Report:
+    """Return the report on modes as blocks."""
     d = result.diagnosis
-    parts = [
+    sections = [
         check_first(result),
         _baseline(result),
         _how_sure(result),
@@ -61,25 +62,18 @@ def mode_report_html(result: ModeRunResult, shown: Shown) -> str:
         assumptions(result, MODULES_OF_MODES),
         about_modes(result),
     ]
-    box = verdict_box(
-        d.verdict, words.mode_headline(result), words.mode_values(d),
-        probability_text(d), d.reason, words.far_text(result.uncertain),
-    )  # fmt: skip
-    return page(
-        f"{result.study.name}: {d.verdict}",
-        tag("a", "Skip to the figures and tables", class_="skip", href="#body"),
-        first_screen(result.study, box, _staircase(result, shown), _structure(result, shown)),
-        contents(parts),
-        tag("main", *parts, id="body"),
-        shown.scripts(),
+    headline, values, doubts = (
+        words.mode_headline(result),
+        words.mode_values(d),
+        [words.far_text(result.uncertain)],
     )
+    box = verdict_box(d.verdict, headline, values, probability_text(d), d.reason, doubts)
+    staircase = shown.figure("staircase", staircase_alt(d), STAIRCASE, ["staircase"])
+    first = first_screen(result.study, box, staircase, _structure(result, shown))
+    return Report(result.study.name, d.verdict, first, sections)
 
 
-def _staircase(result: ModeRunResult, shown: Shown) -> Markup:
-    return shown.figure("staircase", staircase_alt(result.diagnosis), STAIRCASE, ["staircase"])
-
-
-def _structure(result: ModeRunResult, shown: Shown) -> Markup:
+def _structure(result: ModeRunResult, shown: Shown) -> Plot:
     d = result.diagnosis
     found = ", ".join(words.effect_label(e.kind, e.where) for e in d.found)
     alt = "The structure" + (f"; marked: {found}" if found else "")
@@ -89,54 +83,49 @@ def _structure(result: ModeRunResult, shown: Shown) -> Markup:
     return shown.figure("model", f"{alt}.", f"{caption}.", ["structure"], hint=TURN)
 
 
-def _baseline(result: ModeRunResult) -> Markup:
+def _baseline(result: ModeRunResult) -> Section:
     """Return what the first of two states says of the model, where that does not stand."""
     judged = result.diagnosis.judged
     if judged is None or judged.diagnosis is None:
-        return Markup()
+        return Section("", ())
     off = judged.first.missed
     modes = [
         [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
         for k, f in enumerate(judged.first.problem.targets.frequency)
     ]
     causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
-    return section(
-        "The baseline is poor",
-        paragraph(
-            "The calibrated model does not explain the first state. Something may be missing in both states. "
-            "What has changed was looked for beside each of these causes, and probabilities are sums over "
-            "them."
-        ),
-        table(["missing in both states", "probability"], causes, numbers=(1,)),
-        table(
-            ["mode", "measured [Hz]", "missed by [σ]"],
-            modes,
-            numbers=(0, 1, 2),
-            caption="Frequencies of the calibrated model less the measured ones of the first state, in "
-            "standard deviations of the measurement",
-        ),
+    text = (
+        "The calibrated model does not explain the first state. Something may be missing in both states. "
+        "What has changed was looked for beside each of these causes, and probabilities are sums over them."
     )
+    caption = (
+        "Frequencies of the calibrated model less the measured ones of the first state, in standard "
+        "deviations of the measurement"
+    )
+    blocks = [
+        Text(text),
+        TableBlock(["missing in both states", "probability"], causes, numbers=(1,)),
+        TableBlock(["mode", "measured [Hz]", "missed by [σ]"], modes, numbers=(0, 1, 2), caption=caption),
+    ]
+    return Section("The baseline is poor", blocks)
 
 
-def _how_sure(result: ModeRunResult) -> Markup:
+def _how_sure(result: ModeRunResult) -> Section:
     d, digits = result.diagnosis, digits_of(result.diagnosis)
     head = ["step", "fitted modes [%]", *(["held-out modes [%]"] if d.modes.held_out.any() else [])]
     rows = [
         [label, *(f"{e:.{digits}f}" if e is not None and math.isfinite(e) else "–" for e in errors)]
         for label, *errors in step_errors(d)
     ]
-    return section(
-        "How sure",
-        bullets(mode_confidence(result)),
-        table(head, [row[: len(head)] for row in rows], numbers=(1, 2)),
-        paragraph(
-            "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
-            "evidence; held-out modes do not count."
-        ),
+    text = (
+        "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
+        "evidence; held-out modes do not count."
     )
+    table = TableBlock(head, [row[: len(head)] for row in rows], numbers=(1, 2))
+    return Section("How sure", [Items(mode_confidence(result)), table, Text(text)])
 
 
-def _compared(result: ModeRunResult) -> Markup:
+def _compared(result: ModeRunResult) -> Section:
     study = result.study
     rows = []
     for name, m in (("modes", study.modes), ("baseline", study.baseline)):
@@ -144,54 +133,40 @@ def _compared(result: ModeRunResult) -> Markup:
             continue
         f, std, zeta = m.modes.frequency, 100 * m.frequency_std, m.modes.zeta
         spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
-        rows.append([
-            name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread,
-            "yes" if zeta is not None and np.isfinite(zeta).any() else "no",
-            len(m.sensors) if m.has_shapes else "–",
-            ", ".join(map(str, m.held_out)) or "–",
-        ])  # fmt: skip
-    head = [
-        "state", "data", "modes", "band [Hz]", "std of frequencies [%]", "damping", "sensors of shapes",
-        "held out",
-    ]  # fmt: skip
-    mesh, plane = study.model.mesh, study.modes.plane if study.modes else ""
-    size = f"{counted(len(mesh.members), 'member')}, {mesh.n_lines} beam elements, {mesh.n_points} points"
+        damped = "yes" if zeta is not None and np.isfinite(zeta).any() else "no"
+        sensors, held = len(m.sensors) if m.has_shapes else "–", ", ".join(map(str, m.held_out)) or "–"
+        rows.append([name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread, damped, sensors, held])
+    head = ["state", "data", "modes", "band [Hz]", "std of frequencies [%]", "damping", "sensors of shapes"]
+    plane = study.modes.plane if study.modes else ""
     seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
     if study.modes is not None and not study.modes.has_shapes:
         by = (("sensors of the test", study.modes.sensors), ("forces of the test", study.modes.driven))
         seen += [(name, ", ".join(s.name for s in part)) for name, part in by if part]
-    return section(
-        "Compared data",
-        table(head, rows, numbers=(2, 6), caption="Measured modes"),
-        facts([*seen, ("model", size)]),
-    )
+    table = TableBlock([*head, "held out"], rows, numbers=(2, 6), caption="Measured modes")
+    return Section("Compared data", [table, Facts([*seen, ("model", model_size(study.model.mesh))])])
 
 
-def _explanations(result: ModeRunResult, shown: Shown) -> Markup:
+def _explanations(result: ModeRunResult, shown: Shown) -> Section:
     d = result.diagnosis
     rows = [
         [f"{k}: {words.explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
     ]
-    credible = "The fewest explanations that have a probability of 90 % together"
-    known = hypotheses_by_modes(d)
-    return section(
-        "What has changed" if d.baseline is not None else "What may be missing",
-        shown.figure(
-            "probability",
-            "Bars of the probability of each explanation; the table has the numbers.",
-            "Probability of each explanation by the data and the priors, all of them together 100 %.",
-        )
-        if len(known) > 1
-        else "",
-        table(["explanation", "probability"], rows, numbers=(1,), caption=f"{credible}.", at_most=12),
-        paragraph(
-            "Standard deviations are linearised and hold if the explanation is the right one; the uncertain "
-            "parameters vary with it."
-        ),
+    figure = shown.figure(
+        "probability",
+        "Bars of the probability of each explanation; the table has the numbers.",
+        "Probability of each explanation by the data and the priors, all of them together 100 %.",
     )
+    text = (
+        "Standard deviations are linearised and hold if the explanation is the right one; the uncertain "
+        "parameters vary with it."
+    )
+    caption = "The fewest explanations that have a probability of 90 % together."
+    table = TableBlock(["explanation", "probability"], rows, numbers=(1,), caption=caption, at_most=12)
+    blocks = [figure if len(hypotheses_by_modes(d)) > 1 else None, table, Text(text)]
+    return Section("What has changed" if d.baseline is not None else "What may be missing", blocks)
 
 
-def _modes(result: ModeRunResult, shown: Shown) -> Markup:
+def _modes(result: ModeRunResult, shown: Shown) -> Section:
     m, steps = result.diagnosis.modes, mode_steps(result.diagnosis)
     damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
     head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in steps)]
@@ -209,20 +184,16 @@ def _modes(result: ModeRunResult, shown: Shown) -> Markup:
         else ""
     )
     predicted = " Shaded modes were predicted, not fitted." if m.held_out.any() else ""
-    return section(
-        "Natural frequencies and mode shapes",
-        paragraph(CORRECTED) if result.diagnosis.baseline else "",
-        shown.figure(
-            "deviations",
-            "Deviations of computed from measured natural frequencies, mode by mode; the table has the "
-            "numbers.",
-            DEVIATIONS + predicted,
-            ["deviations"],
-        ),
-        table([*head, ""], rows, numbers=range(len(head)), at_most=25),
-        shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else "",
-        shapes(shown, sensors),
-    )
+    alt = "Deviations of computed from measured natural frequencies, mode by mode; the table has the numbers."
+    mac = shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else None
+    blocks = [
+        Text(CORRECTED if result.diagnosis.baseline else ""),
+        shown.figure("deviations", alt, DEVIATIONS + predicted, ["deviations"]),
+        TableBlock([*head, ""], rows, numbers=range(len(head)), at_most=25),
+        mac,
+        *shapes(shown, sensors),
+    ]
+    return Section("Natural frequencies and mode shapes", blocks)
 
 
 def _role(m: ModeTable, k: int) -> str:
@@ -238,21 +209,14 @@ def _mac_text(value: float) -> str:
     return f"{value:.3f}" if math.isfinite(value) else "–"
 
 
-def _places(result: ModeRunResult) -> Markup:
+def _places(result: ModeRunResult) -> Section:
     rows = [[words.place(name), f"{left:.2f}"] for name, left in result.diagnosis.places[:20]]
-    if not rows:
-        return Markup()
-    return section(
-        "Where",
-        paragraph("Share of the misfit that changes at a place leave: the smaller, the more likely."),
-        table(["place", "misfit left [-]"], rows, numbers=(1,), at_most=8),
-    )
+    text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
+    table = TableBlock(["place", "misfit left [-]"], rows, numbers=(1,), at_most=8)
+    return Section("Where", [text, table] if rows else ())
 
 
-def _next(result: ModeRunResult) -> Markup:
+def _next(result: ModeRunResult) -> Section:
     proposals = result.diagnosis.next_measurements
-    if not proposals:
-        return Markup()
-    return section(
-        "What to measure next", paragraph("To tell the first two explanations apart:"), bullets(proposals)
-    )
+    lead = "To tell the first two explanations apart:" if proposals else ""
+    return Section("What to measure next", [Text(lead), Items(proposals)])

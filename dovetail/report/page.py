@@ -1,13 +1,32 @@
-"""Small pieces of HTML: escaped text, tables, embedded images; a page of them loads nothing else."""
+"""Blocks as HTML, with images embedded; a page of them loads nothing else."""
 
 import base64
-import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import singledispatch
+from html import escape
 from io import BytesIO
 from pathlib import Path
 
 from PIL import Image, features
+
+from dovetail.report.blocks import (
+    Details,
+    Facts,
+    Group,
+    Heading,
+    Items,
+    Mark,
+    Pick,
+    Picture,
+    Plot,
+    Report,
+    Section,
+    TableBlock,
+    Text,
+)
+from dovetail.report.outline import ID, packed_outline
 
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
@@ -22,91 +41,141 @@ class Markup(str):
     __slots__ = ()
 
     def __add__(self, other: str) -> "Markup":
-        return Markup(str(self) + esc(other))
+        return Markup(str(self) + html(other))
 
 
-def esc(text: object) -> Markup:
-    """Return text as HTML; Markup stays as it is."""
-    return text if isinstance(text, Markup) else Markup(html.escape(str(text)))
+@singledispatch
+def html(part: object) -> Markup:
+    """Return a block or text as HTML; Markup stays as it is, and nothing of a block without content."""
+    return Markup(escape(str(part)))
 
 
 def tag(name: str, *content: object, **attributes: object) -> Markup:
     """Return an element; in attributes' names ``class_`` stands for class, ``data_x`` for data-x."""
     words = "".join(
-        f' {k.rstrip("_").replace("_", "-")}="{esc(v)}"' for k, v in attributes.items() if v not in (None, "")
+        f' {k.rstrip("_").replace("_", "-")}="{html(v)}"'
+        for k, v in attributes.items()
+        if v not in (None, "")
     )
     return Markup(f"<{name}{words}>{join(content)}</{name}>")
 
 
 def join(parts: Iterable[object]) -> Markup:
     """Return parts one after the other."""
-    return Markup("".join(esc(p) for p in parts))
+    return Markup("".join(map(html, parts)))
 
 
-def paragraph(*content: object) -> Markup:
-    """Return a paragraph."""
-    return tag("p", *content) + Markup("\n")
+@html.register
+def _(part: Markup) -> Markup:
+    return part
 
 
-def bullets(items: Sequence[object]) -> Markup:
-    """Return a list; nothing for none."""
-    return tag("ul", *(tag("li", item) for item in items)) if items else Markup()
+@html.register
+def _(_part: None) -> Markup:
+    return Markup()
 
 
-def table(
-    head: Sequence[str],
-    rows: Sequence[Sequence[object]],
-    *,
-    numbers: Iterable[int] = (),
-    marked: Iterable[int] = (),
-    caption: str = "",
-    at_most: int = 20,
-) -> Markup:
-    """Return a table; rows beyond ``at_most`` are collapsed.
+@html.register
+def _(parts: tuple) -> Markup:
+    return join(parts)
 
-    Parameters
-    ----------
-    head : sequence of str
-        Headings with units.
-    rows : sequence of sequences
-    numbers : iterable of int
-        Columns that hold numbers.
-    marked : iterable of int
-        Rows that stand out.
-    caption : str
-    at_most : int
-    """
-    numbers, marked = set(numbers), set(marked)
-    few = at_most if len(rows) > at_most + 3 else len(rows)
-    shown = _table(head, rows[:few], numbers, marked, caption)
-    if few == len(rows):
+
+@html.register
+def _(mark: Mark) -> Markup:
+    return tag("code", mark.text) if mark.style == "code" else tag("span", mark.text, class_=mark.style)
+
+
+@html.register
+def _(pick: Pick) -> Markup:
+    label = f"Show the FRF {pick.output} / {pick.input}"
+    known = {"data_output": pick.output, "data_input": pick.input, "aria_label": label}
+    return tag("button", "show", type="button", class_="pick", **known)
+
+
+@html.register
+def _(block: Heading) -> Markup:
+    return tag("h3", block.text)
+
+
+@html.register
+def _(block: Text) -> Markup:
+    if block.style == "pre":
+        return tag("pre", block.text)
+    return tag("p", block.text, class_=block.style) + Markup("\n") if block else Markup()
+
+
+@html.register
+def _(block: Items) -> Markup:
+    return tag("ul", *(tag("li", item) for item in block.items)) if block else Markup()
+
+
+@html.register
+def _(block: Facts) -> Markup:
+    return tag("dl", *(tag("dt", name) + tag("dd", value) for name, value in block.pairs))
+
+
+@html.register
+def _(block: TableBlock) -> Markup:
+    few, numbers, marked = block.n_shown, set(block.numbers), set(block.marked)
+    shown = _rows(block, 0, few, numbers, marked)
+    if few == len(block.rows):
         return shown
-    rest = _table(head, rows[few:], numbers, {k - few for k in marked}, "")
-    return join([shown, tag("details", tag("summary", f"{len(rows) - few} more"), rest)])
+    rest = _rows(replace(block, caption=""), few, len(block.rows), numbers, marked)
+    return shown + tag("details", tag("summary", f"{len(block.rows) - few} more"), rest)
 
 
-def _table(
-    head: Sequence[str], rows: Sequence[Sequence[object]], numbers: set[int], marked: set[int], caption: str
-) -> Markup:
-    top = tag(
-        "tr", *(tag("th", h, scope="col", class_="n" if k in numbers else None) for k, h in enumerate(head))
-    )
+def _rows(block: TableBlock, first: int, end: int, numbers: set[int], marked: set[int]) -> Markup:
+    """Return some rows of a table below its headings."""
+    kind = {k: "n" for k in numbers}
+    top = tag("tr", *(tag("th", h, scope="col", class_=kind.get(k)) for k, h in enumerate(block.head)))
     body = []
-    for r, row in enumerate(rows):
+    for r, row in enumerate(block.rows[first:end], first):
         cells = [
-            tag("th", c, scope="row")
-            if k == 0 and 0 not in numbers
-            else tag("td", c, class_="n" if k in numbers else None)
+            tag("th", c, scope="row") if k == 0 and k not in kind else tag("td", c, class_=kind.get(k))
             for k, c in enumerate(row)
         ]
         body.append(tag("tr", *cells, class_="mark" if r in marked else None))
-    whole = tag("table", tag("caption", caption) if caption else "", tag("thead", top), tag("tbody", *body))
+    caption = tag("caption", block.caption) if block.caption else ""
+    whole = tag("table", caption, tag("thead", top), tag("tbody", *body))
     return tag("div", whole, class_="wide") + Markup("\n")
 
 
-def image(file: Path, alt: str, caption: str = "", class_: str = "") -> Markup:
-    """Return a figure with the image in it."""
-    return figure(picture(file, alt), caption=caption, class_=class_)
+@html.register
+def _(block: Picture) -> Markup:
+    return figure(picture(block.file, block.alt), caption=block.caption, class_=block.style)
+
+
+@html.register
+def _(block: Plot) -> Markup:
+    if not block.packed:
+        return join(block.stills)
+    label = f"{block.alt} {block.hint}".strip()
+    return figure(
+        tag("div", Markup(block.tools), class_="tools") if block.tools else "",
+        tag("div", class_="plot", role="group", tabindex="0", aria_label=label),
+        *(replace(still, style="still") for still in block.stills),
+        tag("p", block.hint, class_="hint") if block.hint else "",
+        script(block.packed, type="text/plain", id=f"figure-{block.name}"),
+        script(block.data, type="text/plain", id=f"data-{block.name}") if block.data else "",
+        tag("figcaption", block.caption, class_="live"),
+        data_figure=block.name,
+        class_="" if block.stills else "bare",
+    )
+
+
+@html.register
+def _(block: Group) -> Markup:
+    return tag("div", *block.blocks, class_=block.title) if block else Markup()
+
+
+@html.register
+def _(block: Section) -> Markup:
+    return section(block.title, *block.blocks) if block else Markup()
+
+
+@html.register
+def _(block: Details) -> Markup:
+    return tag("details", tag("summary", block.title), *block.blocks) + Markup("\n") if block else Markup()
 
 
 def figure(*content: object, caption: str = "", **attributes: object) -> Markup:
@@ -114,15 +183,14 @@ def figure(*content: object, caption: str = "", **attributes: object) -> Markup:
     return tag("figure", *content, tag("figcaption", caption) if caption else "", **attributes) + Markup("\n")
 
 
-def picture(file: Path, alt: str, class_: str = "") -> Markup:
+def picture(file: Path, alt: str) -> Markup:
     """Return an image with its content in the page, and the name of its file for other programs."""
     kind, content = _embedded(file)
     width, height = _size(file.read_bytes())
     data = base64.b64encode(content).decode("ascii")
-    named = f' class="{esc(class_)}"' if class_ else ""
     return Markup(
-        f'<img{named} src="data:{kind};base64,{data}" alt="{esc(alt)}" width="{width}" height="{height}" '
-        f'data-file="{esc(file.name)}">'
+        f'<img src="data:{kind};base64,{data}" alt="{html(alt)}" width="{width}" height="{height}" '
+        f'data-file="{html(file.name)}">'
     )
 
 
@@ -155,23 +223,6 @@ def slug(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-def contents(parts: Iterable[str]) -> Markup:
-    """Return links to the sections among parts of a page."""
-    found = [m for part in parts for m in re.findall(r'<section id="([^"]+)"><h2>(.*?)</h2>', part)]
-    links = [tag("li", tag("a", Markup(title), href=f"#{anchor}")) for anchor, title in found]
-    return tag("nav", tag("ul", *links), class_="contents", aria_label="Contents") + Markup("\n")
-
-
-def folded(summary: str, *content: object) -> Markup:
-    """Return content that is shown on demand."""
-    return tag("details", tag("summary", summary), *content) + Markup("\n")
-
-
-def facts(pairs: Iterable[tuple[str, object]]) -> Markup:
-    """Return a list of names and values."""
-    return tag("dl", *(join([tag("dt", k), tag("dd", v)]) for k, v in pairs))
-
-
 def script(text: str, **attributes: object) -> Markup:
     """Return a script, or data for one; the text must not hold the end of a script."""
     return tag("script", Markup(text), **attributes) + Markup("\n")
@@ -194,9 +245,24 @@ def page(title: str, *content: object) -> str:
     """Return a whole page."""
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<title>{esc(title)}</title>\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<title>{html(title)}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
         f'<link rel="icon" href="data:,">\n<style>{CSS}</style>\n</head>\n'
         f"<body>\n{join(content)}</body>\n</html>\n"
+    )
+
+
+def report_page(report: Report, *scripts: Markup) -> str:
+    """Return a report as a page, with its story for other programs."""
+    parts = {each.title: html(each) for each in report.sections if each}
+    links = (tag("li", tag("a", title, href=f"#{slug(title)}")) for title in parts)
+    return page(
+        f"{report.name}: {report.verdict}",
+        tag("a", "Skip to the figures and tables", class_="skip", href="#body"),
+        tag("header", tag("h1", report.name), *report.first),
+        tag("nav", tag("ul", *links), class_="contents", aria_label="Contents") + Markup("\n"),
+        tag("main", *parts.values(), id="body"),
+        tag("template", packed_outline(report), id=ID),
+        *scripts,
     )

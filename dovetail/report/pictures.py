@@ -6,29 +6,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dovetail.report import words
+from dovetail.report.blocks import Picture
 from dovetail.report.drawn import (
-    candidate_labels,
+    FRF_ERROR,
+    STAIRCASE,
     compared_models,
     error_bands,
+    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
     marked_places,
     misfit_limit,
     misfit_steps,
+    noise_of,
+    ranking_bars,
     ranking_caption,
     rivals,
+    smoothing,
+    staircase_alt,
     telling_pairs,
 )
 from dovetail.result import RunResult
 from fem.analysis.modes import Modes
 from fem.model import Model
 from fem.summary import counted
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
-from updating.diagnosis.findings import Ranked
 from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
 from viz import curves, heat_maps, search
 from viz.interactive.modes import MeasuredShape
@@ -45,15 +51,6 @@ MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
 
 Say = Callable[[str, float], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A picture: its file, its description for readers who cannot see it, and its caption."""
-
-    file: Path
-    alt: str
-    caption: str
 
 
 @dataclass(slots=True)
@@ -75,12 +72,8 @@ class Album:
     def __getitem__(self, name: str) -> Picture | None:
         return self.pictures.get(name)
 
-    def starting(self, prefix: str) -> list[Picture]:
-        """Return the pictures whose names begin so, in the order in which they were drawn."""
-        return [p for name, p in self.pictures.items() if name.startswith(prefix)]
-
     def add(
-        self, name: str, draw: Callable[[Path], Any], alt: str, caption: str = "", suffix: str = ".png"
+        self, name: str, alt: str, caption: str, draw: Callable[[Path], Any], suffix: str = ".png"
     ) -> None:
         """Draw a picture into the folder."""
         file = self.folder / f"{name}{suffix}"
@@ -93,6 +86,12 @@ class Album:
             )
             return
         self.pictures[name] = Picture(file, alt, caption)
+
+    def plot(
+        self, name: str, alt: str, caption: str, plot: Callable[..., Any], *args: Any, **more: Any
+    ) -> None:
+        """Draw curves into the folder, the figure that ``plot`` returns for its arguments."""
+        self.add(name, alt, caption, lambda file: save(plot(*args, **more), file, DPI))
 
 
 def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
@@ -124,184 +123,119 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
 
 def _draw_errors(result: RunResult, album: Album) -> None:
     d = result.diagnosis
-    steps = [
-        (words.step_label(s.label), s.fit_db, s.held_out_db if np.isfinite(s.held_out_db) else None)
-        for s in d.steps
-    ]
-    album.add(
-        "staircase",
-        lambda p: save_staircase(steps, d.noise_floor_db, p),
-        "Error after each step: "
-        + "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
-        + f"; noise floor {d.noise_floor_db:.2f} dB.",
-        "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
-        "lines held out from it. The grey floor is measurement noise and mesh error.",
-    )
-    top = misfit_limit(result)
+    floor = d.noise_floor_db
+    album.plot("staircase", staircase_alt(d), STAIRCASE, plot_staircase, error_steps(d), floor)
+    limits = 0.0, misfit_limit(result)
     for name, step, what in misfit_steps(result):
         c = result.comparisons[step]
-        values, order, bands = c.by_band(), np.arange(len(c.outputs)), error_bands(result)
+        order, bands = np.arange(len(c.outputs)), error_bands(result)
+        alt = f"Heat map of the error of each sensor in {len(bands)} frequency bands, {what}."
+        caption = f"Error of each sensor in each band, {what}"
         if len(order) > MANY:
             order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
-        album.add(
-            f"misfit-bands-{name}",
-            lambda p, v=values[order], o=[c.outputs[i] for i in order], b=bands: save(
-                heat_maps.plot_misfit_matrix(v, o, b, "error [dB]", (0.0, top)), p, DPI
-            ),
-            f"Heat map of the error of each sensor in {len(bands)} frequency bands, {what}.",
-            f"Error of each sensor in each band, {what}"
-            + (f"; the {MANY} worst of {len(c.outputs)} sensors." if len(c.outputs) > MANY else "."),
-        )
+            caption += f"; the {MANY} worst of {len(c.outputs)} sensors"
+        shown = c.by_band()[order], [c.outputs[i] for i in order], bands, "error [dB]", limits
+        album.plot(f"misfit-bands-{name}", alt, f"{caption}.", heat_maps.plot_misfit_matrix, *shown)
     for k, ranked in enumerate(d.rounds):
-        _draw_ranking(result, k, ranked, album)
+        if ranked:
+            alt = f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}."
+            album.plot(f"ranking-{k + 1}", alt, ranking_caption(result, k), _plot_ranking, result, k)
 
 
-def save_staircase(
+def plot_staircase(
     steps: Sequence[tuple[str, float, float | None]],
     floor: float,
-    path: Path,
-    *,
     ylabel: str = "error of the amplitude [dB]",
     **more: Any,
-) -> None:
-    """Draw a staircase into a file; more as :func:`viz.search.plot_staircase`."""
+) -> Figure:
+    """Return the figure of a staircase; more as :func:`viz.search.plot_staircase`."""
     figure = search.plot_staircase(steps, floor, ylabel=ylabel, **more)
     low, high = figure.axes[0].get_ylim()
     figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
-    save(figure, path, DPI)
+    return figure
 
 
-def _draw_ranking(result: RunResult, k: int, ranked: Sequence[Ranked], album: Album) -> None:
-    d = result.diagnosis
-    if not ranked:
-        return
-    labels = candidate_labels(ranked)
-    by_name = dict(zip([r.name for r in ranked], labels, strict=True))
-    found = d.findings[k] if k < len(d.findings) else None
-    baseline = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
-    twins = {by_name[t.name] for t in found.twins if t.name in by_name} if found else set()
-    accepted = by_name.get(found.effect.name) if found else None
-    levels = [r.level * DB_PER_NEPER for r in ranked]
-
-    def draw(path: Path) -> None:
-        figure = search.plot_ranking(
-            labels,
-            levels,
-            baseline,
-            twins=twins,
-            accepted=accepted,
-            xlabel=words.level_label(d),
-        )
-        save(figure, path, DPI)
-
-    album.add(
-        f"ranking-{k + 1}",
-        draw,
-        f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}.",
-        ranking_caption(result, k, ranked),
+def _plot_ranking(result: RunResult, k: int) -> Figure:
+    labels, levels, baseline, twins, accepted = ranking_bars(result, k)
+    return search.plot_ranking(
+        labels,
+        levels,
+        baseline,
+        twins={labels[i] for i in twins},
+        accepted=None if accepted is None else labels[accepted],
+        xlabel=words.level_label(result.diagnosis),
     )
 
 
 def _draw_frfs(result: RunResult, album: Album) -> None:
-    d = result.diagnosis
-    measured = d.measured
-    compared = compared_models(result)
-    models, bands = compared.frfs, compared.deviations
-    held = held_out_bands(result)
-    shaded = "shaded, the 95 % band of the last one's parameters."
-    sigma = np.abs(measured.H) * np.broadcast_to(d.problem.data.noise, measured.H.shape)
+    d, compared, held = result.diagnosis, compared_models(result), held_out_bands(result)
+    measured, models, bands = d.measured, compared.frfs, compared.deviations
+    shaded = "; shaded, the 95 % band of the last one's parameters." if bands else "."
     chosen = telling_pairs(result)
-    for start in range(0, len(chosen), 2):
-        part = chosen[start : start + 2]
+    for n, part in enumerate((chosen[k : k + 2] for k in range(0, len(chosen), 2)), 1):
+        pairs = [(o, i) for o, i, _ in part]
         listed = " and ".join(f"{o} / {i} ({why})" for o, i, why in part)
-        album.add(
-            f"frf-{start // 2 + 1}",
-            lambda p, part=part: save(
-                curves.plot_frf(
-                    measured, models, [(o, i) for o, i, _ in part], held_out=held, deviations=bands
-                ),
-                p,
-                DPI,
-            ),
-            f"{words.frf_parts(d)} of the FRFs {listed}, measured and computed ({', '.join(models)})"
-            + (f"; {shaded}" if bands else "."),
-            f"Response / force: {listed}.",
+        alt = (
+            f"{words.frf_parts(d)} of the FRFs {listed}, measured and computed ({', '.join(models)}){shaded}"
         )
+        shown = measured, models, pairs
+        caption = f"Response / force: {listed}."
+        album.plot(f"frf-{n}", alt, caption, curves.plot_frf, *shown, held_out=held, deviations=bands)
     for k, against in rivals(result).items():
-        finding, rival = d.findings[k], words.ranked_label(against)
-        drawn = fits_of(result, k, against)
-        pairs = list(dict.fromkeys((piece.output, piece.input) for piece in finding.decisive))[:2]
+        rival, drawn = words.ranked_label(against), fits_of(result, k, against)
+        decisive = d.findings[k].decisive
+        pairs = list(dict.fromkeys((piece.output, piece.input) for piece in decisive))[:2]
         listed = " and ".join(f"{o} / {i}" for o, i in pairs)
-        album.add(
-            f"decides-{k + 1}",
-            lambda p, drawn=drawn, pairs=pairs: save(
-                curves.plot_frf(measured, drawn, pairs, held_out=held), p, DPI
-            ),
-            f"The FRFs {listed}, measured, with the effect and with its rival {rival}.",
-            f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted.",
-        )
-    album.add(
-        "frf-error",
-        lambda p: save(
-            curves.plot_frf_error(
-                measured, models, floor=sigma, held_out=held, smooth=max(1, measured.n_freq // 150)
-            ),
-            p,
-            DPI,
-        ),
-        "Relative error of all FRFs together over frequency, for " + ", ".join(models) + ".",
-        "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response "
-        "itself.",
-    )
+        alt = f"The FRFs {listed}, measured, with the effect and with its rival {rival}."
+        caption = f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted."
+        album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, held_out=held)
+    alt = f"Relative error of all FRFs together over frequency, for {', '.join(models)}."
+    more = {"floor": noise_of(d), "held_out": held, "smooth": smoothing(measured)}
+    album.plot("frf-error", alt, FRF_ERROR, curves.plot_frf_error, measured, models, **more)
 
 
 def _draw_structure(result: RunResult, album: Album) -> None:
     from viz import render
 
-    d, study = result.diagnosis, result.study
-    m = d.problem.data.measurement
+    model, m = result.study.model, result.diagnosis.problem.data.measurement
     marks = [(place.point, place.label) for place in marked_places(result)]
-    seen = f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     many = f"{counted(len(m.sensors), 'sensor')} and {counted(len(m.excitations), 'excitation')}"
+    many += f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
-        lambda p: render.render_model(study.model, p, m.sensors, m.excitations, marks),
-        f"The structure with {many}{seen}.",
-        f"The model with sections, {many}{seen}.",
+        f"The structure with {many}.",
+        f"The model with sections, {many}.",
+        lambda p: render.render_model(model, p, m.sensors, m.excitations, marks),
     )
-    points, directions = (np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction"))
+    points, directions, names = (
+        np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction", "name")
+    )
     before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()
     good = result.diagnosis.verdict in (NOTHING, FAULT)
     limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
     where = result.localisation
     shares, joints = (dict(where.members), failing_places(where)) if where else ({}, [])
     telling = max([*shares.values(), *(v for _, v in joints)], default=0.0) >= TELLING
+    shown = {
+        "joints": [(place.point, v) for place, v in joints],
+        "label": "error [dB]",
+        "members_label": "share of the misfit [-]",
+        "limits": limits,
+    }
     for name, step, what in misfit_steps(result):
+        members = shares if name == "fitted" and telling else None
+        alt = f"The structure with its sensors coloured by their error, {what}."
+        caption = f"Error of each sensor on the structure, {what}"
+        if members:
+            caption += "; members, joints and supports by the share of it that a small change would explain"
         db = result.comparisons[step].by_sensor()
         known = np.isfinite(db)
-        members = shares if name == "fitted" and telling else None
+        at = points[known], directions[known], db[known], names[known].tolist()
         album.add(
             f"misfit-{name}",
-            lambda p, db=db, known=known, members=members: render.render_misfit(
-                study.model,
-                points[known],
-                directions[known],
-                db[known],
-                [s.name for s, k in zip(m.sensors, known, strict=True) if k],
-                p,
-                members=members,
-                joints=[(place.point, v) for place, v in joints],
-                label="error [dB]",
-                members_label="share of the misfit [-]",
-                limits=limits,
-            ),
-            f"The structure with its sensors coloured by their error, {what}.",
-            f"Error of each sensor on the structure, {what}"
-            + (
-                "; members, joints and supports by the share of it that a small change would explain."
-                if members
-                else "."
-            ),
+            alt,
+            f"{caption}.",
+            lambda p, at=at, members=members: render.render_misfit(model, *at, p, members=members, **shown),
         )
 
 
@@ -327,9 +261,9 @@ def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
     title = mode_heading(k, fitted.n_rigid, pair.fitted, pair.fitted_zeta)
     album.add(
         "mode-changed",
-        lambda p: animation.animate_mode(model, fitted, k, p, title=title),
         f"Animated shape of the mode that the effect changes most, at {pair.fitted:.4g} Hz.",
         f"The mode that the effect changes most: {_moved(pair)}.",
+        lambda p: animation.animate_mode(model, fitted, k, p, title=title),
         ".gif",
     )
 
@@ -350,9 +284,9 @@ def add_modes(
         number = k - modes.n_rigid + 1
         album.add(
             f"mode-{number}",
-            lambda p, k=k, title=title: render.render_mode(model, modes, k, p, measured.get(k), title),
             f"Shape of elastic mode {number} of the fitted model at {modes.frequency[k]:.4g} Hz.",
             title,
+            lambda p, k=k, title=title: render.render_mode(model, modes, k, p, measured.get(k), title),
         )
 
 

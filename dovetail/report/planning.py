@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.report import words
+from dovetail.report.table import Column, Table, columns_of
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
@@ -77,23 +78,26 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
     return out
 
 
-def excluded_rows(plan: Plan) -> list[tuple[str, str, str, str]]:
+def table_of_excluded(plan: Plan) -> Table:
     """Return for each kind from what size an effect would have been seen, and where it would not."""
-    return [
-        (r.kind, r.smallest or "–", r.largest or "–", f"{r.blind} of {r.n}" if r.blind else "none")
-        for r in kind_rows(plan, "seen")
-    ]
+    rows = kind_rows(plan, "seen")
+    return Table.of(
+        "excluded",
+        Column("effect", [r.kind for r in rows]),
+        Column("seen from, at the best place", [r.smallest or "–" for r in rows]),
+        Column("at the worst", [r.largest or "–" for r in rows]),
+        Column("blind places", [f"{r.blind} of {r.n}" if r.blind else "none" for r in rows]),
+    )
 
 
+PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
 """At most so many pairs that a test does not tell apart are printed."""
 SHARES = ("seen", "located", "named")
-HEAD = ("kind", "relevant size", "n", "seen", "place", "named", "named from", "to")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
     "90 %. Where the estimate was checked, up to 1.7 times the size was needed."
 )
-EXCLUDED_HEAD = ("effect", "seen from, at the best place", "at the worst", "blind places")
 
 
 def _range(effects: list[Effect]) -> str:
@@ -114,11 +118,20 @@ def title(plan: Plan) -> str:
     return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {said}"
 
 
-def cells_of(row: KindRow) -> tuple[str, ...]:
-    """Return the cells of a kind under ``HEAD``."""
-    shares = (f"{100 * each:.0f} %" for each in (row.seen, row.located, row.named))
-    to = row.largest or (f"not at {row.blind}" if row.smallest else "")
-    return row.kind, row.relevant, str(row.n), *shares, row.smallest or "none", to
+def table_of_kinds(rows: Sequence[KindRow]) -> Table:
+    """Return for each kind of effect which shares a test shows, and from what size."""
+    to = [r.largest or (f"not at {r.blind}" if r.smallest else "") for r in rows]
+    return Table.of(
+        "kinds of effects",
+        Column("kind", [r.kind for r in rows]),
+        Column("relevant size", [r.relevant for r in rows]),
+        Column("n", [r.n for r in rows]),
+        Column("seen", [r.seen for r in rows], "%", PERCENT, 100, head="seen"),
+        Column("place", [r.located for r in rows], "%", PERCENT, 100, head="place"),
+        Column("named", [r.named for r in rows], "%", PERCENT, 100, head="named"),
+        Column("named from", [r.smallest or "none" for r in rows]),
+        Column("to", to),
+    )
 
 
 def headline(plan: Plan) -> str:
@@ -225,17 +238,16 @@ def chosen_dict(chosen: Chosen) -> dict[str, Any]:
     }
 
 
-def separation_lines(found: Sequence[Separation]) -> list[str]:
+def table_of_twins(found: Sequence[Separation]) -> Table:
     """Return what tells twins apart in a second test."""
-    head = ("effect", "its twin", "alike", "with a second test", "after this change", "told apart")
-    rows = [
-        (
-            *(words.effect_label(e.kind, e.where) for e in (s.effect, s.rival)),
-            *(f"{a:.3f}" for a in s.alike), s.change, "yes" if s.ratio >= 1 else "no",
-        )
-        for s in found
-    ]  # fmt: skip
-    return ["second tests:", *words.columns(head, rows)]
+    return Table.of(
+        "second tests",
+        Column("effect", [words.effect_label(s.effect.kind, s.effect.where) for s in found]),
+        Column("its twin", [words.effect_label(s.rival.kind, s.rival.where) for s in found]),
+        *columns_of(("alike", "with a second test"), np.array([s.alike for s in found]), show=".3f"),
+        Column("after this change", [s.change for s in found]),
+        Column("told apart", ["yes" if s.ratio >= 1 else "no" for s in found]),
+    )
 
 
 def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
@@ -250,25 +262,27 @@ def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def check_lines(checked: Sequence[Trial]) -> list[str]:
+def table_of_check(checked: Sequence[Trial]) -> Table:
     """Return what drawn data showed beside what the map predicts, by multiples of the size that is named."""
-    rows = []
-    for multiple in sorted({t.multiple for t in checked}):
-        some = [t for t in checked if t.multiple == multiple]
-        chances = np.mean([t.chances for t in some], axis=0)
-        counts = (sum(getattr(t, what) for t in some) for what in ("seen", "named"))
-        rows.append(
-            (
-                f"{multiple:g}", str(len(some)),
-                *(
-                    cell
-                    for chance, count in zip(chances, counts, strict=True)
-                    for cell in (f"{100 * chance:.0f} %", _with_interval(count, len(some)))
+    multiples = sorted({t.multiple for t in checked})
+    groups = [[t for t in checked if t.multiple == multiple] for multiple in multiples]
+    chances = np.array([np.mean([t.chances for t in some], axis=0) for some in groups])
+    return Table.of(
+        "check",
+        Column("size / named", multiples, show="g"),
+        Column("n", [len(some) for some in groups]),
+        *(
+            column
+            for k, what in enumerate(("seen", "named"))
+            for column in (
+                Column(f"{what}: map", chances[:, k], "%", PERCENT, 100, head=f"{what}: map"),
+                Column(
+                    "drawn (95 %)",
+                    [_with_interval(sum(getattr(t, what) for t in some), len(some)) for some in groups],
                 ),
             )
-        )  # fmt: skip
-    head = ("size / named", "n", "seen: map", "drawn (95 %)", "named: map", "drawn (95 %)")
-    return words.columns(head, rows)
+        ),
+    )
 
 
 def _with_interval(count: int, n: int) -> str:

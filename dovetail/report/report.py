@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from dovetail.report.answer import answer, how_sure
+from dovetail.report.blocks import Report
 from dovetail.report.compared import check_first, compared, gates
 from dovetail.report.figures import Figures, make_all
 from dovetail.report.misfit import misfit
 from dovetail.report.missing import missing, search
-from dovetail.report.page import contents, page, tag
+from dovetail.report.page import report_page
 from dovetail.report.pictures import Album
 from dovetail.report.responses import faults, frfs, modes, uncertain
 from dovetail.report.shown import Shown
@@ -26,10 +27,15 @@ def write_report(result: RunResult, album: Album, path: Path) -> None:
 def report_html(result: RunResult, album: Album, figures: Figures | None = None) -> str:
     """Return the report as one HTML page that loads nothing else; without figures it has pictures alone."""
     shown = Shown(album, figures or Figures())
-    parts = [
+    return report_page(report(result, shown), shown.scripts())
+
+
+def report(result: RunResult, shown: Shown) -> Report:
+    """Return the report as blocks."""
+    sections = [
         check_first(result),
         how_sure(result),
-        compared(result, shown),
+        compared(result),
         gates(result),
         misfit(result, shown),
         missing(result, shown),
@@ -42,12 +48,4 @@ def report_html(result: RunResult, album: Album, figures: Figures | None = None)
         assumptions(result),
         about(result),
     ]
-    skip = tag("a", "Skip to the figures and tables", class_="skip", href="#body")
-    return page(
-        f"{result.study.name}: {result.diagnosis.verdict}",
-        skip,
-        answer(result, shown),
-        contents(parts),
-        tag("main", *parts, id="body"),
-        shown.scripts(),
-    )
+    return Report(result.study.name, result.diagnosis.verdict, answer(result, shown), sections)

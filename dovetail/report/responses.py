@@ -1,24 +1,26 @@
 """FRFs, modes, uncertain parameters and faults, before and after."""
 
 import math
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import cells, words
-from dovetail.report.page import Markup, join, paragraph, section, table, tag
-from dovetail.report.shown import TURN, Shown
+from dovetail.report.blocks import Block, Group, Line, Mark, Section, TableBlock, Text
+from dovetail.report.drawn import FRF_ERROR
+from dovetail.report.page import Markup, join, tag
+from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult, Uncertain
 
 
-def frfs(result: RunResult, shown: Shown) -> Markup:
+def frfs(result: RunResult, shown: Shown) -> Section:
     """Return the FRFs: any of them where a script runs, the telling ones else."""
     known = result.diagnosis.measured
     tools = join(
         [
-            _choice("response", known.outputs),
-            _choice("force", known.inputs),
+            choice("response", known.outputs, values=True),
+            choice("force", known.inputs, values=True),
             tag("button", "←", type="button", data_step="-1", aria_label="previous FRF"),
             tag("button", "→", type="button", data_step="1", aria_label="next FRF"),
             tag("label", Markup('<input type="checkbox">'), "logarithmic frequency"),
@@ -26,56 +28,31 @@ def frfs(result: RunResult, shown: Shown) -> Markup:
         ]
     )
     every = shown.figures.data.get("frf", {}).get("every", 1)
-    figures = [
-        shown.figure(
-            "frf-error",
-            "Relative error of all FRFs together over frequency.",
-            "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response "
-            "itself.",
-            ["frf-error"],
-        ),
-        shown.figure(
-            "frf",
-            f"{words.frf_parts(result.diagnosis)} of one FRF, measured and computed; the lists above choose "
-            "response and force.",
-            f"Any of the {len(known.outputs) * len(known.inputs)} FRFs: measured, with the models of each "
-            "step, and with the best other candidate. A click on a name in the legend hides its curve."
-            + (f" Of the lines every {every}th is drawn." if every > 1 else ""),
-            [name for name in shown.album.pictures if name.startswith("frf-") and name != "frf-error"],
-            tools=tools,
-        ),
-    ]
+    alt = f"{words.frf_parts(result.diagnosis)} of one FRF, measured and computed; the lists above choose "
+    caption = (
+        f"Any of the {len(known.outputs) * len(known.inputs)} FRFs: measured, with the models of each "
+        "step, and with the best other candidate. A click on a name in the legend hides its curve."
+    )
+    caption += f" Of the lines every {every}th is drawn." if every > 1 else ""
+    names = [name for name in shown.album.pictures if name.startswith("frf-") and name != "frf-error"]
     text = "Sensors and forces are set right as in the table of faults." if result.diagnosis.faults else ""
-    return section("FRFs before and after", *([paragraph(text)] if text else []), *figures)
+    blocks = [
+        Text(text),
+        shown.figure("frf-error", FRF_ERROR.partition(";")[0] + ".", FRF_ERROR, ["frf-error"]),
+        shown.figure("frf", f"{alt}response and force.", caption, names, tools=tools),
+    ]
+    return Section("FRFs before and after", blocks)
 
 
-def _choice(word: str, names: Sequence[str]) -> Markup:
-    return tag("label", word, tag("select", *(tag("option", n, value=n) for n in names)))
-
-
-def modes(result: RunResult, shown: Shown) -> Markup:
+def modes(result: RunResult, shown: Shown) -> Section:
     """Return natural frequencies before and after, and the mode shapes."""
-    rows = [
-        [
-            k + 1,
-            cells.number(m.nominal, 5),
-            cells.number(m.fitted, 5),
-            cells.shift(m.nominal, m.fitted),
-            cells.number(100 * m.nominal_zeta, 3),
-            cells.number(100 * m.fitted_zeta, 3),
-            f"{m.mac:.3f}" if math.isfinite(m.mac) else "–",
-        ]
-        for k, m in enumerate(result.modes)
-    ]
-    head = [
-        "elastic mode",
-        "nominal [Hz]",
-        "fitted [Hz]",
-        "change [%]",
-        "damping nominal [%]",
-        "damping fitted [%]",
-        "MAC [-]",
-    ]
+    rows = []
+    for k, m in enumerate(result.modes, 1):
+        change, mac = cells.shift(m.nominal, m.fitted), f"{m.mac:.3f}" if math.isfinite(m.mac) else "–"
+        damping = (cells.number(100 * zeta, 3) for zeta in (m.nominal_zeta, m.fitted_zeta))
+        rows.append([k, cells.number(m.nominal, 5), cells.number(m.fitted, 5), change, *damping, mac])
+    head = ["elastic mode", "nominal [Hz]", "fitted [Hz]", "change [%]"]
+    head += ["damping nominal [%]", "damping fitted [%]", "MAC [-]"]
     what = " and found effects" if result.diagnosis.findings else ""
     grows = (
         " A frequency below zero is that of a motion that grows: members are under more compression than "
@@ -90,20 +67,17 @@ def modes(result: RunResult, shown: Shown) -> Markup:
         if result.diagnosis.problem.data.phase
         else ""
     )
-    return section(
-        "Natural frequencies and mode shapes",
-        *_measured_modes(result),
-        paragraph(
-            f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
-            "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
-            f"mode.{grows}"
-        ),
-        table(head, rows, numbers=range(7), at_most=15),
-        shapes(shown, arrows),
+    text = (
+        f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
+        "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
+        f"mode.{grows}"
     )
+    table = TableBlock(head, rows, numbers=range(7), at_most=15)
+    blocks = [*_measured_modes(result), Text(text), table, *shapes(shown, arrows)]
+    return Section("Natural frequencies and mode shapes", blocks)
 
 
-def _measured_modes(result: RunResult) -> list[Markup]:
+def _measured_modes(result: RunResult) -> list[Block]:
     """Return the measured modes beside those of each step, where the study has any beside its FRFs."""
     m = result.measured_modes
     if m is None:
@@ -123,45 +97,36 @@ def _measured_modes(result: RunResult) -> list[Markup]:
     errors = [
         [step, *(cells.number(100 * m.error(step, held), 2) for held in (False, True))] for step in m.computed
     ]
+    caption = "Root mean square of ln(f computed / f measured)"
     return [
-        table([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
-        table(
-            ["step", "fitted modes [%]", "held-out modes [%]"], errors, numbers=(1, 2),
-            caption="Root mean square of ln(f computed / f measured)",
+        TableBlock([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
+        TableBlock(
+            ["step", "fitted modes [%]", "held-out modes [%]"], errors, numbers=(1, 2), caption=caption
         ),
-    ]  # fmt: skip
+    ]
 
 
-def shapes(shown: Shown, arrows: str = "") -> Markup:
+def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
     """Return the modes that move; still shapes, and the one that changes most, where no script runs.
 
     ``arrows`` says what arrows and rings in the figure show.
     """
-    names = [n for n in shown.album.pictures if n.startswith("mode-") and n != "mode-changed"]
-    if "modes" not in shown:
-        pairs = tag("div", *(shown.picture(n) for n in names), class_="pair") if names else ""
-        return join([shown.picture("mode-changed", "small"), pairs])
+    album = shown.album
+    names = [n for n in album.pictures if n.startswith("mode-") and n != "mode-changed"]
+    if "modes" not in shown.figures.known:
+        changed = album["mode-changed"]
+        pair = Group("pair", [album[n] for n in names])
+        return [replace(changed, style="small") if changed else None, pair]
     listed = [m["label"] for m in shown.figures.known["modes"].layout.meta["modes"]]
-    tools = join(
-        [
-            tag("label", "mode", tag("select", *(tag("option", label) for label in listed))),
-            tag("button", "Play", type="button", aria_pressed="false"),
-        ]
-    )
-    return shown.figure(
-        "modes",
-        "Mode shapes of the fitted model; the list above chooses one.",
-        "Mode shapes of the fitted model, coloured by displacement over the outline at rest. "
-        f"{arrows}".strip(),
-        names,
-        tools=tools,
-        hint=TURN,
-    )
+    play = tag("button", "Play", type="button", aria_pressed="false")
+    caption = f"Mode shapes of the fitted model, coloured by displacement over the outline at rest. {arrows}"
+    alt = "Mode shapes of the fitted model; the list above chooses one."
+    tools = choice("mode", listed) + play
+    return [shown.figure("modes", alt, caption.strip(), names, tools=tools, hint=TURN)]
 
 
-def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Markup:
+def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Section:
     """Return the uncertain parameters before and after the fit; ``fitted`` says to or with what."""
-    rows = [[u.words, *_parameter_row(u)] for u in result.uncertain]
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
         f" {bound} of them end at the edge of the allowed range, four prior standard deviations from "
@@ -169,54 +134,34 @@ def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") 
         if bound
         else ""
     )
-    return section(
-        "Uncertain parameters",
-        paragraph(f"Fitted {fitted} within their prior standard deviations.{text}"),
-        table(
-            ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""],
-            rows,
-            numbers=(1, 2, 3, 4),
-            at_most=25,
-        ),
-    )
+    head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
+    table = TableBlock(head, list(map(_parameter_row, result.uncertain)), numbers=(1, 2, 3, 4), at_most=25)
+    text = f"Fitted {fitted} within their prior standard deviations.{text}"
+    return Section("Uncertain parameters", [Text(text), table])
 
 
-def _parameter_row(u: Uncertain) -> list[object]:
-    flag = tag("span", "at bound", class_="tag bound") if u.at_bound else ""
-    if not math.isfinite(u.fitted):
-        return [
-            words.with_unit(u.nominal, u.unit),
-            "replaced by the effect",
-            "–",
-            cells.percent(u.prior_std, u.nominal),
-            flag,
-        ]
-    return [
-        words.with_unit(u.nominal, u.unit),
-        words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std),
-        f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−") if math.isfinite(u.moved) else "–",
-        cells.percent(u.prior_std, u.nominal),
-        flag,
-    ]
+def _parameter_row(u: Uncertain) -> list[Line]:
+    value, change = "replaced by the effect", "–"
+    if math.isfinite(u.fitted):
+        value = words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std)
+        if math.isfinite(u.moved):
+            change = f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−")
+    flag = Mark("at bound", "tag bound") if u.at_bound else ""
+    prior = cells.percent(u.prior_std, u.nominal)
+    return [u.words, words.with_unit(u.nominal, u.unit), value, change, prior, flag]
 
 
-def faults(result: RunResult) -> Markup:
+def faults(result: RunResult) -> Section:
     """Return the faults of the measurement and their remedies."""
     known = result.diagnosis.faults
-    if not known:
-        return section(
-            "Faults of the measurement",
-            paragraph(
-                "None was found: each sensor's FRFs agree with the motion that the others imply at its "
-                "place, and signs and levels of the forces agree."
-            ),
-        )
-    rows = [[f.sensor, words.FAULT_NAMES[f.kind], words.fault_value(f), words.fault_remedy(f)] for f in known]
-    return section(
-        "Faults of the measurement",
-        paragraph(
-            "These sensors and forces were set right before effects were searched for. A gain is the "
-            "factor of the reading: measured = gain × true value."
-        ),
-        table(["sensor or force", "fault", "value", "remedy"], rows, numbers=(2,)),
+    none = (
+        "None was found: each sensor's FRFs agree with the motion that the others imply at its place, and "
+        "signs and levels of the forces agree."
     )
+    some = (
+        "These sensors and forces were set right before effects were searched for. A gain is the factor of "
+        "the reading: measured = gain × true value."
+    )
+    rows = [[f.sensor, words.FAULT_NAMES[f.kind], words.fault_value(f), words.fault_remedy(f)] for f in known]
+    table = TableBlock(["sensor or force", "fault", "value", "remedy"], rows, numbers=(2,))
+    return Section("Faults of the measurement", [Text(some), table] if known else [Text(none)])

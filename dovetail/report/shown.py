@@ -6,14 +6,21 @@ from pathlib import Path
 
 from plotly.offline import get_plotlyjs
 
+from dovetail.report.blocks import Plot
 from dovetail.report.figures import Figures, as_json, packed
-from dovetail.report.page import Markup, figure, image, join, script, tag
+from dovetail.report.page import Markup, join, script, tag
 from dovetail.report.pictures import Album
 from viz.interactive.theme import CONFIG, NIGHT
 
 LIVE = (Path(__file__).parent / "live.js").read_text(encoding="utf-8")
 TURN = "Drag to turn; click, then scroll to zoom. Keys: arrows turn, + and − zoom."
 """How a figure in space is turned."""
+
+
+def choice(word: str, names: Sequence[str], *, values: bool = False) -> Markup:
+    """Return a list of names to choose from, with a label; with values for scripts that need them."""
+    options = (tag("option", name, value=name if values else None) for name in names)
+    return tag("label", word, tag("select", *options))
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +37,6 @@ class Shown:
     album: Album
     figures: Figures = field(default_factory=Figures)
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.figures.known
-
-    def picture(self, name: str, class_: str = "") -> Markup:
-        """Return a picture with its caption; nothing if there is none."""
-        p = self.album[name]
-        return image(p.file, p.alt, p.caption, class_) if p else Markup()
-
     def figure(
         self,
         name: str,
@@ -45,26 +44,14 @@ class Shown:
         caption: str,
         stills: Sequence[str] = (),
         *,
-        tools: Markup | str = "",
+        tools: str = "",
         hint: str = "",
-    ) -> Markup:
+    ) -> Plot:
         """Return an interactive figure with the still pictures that stand for it; these alone without it."""
+        f = self.figures
         pictures = [p for key in stills if (p := self.album[key])]
-        if name not in self:
-            return join(image(p.file, p.alt, p.caption) for p in pictures)
-        return figure(
-            tag("div", tools, class_="tools") if tools else "",
-            tag("div", class_="plot", role="group", tabindex="0", aria_label=f"{alt} {hint}".strip()),
-            *(image(p.file, p.alt, p.caption, "still") for p in pictures),
-            tag("p", hint, class_="hint") if hint else "",
-            script(packed(self.figures.known[name]), type="text/plain", id=f"figure-{name}"),
-            script(packed(self.figures.data[name]), type="text/plain", id=f"data-{name}")
-            if name in self.figures.data
-            else "",
-            tag("figcaption", caption, class_="live"),
-            data_figure=name,
-            class_="" if pictures else "bare",
-        )
+        plot, data = (packed(of[name]) if name in f.known and name in of else "" for of in (f.known, f.data))
+        return Plot(name, alt, caption, pictures, plot, data, tools, hint)
 
     def scripts(self) -> Markup:
         """Return the scripts of the figures, plotly.js itself included; nothing where there are none."""

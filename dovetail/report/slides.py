@@ -6,8 +6,9 @@ from typing import Any
 
 from PIL import Image
 
+from dovetail.report.blocks import plain
 from dovetail.report.office import BLUE, office
-from dovetail.report.outline import Items, Outline, Part, Picture, Table, Text
+from dovetail.report.outline import Items, Outline, Part, Picture, TableBlock, Text
 from fem.io.atomic import replacing
 
 WIDTH, HEIGHT = 13.333, 7.5
@@ -90,14 +91,14 @@ def _part(show: Any, part: Part, section: str) -> None:
     title = part.heading if part.level == 1 else f"{section}: {part.heading}" if section else part.heading
     listed = [b for b in part.blocks if isinstance(b, Items)]
     if listed or all(isinstance(b, Text) for b in part.blocks):
-        lines = [(b.text, 18.0, False) for b in part.blocks[:MOST_ITEMS] if isinstance(b, Text)]
-        lines += [(f"•  {item}", 18.0, False) for b in listed for item in b.items[:MOST_ITEMS]]
+        lines = [(plain(b.text), 18.0, False) for b in part.blocks[:MOST_ITEMS] if isinstance(b, Text)]
+        lines += [(f"•  {plain(item)}", 18.0, False) for b in listed for item in b.items[:MOST_ITEMS]]
         if lines:
             _texts(_slide(show, title), lines, TOP, HEIGHT - TOP - MARGIN)
     for block in part.blocks:
         if isinstance(block, Picture):
             _picture(show, title, block)
-        elif isinstance(block, Table):
+        elif isinstance(block, TableBlock):
             _table(show, title, block)
 
 
@@ -115,7 +116,7 @@ def _picture(show: Any, title: str, block: Picture) -> None:
         _texts(slide, [(block.caption, 14.0, False)], HEIGHT - MARGIN - 0.75, 0.7)
 
 
-def _table(show: Any, title: str, block: Table) -> None:
+def _table(show: Any, title: str, block: TableBlock) -> None:
     util, right = office("pptx.util"), office("pptx.enum.text").PP_ALIGN.RIGHT
     headed = any(block.head)
     rows = ([block.head] if headed else []) + list(block.rows[:MOST_ROWS])

@@ -10,7 +10,7 @@ from dovetail.file.contents import Study
 from dovetail.file.geometry import describe_sizes
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
-from dovetail.report.page import Markup, bullets, facts, folded, paragraph, section, table, tag
+from dovetail.report.blocks import Details, Facts, Items, Mark, Section, TableBlock, Text
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult, program_version
 
@@ -32,36 +32,27 @@ MODULES_OF_MODES = (
 """The same of a diagnosis from modes."""
 
 
-def notes(result: RunResult | ModeRunResult, shown: Shown) -> Markup:
+def notes(result: RunResult | ModeRunResult, shown: Shown) -> Section:
     """Return notes for the reader on methods and limits."""
     study = result.study
-    known = [
-        *study.model.mesh.notes,
-        *study.measured_notes,
-        *result.notes,
-        *shown.album.failures,
-        *shown.figures.failures,
-    ]
-    return section("Notes", bullets(known)) if known else Markup()
+    failures = *shown.album.failures, *shown.figures.failures
+    known = [*study.model.mesh.notes, *study.measured_notes, *result.notes, *failures]
+    return Section("Notes", [Items(known)])
 
 
-def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Markup:
+def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Section:
     """Return assumptions, the thresholds of the search, and the study file."""
     rows = [
-        [tag("code", name), words.number(value) if isinstance(value, float) else str(value), text]
+        [Mark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
         for name, value, text in thresholds(modules)
     ]
-    study = result.study
-    return section(
-        "Assumptions and thresholds",
-        bullets(study.assumptions)
-        if study.assumptions
-        else paragraph("The study says everything; nothing was assumed."),
-        folded(
-            "Thresholds of the search", table(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
-        ),
-        folded("The study file", tag("pre", study.text)),
-    )
+    study, table = result.study, TableBlock(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
+    blocks = [
+        Items(study.assumptions) or Text("The study says everything; nothing was assumed."),
+        Details("Thresholds of the search", [table]),
+        Details("The study file", [Text(study.text, "pre")]),
+    ]
+    return Section("Assumptions and thresholds", blocks)
 
 
 def thresholds(modules: Sequence[str] = MODULES) -> Iterator[tuple[str, float, str]]:
@@ -88,63 +79,44 @@ def _program() -> str:
     return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
 
 
-def about_modes(result: ModeRunResult) -> Markup:
+def about(result: RunResult) -> Section:
+    """Return the facts of the run."""
+    d = result.diagnosis
+    facts = [
+        ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
+        _mesh(result.study),
+        ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
+        ("error of the reduced basis", f"{d.basis_db:.2g} dB, against direct solutions of the full model"),
+    ]
+    files = "frf.npz (measured and computed FRFs of each step), pictures/"
+    return _about(result, facts, files)
+
+
+def about_modes(result: ModeRunResult) -> Section:
     """Return the facts of a run on modes."""
     d = result.diagnosis
     problem = d.problem if d.baseline is None else d.baseline.problem
-    return section(
-        "About this run",
-        facts(
-            [
-                *_run(result),
-                ("duration", f"{d.seconds:.0f} s"),
-                _mesh(result.study),
-                ("error of the mesh", f"{100 * problem.mesh_level:.2g} % of natural frequencies"),
-                ("files beside this one", "result.json (for programs), found.toml, pictures/"),
-            ]
-        ),
-    )
+    facts = [
+        ("duration", f"{d.seconds:.0f} s"),
+        _mesh(result.study),
+        ("error of the mesh", f"{100 * problem.mesh_level:.2g} % of natural frequencies"),
+    ]
+    return _about(result, facts, "found.toml, pictures/")
 
 
-def _run(result: RunResult | ModeRunResult) -> list[tuple[str, str]]:
-    return [
+def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], files: str) -> Section:
+    run = [
         ("study file", result.study.path.name),
         ("program", _program()),
         ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
     ]
+    files = f"result.json (for programs), {files}"
+    return Section("About this run", [Facts([*run, *facts, ("files beside this one", files)])])
 
 
 def _mesh(study: Study) -> tuple[str, str]:
     mesh = study.model.mesh
     if not mesh.n_lines:
         return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"
-    size = describe_sizes(mesh.lengths())
-    return (
-        "mesh",
-        f"{mesh.n_lines} elements of {size}, {study.model.n_dof} degrees of freedom before constraints",
-    )
-
-
-def about(result: RunResult) -> Markup:
-    """Return the facts of the run."""
-    d = result.diagnosis
-    return section(
-        "About this run",
-        facts(
-            [
-                *_run(result),
-                ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
-                _mesh(result.study),
-                ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
-                (
-                    "error of the reduced basis",
-                    f"{d.basis_db:.2g} dB, against direct solutions of the full model",
-                ),
-                (
-                    "files beside this one",
-                    "result.json (for programs), frf.npz (measured and computed FRFs of each step), "
-                    "pictures/",
-                ),
-            ]
-        ),
-    )
+    size = f"{mesh.n_lines} elements of {describe_sizes(mesh.lengths())}"
+    return "mesh", f"{size}, {study.model.n_dof} degrees of freedom before constraints"

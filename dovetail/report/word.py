@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.report.office import BLUE, office
-from dovetail.report.outline import Block, Items, Outline, Picture, Table, Text
+from dovetail.report.outline import Block, Items, Outline, Picture, TableBlock, Text
 from fem.io.atomic import replacing
 
 WIDTH = 6.3
@@ -48,7 +48,7 @@ def _add(document: Any, block: Block) -> None:
     elif isinstance(block, Items):
         for item in block.items:
             document.add_paragraph(item, style="List Bullet")
-    elif isinstance(block, Table):
+    elif isinstance(block, TableBlock):
         _add_table(document, block)
     else:
         _add_picture(document, block)
@@ -74,7 +74,7 @@ def _add_picture(document: Any, block: Picture) -> None:
         document.add_paragraph(block.caption, style="Caption")
 
 
-def _add_table(document: Any, block: Table) -> None:
+def _add_table(document: Any, block: TableBlock) -> None:
     shared, right = office("docx.shared"), office("docx.enum.text").WD_ALIGN_PARAGRAPH.RIGHT
     if block.caption:
         document.add_paragraph(block.caption, style="Caption")

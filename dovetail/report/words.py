@@ -457,12 +457,3 @@ def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str
     ]
     best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:n] if s >= least]
     return [f"A small change would explain most of the misfit here: {', '.join(best)}."] if best else []
-
-
-def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a table as lines, each column as wide as it needs to be."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    return [
-        "  ".join(f"{text:{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]

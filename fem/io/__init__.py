@@ -1,4 +1,8 @@
-"""Files: universal files, arrays, meshes; nothing here imports pyuff or meshio before it reads."""
+"""Files: universal files, arrays, meshes, decks; nothing here imports pyuff or meshio before it reads.
+
+All readers refuse what they cannot read with a MeshError (meshes and decks), TableError, UffError or
+MatricesError, each a ValueError, whose message has the file, its line, and what is allowed there.
+"""
 
 import os
 from pathlib import Path
@@ -7,14 +11,7 @@ from typing import Any
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.abaqus import read_node_sets
-from fem.io.arrays import (
-    TableError,
-    read_npz,
-    read_npz_mode_std,
-    read_npz_modes,
-    write_csv,
-    write_npz,
-)
+from fem.io.arrays import TableError, read_npz, read_npz_mode_std, read_npz_modes, write_csv, write_npz
 from fem.io.column_frf import read_csv
 from fem.io.faults import error_at
 from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
@@ -93,7 +90,7 @@ def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **
         return read_uff(path, kind=kind, **options).frf()
     reading = read_frfs(file, Asked(kind, **options))
     if not reading.phase:
-        raise error_at(file.name, f"{WITHOUT_PHASE}", TableError)
+        raise error_at(file.name, WITHOUT_PHASE, TableError)
     return reading.frfs[0]
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io import abaqus_generate as generate
 from fem.io.abaqus_assembly import Assembly, Instance
@@ -30,8 +29,9 @@ from fem.io.abaqus_deck import (
 from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECTIONS, nodes_of
 from fem.io.abaqus_parts import Part, Skipped
 from fem.io.abaqus_sets import Entry
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import Budget, integer, real
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh
 from fem.mesh import Mesh, MeshError
 
@@ -197,14 +197,7 @@ class DeckReader:
         """Return the number of nodes of a type, 0 if it is not read, and of those that may follow."""
         return nodes_of(kind)
 
-    def _keep_kind(
-        self,
-        kind: str,
-        numbers: NDArray[np.int64],
-        extra: NDArray[np.int64],
-        lines: NDArray[np.int64],
-        file: str,
-    ) -> None:
+    def _keep_kind(self, kind: str, numbers: Ints, extra: Ints, lines: Ints, file: str) -> None:
         """Do nothing; :mod:`fem.io.abaqus_content` keeps the type and the node of orientation."""
 
     # Sets ---------------------------------------------------------------------------------------------------
@@ -283,7 +276,7 @@ def _short(place: str, file: str) -> str:
     return place.removeprefix(f"{file}: ")
 
 
-def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _node_rows(rows: Rows, block: Block) -> tuple[Ints, Floats]:
     """Read nodes line by line: up to three coordinates, and a normal that is left to the study file."""
     numbers, xyz = np.empty(len(rows.texts), dtype=np.int64), np.zeros((len(rows.texts), 3))
     for k, text in enumerate(rows.texts):
@@ -292,8 +285,7 @@ def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.
             numbers[k] = integer(cells[0])
             values = [real(cell) for cell in cells[1:4]]
             if len(cells) > 7:
-                msg = f"this line has {len(cells)} numbers"
-                raise ValueError(msg)
+                refuse(f"this line has {len(cells)} numbers")
             xyz[k, : len(values)] = values
         except ValueError as reason:
             msg = f"{rows.place(k)}: *{block.name} takes a number and up to three coordinates, but {reason}"
@@ -301,9 +293,7 @@ def _node_rows(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.
     return numbers, xyz
 
 
-def element_rows(
-    rows: Rows, block: Block, kind: str, count: int, more: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def element_rows(rows: Rows, block: Block, kind: str, count: int, more: int) -> tuple[Ints, Ints, Ints, Ints]:
     """Return numbers, nodes (n, 3), nodes of orientation and lines of elements.
 
     An element goes on while nodes are missing; a node that an element does not have is -1.
@@ -343,7 +333,7 @@ def element_rows(
     return numbers, _positive(nodes, count, rows, at), extra, np.asarray(rows.lines)[at]
 
 
-def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int]) -> NDArray[np.int64]:
+def _positive(nodes: Ints, count: int, rows: Rows, at: Sequence[int]) -> Ints:
     bad = np.flatnonzero((nodes[:, :count] < 1).any(axis=1))
     if bad.size:
         least = nodes[bad[0], :count].min()
@@ -352,7 +342,7 @@ def _positive(nodes: NDArray[np.int64], count: int, rows: Rows, at: Sequence[int
     return nodes
 
 
-def _first_cells(rows: Rows, block: Block) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _first_cells(rows: Rows, block: Block) -> tuple[Ints, Ints]:
     """Return numbers and lines of elements that are no lines; a line that ends in a comma goes on."""
     ends = [text.rstrip().endswith(",") for text in rows.texts]
     begins = range(len(ends)) if all(ends) else [k for k in range(len(ends)) if k == 0 or not ends[k - 1]]
@@ -405,7 +395,7 @@ def abaqus_text(mesh: Mesh) -> str:
     return "\n".join([*rows, ""])
 
 
-def read_abaqus_nodes(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def read_abaqus_nodes(path: Path) -> tuple[Ints, Floats]:
     """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes outside parts, in the deck's unit."""
     notes: list[str] = []
     nodes = DeckReader(path).read().outside.nodes

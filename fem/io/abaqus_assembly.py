@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fem.io.abaqus_parts import Part, Table
 from fem.io.abaqus_sets import Entry, Resolver
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import Budget, named
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
@@ -32,20 +33,20 @@ class Instance:
     name: str
     part: str
     place: str = ""
-    turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
-    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    turn: Floats = field(default_factory=lambda: np.eye(3))
+    shift: Floats = field(default_factory=lambda: np.zeros(3))
     own: Part = field(default_factory=Part)
 
 
 class _Rows:
     """Rows of the mesh that an owner's numbers have."""
 
-    def __init__(self, numbers: NDArray[np.int64], first: int, others: list[NDArray[np.int64]]) -> None:
+    def __init__(self, numbers: Ints, first: int, others: list[Ints]) -> None:
         order = np.argsort(numbers, kind="stable")
         self.sorted, self.order, self.first = numbers[order], order, first
         self.known = np.unique(np.concatenate([numbers, *others])) if others else self.sorted
 
-    def of(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    def of(self, numbers: Ints) -> Ints:
         """Return the rows of numbers, -1 for those without one."""
         if not len(self.sorted):
             return np.full(np.shape(numbers), -1)
@@ -73,11 +74,9 @@ class Assembly:
     budget: Budget
     _placed: set[str] = field(default_factory=set)
     _counts: tuple[int, int] = (0, 0)
-    _points: list[NDArray[np.float64]] = field(default_factory=list)
-    _lines: list[NDArray[np.int64]] = field(default_factory=list)
-    _numbers: tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]] = field(
-        default_factory=lambda: ([], [])
-    )
+    _points: list[Floats] = field(default_factory=list)
+    _lines: list[Ints] = field(default_factory=list)
+    _numbers: tuple[list[Ints], list[Ints]] = field(default_factory=lambda: ([], []))
     _rows: dict[str, dict[str, _Rows]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
     _owned: dict[str, tuple[Instance, list[Part]]] = field(default_factory=dict)
     _resolvers: dict[str, Resolver] = field(default_factory=dict)
@@ -120,7 +119,7 @@ class Assembly:
         for (owner, (_, parts)), numbers in zip(self._owned.items(), self._numbers[1], strict=True):
             yield owner, numbers.tolist(), parts
 
-    def rows_of(self, keyword: str, owner: str, label: str) -> NDArray[np.int64] | None:
+    def rows_of(self, keyword: str, owner: str, label: str) -> Ints | None:
         """Return the mesh's rows of a number or a set as an owner names it, after :meth:`mesh`.
 
         None for a label that the deck does not have; ``keyword`` is ``"NSET"`` or ``"ELSET"``.
@@ -136,7 +135,7 @@ class Assembly:
             return self.rows_of(keyword, found[0], str(found[1]))
         return resolver.members(found[0], found[1])
 
-    def node_sets(self) -> tuple[dict[str, NDArray[np.int64]], list[str]]:
+    def node_sets(self) -> tuple[dict[str, Ints], list[str]]:
         """Return the node numbers of the sets outside of parts, and notes on missing nodes that they name."""
         numbers, _ = self.outside.nodes.unique([])
         owners = {"": (Instance("", ""), [self.outside])}
@@ -237,12 +236,12 @@ class Assembly:
         self,
         keyword: str,
         owners: dict[str, tuple[Instance, list[Part]]],
-        lines: NDArray[np.int64],
+        lines: Ints,
         elements: Resolver | None = None,
     ) -> Resolver:
         rows = self._rows[keyword]
 
-        def nodes_of_elements(owner: str, name: str) -> NDArray[np.int64] | None:
+        def nodes_of_elements(owner: str, name: str) -> Ints | None:
             if elements is None or not any(s.get(name) for s in elements.sets.get(owner, [])):
                 return None
             known = next(n for s in elements.sets[owner] for n in (name, name.upper()) if n in s.named)
@@ -259,9 +258,7 @@ class Assembly:
         )
 
 
-def _lines_and_others(
-    numbers: NDArray[np.int64], place: Callable[[int], str], parts: list[Part]
-) -> list[str]:
+def _lines_and_others(numbers: Ints, place: Callable[[int], str], parts: list[Part]) -> list[str]:
     """Return sentences on numbers that a line and an element of another type have."""
     notes: list[str] = []
     for skipped in (skipped for part in parts for skipped in part.skipped):
@@ -277,7 +274,7 @@ def _lines_and_others(
 
 def _merged(
     word: str, dtype: type, tables: list[Table], notes: list[str]
-) -> tuple[NDArray[np.int64], NDArray, Callable[[int], str]]:
+) -> tuple[Ints, NDArray, Callable[[int], str]]:
     """Return numbers, values and a function for the place of a row, of tables whose last one counts."""
     table = tables[0] if len(tables) == 1 else Table(word, dtype)
     for one in tables if len(tables) > 1 else ():

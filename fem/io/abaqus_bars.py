@@ -4,18 +4,15 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_beams import Beam, BeamReader
-from fem.io.abaqus_content import SAME_PLACE, Content, Placed, check, data, fault, lines_of
-from fem.io.abaqus_deck import name_of
+from fem.io.abaqus_content import SAME_PLACE, Content, Placed, check, data, lines_of
+from fem.io.abaqus_deck import fault, name_of
+from fem.io.array_types import Floats, Ints
 from fem.io.frame_deck import BarProperty, Bars
 from fem.mesh import MeshError
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 PARALLEL = 1e-6
 """Sine of the angle between n1 and the axis below which a section has no direction."""
@@ -33,10 +30,8 @@ class BarBuilder:
 
     Attributes
     ----------
-    sections : list of (Beam, Instance) or None
-        Of each row of the mesh's lines.
-    added : ndarray
-        Non-structural mass of each row [kg/m].
+    sections : list of (Beam, Instance) or None, of each row of the mesh's lines
+    added : ndarray, non-structural mass of each row [kg/m]
     free : dict of (int, int) to set of int
         Directions that are released at the first (0) or last (1) end of a row.
     """
@@ -52,13 +47,7 @@ class BarBuilder:
         self.added = np.zeros(len(self.content.kinds))
 
     def build(self) -> tuple[Bars, tuple[BarProperty, ...]]:
-        """Return the bars and their properties.
-
-        Raises
-        ------
-        MeshError
-            For elements without a section or with two, and data that cannot be read.
-        """
+        """Return the bars and their properties."""
         found: dict[int, Beam] = {}
         for placed, instance in self.content.model_data("BEAMSECTION", "BEAMGENERALSECTION", "SOLIDSECTION"):
             truss = placed.keyword == "SOLIDSECTION"
@@ -187,13 +176,7 @@ class BarBuilder:
         return instance.turn @ beam.n1
 
     def _axes(self, table: Ints, beams: list[Beam], given: Floats) -> tuple[Floats, Floats]:
-        """Return n1 and n2 = t x n1 of bars; NaN for sections that are the same in all directions.
-
-        Raises
-        ------
-        MeshError
-            For bars without length, and n1 along a bar.
-        """
+        """Return n1 and n2 = t x n1 of bars; NaN for sections that are the same in all directions."""
         points = self.content.points
         along = points[table[:, 2]] - points[table[:, 1]]
         length = np.linalg.norm(along, axis=1)

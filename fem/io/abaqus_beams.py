@@ -4,18 +4,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.io.abaqus_content import Content, Placed, check, data, fault, lines_of, numbers_of, whole
-from fem.io.abaqus_deck import Block
+from fem.io.abaqus_content import Content, Placed, check, data, lines_of, numbers_of, whole
+from fem.io.abaqus_deck import Block, fault
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_sections import ABAQUS_K, SHAPES, Shape, arbitrary
+from fem.io.array_types import Floats
 from fem.io.deck import real
 from fem.io.frame_sections import material_of, of_constants, rod, with_shear
 from fem.materials import Material, PropertyError
 from fem.sections.section import Section
 
-Floats = NDArray[np.float64]
 Lines = list[tuple[str, list[str]]]
 
 OFFSETS = ("RECT", "BOX", "CIRC", "PIPE")
@@ -27,10 +26,8 @@ class Beam(NamedTuple):
 
     Attributes
     ----------
-    n1 : ndarray (3,) or None
-        In the axes of its part; None takes the default.
-    offset : (float, float)
-        From the nodes to the centroid, along 1 and 2 [m].
+    n1 : ndarray (3,) or None, in the axes of its part; None takes the default
+    offset : (float, float), from the nodes to the centroid, along 1 and 2 [m]
     """
 
     block: Block
@@ -59,13 +56,7 @@ class BeamReader:
         )
 
     def beam(self, placed: Placed) -> Beam:
-        """Return the section of beams.
-
-        Raises
-        ------
-        MeshError
-            For a section that is not read, and data that cannot be read.
-        """
+        """Return the section of beams."""
         block = placed.block
         check(
             block, "ELSET", "SECTION", "MATERIAL", "OFFSET1", "OFFSET2", "POISSON", "TEMPERATURE", "LUMPED",

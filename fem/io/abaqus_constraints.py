@@ -3,27 +3,16 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import (
-    Content,
-    Placed,
-    check,
-    dofs_of,
-    fault,
-    lines_of,
-    numbers_of,
-    whole,
-)
-from fem.io.abaqus_deck import Block, name_of
+from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of, whole
+from fem.io.abaqus_deck import Block, fault, name_of
 from fem.io.abaqus_systems import Systems
+from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Equation, Link
 from fem.io.frame_parts import Constraints
 from fem.mesh import MeshError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -38,13 +27,7 @@ class ConstraintBuilder:
         self.found = Constraints(self.content.points, self.systems.axes)
 
     def build(self) -> tuple[tuple[Link, ...], tuple[Equation, ...]]:
-        """Return links and equations.
-
-        Raises
-        ------
-        MeshError
-            For constraints that are not read, and nodes that are not there.
-        """
+        """Return links and equations."""
         readers = {
             "MPC": self._mpc,
             "EQUATION": self._equation,

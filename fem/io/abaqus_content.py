@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
-from fem.io.abaqus_deck import Block, Rows, cells_of, name_of
+from fem.io.abaqus_deck import Block, Rows, cells_of, fault, name_of
 from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
 from fem.io.abaqus_parts import LARGEST as LARGEST_NUMBER
 from fem.io.abaqus_parts import Part
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import integer, named, real
 from fem.io.deck_units import Units
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
-Ints = NDArray[np.int64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 SAME_PLACE = 1e-9
 """Distance, relative to the size of the deck, within which nodes are at one place."""
@@ -164,14 +163,10 @@ class Content:
 
     Attributes
     ----------
-    points : ndarray (n, 3)
-        [m].
-    kinds : list of Kind
-        Of the rows of ``mesh.lines``.
-    owners : list of str
-        The instances that these belong to.
-    size : float
-        Of the deck [m].
+    points : ndarray (n, 3) [m]
+    kinds : list of Kind, of the rows of ``mesh.lines``
+    owners : list of str, the instances that these belong to
+    size : float, of the deck [m]
     """
 
     file: str
@@ -180,7 +175,7 @@ class Content:
     mesh: RawMesh
     placed: list[Placed]
     procedures: dict[int, Block]
-    points: NDArray[np.float64]
+    points: Floats
     kinds: list[Kind]
     owners: list[str]
     notes: list[str] = field(default_factory=list)
@@ -206,13 +201,7 @@ class Content:
                     yield placed, instance
 
     def rows(self, keyword: str, label: str, owner: str, place: str) -> list[int]:
-        """Return the rows of a node or an element, or of a set.
-
-        Raises
-        ------
-        MeshError
-            If the deck does not have it.
-        """
+        """Return the rows of a node or an element, or of a set."""
         found = self.assembly.rows_of(keyword, owner, label) if label else None
         if found is None:
             word = "node" if keyword == "NSET" else "element"
@@ -226,8 +215,7 @@ class Content:
         """Return the row of one node, or of a set of one."""
         found = self.rows("NSET", label, owner, place)
         if len(found) != 1:
-            msg = f"{place} needs one node, but the set {label[:60]} has {len(found)}"
-            raise MeshError(msg)
+            refuse(f"{place} needs one node, but the set {label[:60]} has {len(found)}", MeshError)
         return found[0]
 
     def elements(self, placed: Placed, owner: str, types: frozenset[str] | None = None) -> list[int]:
@@ -258,13 +246,7 @@ class Content:
 
 
 def read_content(path: Path, units: Units) -> Content:
-    """Read a deck.
-
-    Raises
-    ------
-    MeshError
-        For what :func:`fem.io.abaqus.read_abaqus` refuses, and keywords and elements that no frame has.
-    """
+    """Read a deck."""
     reader = FrameReader(path)
     assembly = reader.read()
     labels = list(reader.stand_ins)
@@ -308,20 +290,8 @@ def _resolved(assembly: Assembly, mesh: RawMesh, labels: list[str]) -> dict[int,
     return found
 
 
-def fault(block: Block, words: str, place: str = "") -> MeshError:
-    """Return an error of a keyword, at its line or that of its data."""
-    between = "" if words.startswith(":") else " "
-    return MeshError(f"{place or block.place}: *{block.name}{between}{words}")
-
-
 def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int, what: str) -> list[float]:
-    """Return the numbers of a data line.
-
-    Raises
-    ------
-    MeshError
-        For another count, or cells that are no numbers.
-    """
+    """Return the numbers of a data line."""
     if not least <= len(cells) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"
         raise fault(block, f"has {len(cells)} numbers on this line; {count} are expected: {what}", place)
@@ -336,13 +306,7 @@ def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int
 
 
 def data(block: Block, k: int, least: int, most: int, what: str, taken: int | None = None) -> list[float]:
-    """Return the numbers of the k-th data line that is not empty, or the first ones of them.
-
-    Raises
-    ------
-    MeshError
-        If there is no such line, and as :func:`numbers_of`.
-    """
+    """Return the numbers of the k-th data line that is not empty, or the first ones of them."""
     rows = lines_of(block)
     if len(rows) <= k:
         raise fault(block, f"has {len(rows)} data line(s); {k + 1} are expected, the last with {what}")
@@ -371,13 +335,7 @@ def dofs_of(block: Block, place: str, cells: list[str]) -> range:
 
 
 def check(block: Block, *allowed: str) -> None:
-    """Refuse the parameters of a keyword that are not read.
-
-    Raises
-    ------
-    MeshError
-        For one that is not among the allowed ones.
-    """
+    """Refuse the parameters of a keyword that are not read."""
     for key in block.options:
         if key not in allowed:
             raise fault(

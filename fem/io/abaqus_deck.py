@@ -62,16 +62,16 @@ class Block:
                 yield part.place(row), cells_of(text)
 
     def option(self, key: str, what: str) -> str:
-        """Return a parameter that must be there.
-
-        Raises
-        ------
-        MeshError
-            If it is not.
-        """
+        """Return a parameter that must be there."""
         if not self.options.get(key):
             raise error_at(self.place, f"*{self.name} has no {key.lower()}; write {what}")
         return self.options[key]
+
+
+def fault(block: Block, words: str, place: str = "") -> MeshError:
+    """Return an error of a keyword, at its line or that of its data."""
+    between = "" if words.startswith(":") else " "
+    return MeshError(f"{place or block.place}: *{block.name}{between}{words}")
 
 
 @dataclass(slots=True)
@@ -93,13 +93,7 @@ class Deck:
         self.files = Files(self.path)
 
     def blocks(self) -> Iterator[Block]:
-        """Give the blocks.
-
-        Raises
-        ------
-        MeshError
-            For files that cannot be read or that include themselves.
-        """
+        """Give the blocks."""
         yield from self._blocks(self.files.first())
         if self._open is not None:
             yield self._open
@@ -136,13 +130,7 @@ class Deck:
             self._open.parts.append(rows)
 
     def data_file(self, block: Block) -> Rows:
-        """Return the data lines of the file that a block's ``INPUT`` names.
-
-        Raises
-        ------
-        MeshError
-            If the file cannot be read, or has keywords.
-        """
+        """Return the data lines of the file that a block's ``INPUT`` names."""
         file = self.files.include(block.options["INPUT"], block.source, block.line)
         lines = file.text.split("\n")
         comments = [k for k, line in enumerate(lines) if line.lstrip()[:2] == "**"]
@@ -226,13 +214,7 @@ def split_keyword(line: str) -> tuple[str, dict[str, str]]:
 
 
 def check_options(block: Block) -> None:
-    """Write the parameters of a keyword that is read in full, and refuse those that are not.
-
-    Raises
-    ------
-    MeshError
-        For a parameter that is not in the keyword's list, or that may stand for several.
-    """
+    """Write the parameters of a keyword that is read in full, and refuse those that are not."""
     allowed = READ[block.keyword]
     options: dict[str, str] = {}
     for key, value in block.options.items():

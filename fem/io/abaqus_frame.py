@@ -106,13 +106,7 @@ def _mesh_alone(path: Path, units: Units) -> FrameDeck:
 
 
 def _fix_plane(content: Content, fixed: dict[int, dict[int, Block]]) -> None:
-    """Fix z, rx and ry of all nodes where the elements are planar.
-
-    Raises
-    ------
-    MeshError
-        If lines in the plane and in space are mixed.
-    """
+    """Fix z, rx and ry of all nodes where the elements are planar."""
     lines = [kind for kind in content.kinds if kind.name in known.LINES]
     planar = [kind for kind in lines if kind.name in known.PLANAR]
     if not planar:

@@ -6,20 +6,21 @@ in Abaqus.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.io.abaqus_deck import Block, name_of
 from fem.io.abaqus_parts import Part, Skipped
 from fem.io.abaqus_sets import Entry
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import Budget, integer, real
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.mesh import MeshError
 
 _SAME_CIRCLE = 1e-3
 """Relative difference of the radii up to which two nodes are on one circle: coordinates are rounded."""
 
 
-def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+def rotation(axis: ArrayLike, angle: float) -> Floats:
     """Return the matrix that turns about an axis by an angle [rad] (Rodrigues' formula), shape (3, 3).
 
     Raises
@@ -30,14 +31,13 @@ def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
     axis = np.asarray(axis, dtype=float)
     length = float(np.linalg.norm(axis))
     if not length > 0:
-        msg = "the two points of its axis coincide"
-        raise ValueError(msg)
+        refuse("the two points of its axis coincide")
     x, y, z = axis / length
     S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * S + (1 - np.cos(angle)) * S @ S
 
 
-def from_polar(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+def from_polar(kind: str, xyz: Floats) -> Floats:
     """Return Cartesian coordinates of r, θ, z (C) or r, θ, φ (S, φ from the x-y plane), angles in degrees.
 
     Raises
@@ -55,20 +55,14 @@ def from_polar(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         phi = np.deg2rad(xyz[..., 2])
         flat = r * np.cos(phi)
         return np.stack([flat * np.cos(theta), flat * np.sin(theta), r * np.sin(phi)], axis=-1)
-    msg = f"SYSTEM={kind} is not allowed; R, C and S are"
-    raise ValueError(msg)
+    refuse(f"SYSTEM={kind} is not allowed; R, C and S are")
 
 
-def system_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def system_of(block: Block) -> tuple[Floats, Floats] | None:
     """Return the axes, in rows, and the origin that ``*SYSTEM`` gives; None for the global system.
 
     With one point the axes are global. With two, z stays global and x is the direction between them, laid
     into the x-y plane; a third point is in the x-y plane of the system, on the side of positive y.
-
-    Raises
-    ------
-    MeshError
-        If the points do not give axes.
     """
     data = [(place, [real(c) for c in cells]) for place, cells in block.rows()]
     if not data:
@@ -97,7 +91,7 @@ def system_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.float64]] |
     return np.stack([x, np.cross(z, x), z]), a
 
 
-def to_global(part: Part, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_global(part: Part, xyz: Floats) -> Floats:
     """Return global coordinates of those in the system that is in effect."""
     if part.system is None:
         return xyz
@@ -148,7 +142,7 @@ def _intervals(first: int, last: int, step: int, place: str) -> int:
     return n
 
 
-def _extra_point(block: Block, part: Part, cells: list[str], place: str) -> NDArray[np.float64]:
+def _extra_point(block: Block, part: Part, cells: list[str], place: str) -> Floats:
     if cells[3] and integer(cells[3]):
         return part.coordinates(integer(cells[3]), place)
     if not any(cells[4:7]):
@@ -157,21 +151,12 @@ def _extra_point(block: Block, part: Part, cells: list[str], place: str) -> NDAr
     return to_global(part, from_polar(block.options.get("SYSTEM", ""), local))
 
 
-def _parabola(
-    a: NDArray[np.float64], middle: NDArray[np.float64], b: NDArray[np.float64], t: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _parabola(a: Floats, middle: Floats, b: Floats, t: Floats) -> Floats:
     s = t[:, None]
     return a * (1 - s) * (1 - 2 * s) + middle * 4 * s * (1 - s) + b * s * (2 * s - 1)
 
 
-def _arc(
-    a: NDArray[np.float64],
-    centre: NDArray[np.float64],
-    b: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    t: NDArray[np.float64],
-    place: str,
-) -> NDArray[np.float64]:
+def _arc(a: Floats, centre: Floats, b: Floats, normal: Floats, t: Floats, place: str) -> Floats:
     """Return points on the arc from a to b about a centre, the shorter one without a normal."""
     u, v = a - centre, b - centre
     r1, r2 = np.linalg.norm(u), np.linalg.norm(v)
@@ -204,8 +189,7 @@ def nfill(block: Block, part: Part, budget: Budget, notes: list[str]) -> None:
     bias = real(block.options.get("BIAS", "1"))
     for place, cells in block.rows():
         if len(cells) < 3:
-            msg = "two node sets and a number of intervals are expected"
-            raise ValueError(msg)
+            refuse("two node sets and a number of intervals are expected")
         first = members_so_far(part, "NSET", cells[0], place, budget)
         second = members_so_far(part, "NSET", cells[1], place, budget)
         n, step = integer(cells[2]), integer(cells[3]) if len(cells) > 3 and cells[3] else 1
@@ -250,7 +234,7 @@ def ncopy(block: Block, part: Part, budget: Budget) -> None:
         _to_set(part, "NSET", block.options.get("NEWSET"), old + k * change, block.place)
 
 
-def shift_and_turn(data: list[list[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def shift_and_turn(data: list[list[float]]) -> tuple[Floats, Floats]:
     """Return matrix and shift of a translation (first line), then a turn about an axis (second line).
 
     Raises
@@ -260,8 +244,7 @@ def shift_and_turn(data: list[list[float]]) -> tuple[NDArray[np.float64], NDArra
     """
     rows = [*data, [], []][:2]
     if len(data) > 2 or len(rows[0]) > 3 or len(rows[1]) not in (0, 7):
-        msg = "a shift of three numbers, and an axis of two points with an angle in degrees, are expected"
-        raise ValueError(msg)
+        refuse("a shift of three numbers, and an axis of two points with an angle in degrees, are expected")
     move = np.array([*rows[0], 0.0, 0.0, 0.0][:3])
     if not rows[1]:
         return np.eye(3), move
@@ -270,12 +253,11 @@ def shift_and_turn(data: list[list[float]]) -> tuple[NDArray[np.float64], NDArra
     return turn, a + turn @ (move - a)
 
 
-def _reflection(kind: str, data: list[list[float]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _reflection(kind: str, data: list[list[float]]) -> tuple[Floats, Floats]:
     points = np.array([*(v for row in data for v in row)], dtype=float)
     needed = {"POINT": 1, "LINE": 2, "MIRROR": 3}.get(kind, 0)
     if not needed or points.size != 3 * needed:
-        msg = f"REFLECT={kind} with {points.size} numbers; POINT takes 3, LINE 6 and MIRROR 9"
-        raise ValueError(msg)
+        refuse(f"REFLECT={kind} with {points.size} numbers; POINT takes 3, LINE 6 and MIRROR 9")
     a, *others = points.reshape(-1, 3)
     turn = -np.eye(3)
     if kind == "LINE":
@@ -283,8 +265,7 @@ def _reflection(kind: str, data: list[list[float]]) -> tuple[NDArray[np.float64]
     if kind == "MIRROR":
         n = np.cross(others[0] - a, others[1] - a)
         if not np.linalg.norm(n) > 0:
-            msg = "the three points of the mirror are on one line"
-            raise ValueError(msg)
+            refuse("the three points of the mirror are on one line")
         n = n / np.linalg.norm(n)
         turn = np.eye(3) - 2 * np.outer(n, n)
     return turn, a - turn @ a
@@ -299,14 +280,12 @@ def elgen(block: Block, part: Part, budget: Budget) -> None:
         values = [integer(c) if c else None for c in cells]
         master, *levels = [*values, *[None] * 10][: max(10, len(values))]
         if master is None or len(values) > 10:
-            msg = "an element and up to three times a count and two steps are expected"
-            raise ValueError(msg)
+            refuse("an element and up to three times a count and two steps are expected")
         numbers, steps = np.array([master]), np.array([0])
         for count, of_nodes, of_elements in (levels[0:3], levels[3:6], levels[6:9]):
             n = 1 if count is None else count
             if n < 1:
-                msg = f"{n} elements in a row"
-                raise ValueError(msg)
+                refuse(f"{n} elements in a row")
             budget.take(len(numbers) * (n - 1), place, "*ELGEN")
             k = np.arange(n)[:, None]
             numbers = (numbers + k * (1 if of_elements is None else of_elements)).ravel()
@@ -315,9 +294,7 @@ def elgen(block: Block, part: Part, budget: Budget) -> None:
         _to_set(part, "ELSET", block.options.get("ELSET"), numbers, place)
 
 
-def _copy_elements(
-    part: Part, old: NDArray[np.int64], new: NDArray[np.int64], steps: NDArray[np.int64], place: str
-) -> None:
+def _copy_elements(part: Part, old: Ints, new: Ints, steps: Ints, place: str) -> None:
     """Copy elements to new numbers, with steps of their nodes; all arrays have one shape."""
     found = [part.elements.find(number) for number in old.tolist()]
     is_line = np.array([row is not None for row in found], dtype=bool)
@@ -352,19 +329,13 @@ def elcopy(block: Block, part: Part, budget: Budget) -> None:
 # Sets -------------------------------------------------------------------------------------------------------
 
 
-def _to_set(part: Part, keyword: str, name: str | None, numbers: NDArray[np.int64], place: str) -> None:
+def _to_set(part: Part, keyword: str, name: str | None, numbers: Ints, place: str) -> None:
     if name:
         part.sets[keyword].add(name, Entry(place, numbers=numbers))
 
 
-def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budget) -> NDArray[np.int64]:
-    """Return the numbers of a set, ascending unless it is unsorted, or a single number.
-
-    Raises
-    ------
-    MeshError
-        If the set is not defined before, or refers to sets that are not.
-    """
+def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budget) -> Ints:
+    """Return the numbers of a set, ascending unless it is unsorted, or a single number."""
     if cell.isascii() and cell.isdigit():
         return np.array([integer(cell)])
     found = part.sets[keyword].get(name_of(cell))

@@ -9,25 +9,15 @@ from typing import Final
 
 from fem.io.deck import words
 
-READ: Final[dict[str, frozenset[str]]] = {
-    "NODE": frozenset({"NSET", "SYSTEM", "INPUT"}),
-    "ELEMENT": frozenset({"TYPE", "ELSET", "INPUT"}),
-    "NSET": frozenset({"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", "INPUT"}),
-    "ELSET": frozenset({"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED", "INPUT"}),
-    "SYSTEM": frozenset(),
-    "NGEN": frozenset({"NSET", "LINE", "SYSTEM"}),
-    "NFILL": frozenset({"NSET", "BIAS"}),
-    "NCOPY": frozenset({"CHANGENUMBER", "OLDSET", "NEWSET", "SHIFT", "REFLECT", "MULTIPLE"}),
-    "ELGEN": frozenset({"ELSET", "ALLNODES"}),
-    "ELCOPY": frozenset({"ELEMENTSHIFT", "OLDSET", "SHIFTNODES", "NEWSET", "REFLECT"}),
-    "PART": frozenset({"NAME"}),
-    "ENDPART": frozenset(),
-    "ASSEMBLY": frozenset({"NAME"}),
-    "ENDASSEMBLY": frozenset(),
-    "INSTANCE": frozenset({"NAME", "PART"}),
-    "ENDINSTANCE": frozenset(),
-    "INCLUDE": frozenset({"INPUT"}),
-}
+_SET = "GENERATE INSTANCE INTERNAL UNSORTED INPUT"
+_READ: Final = {
+    "NODE": "NSET SYSTEM INPUT", "ELEMENT": "TYPE ELSET INPUT", "NSET": f"NSET ELSET {_SET}",
+    "ELSET": f"ELSET {_SET}", "SYSTEM": "", "NGEN": "NSET LINE SYSTEM", "NFILL": "NSET BIAS",
+    "NCOPY": "CHANGENUMBER OLDSET NEWSET SHIFT REFLECT MULTIPLE", "ELGEN": "ELSET ALLNODES",
+    "ELCOPY": "ELEMENTSHIFT OLDSET SHIFTNODES NEWSET REFLECT", "PART": "NAME", "ENDPART": "",
+    "ASSEMBLY": "NAME", "ENDASSEMBLY": "", "INSTANCE": "NAME PART", "ENDINSTANCE": "", "INCLUDE": "INPUT",
+}  # fmt: skip
+READ: Final[dict[str, frozenset[str]]] = {key: words(options) for key, options in _READ.items()}
 """Keywords that are applied, with the parameters that are."""
 
 REFUSED: Final[dict[str, str]] = {
@@ -44,8 +34,6 @@ REFUSED: Final[dict[str, str]] = {
 """Keywords that make or move nodes in a way that is not read."""
 
 _CONNECTION = "tie the places with [[rigid_links]], [[joints]] or [[constraints]] in the study file"
-_SUPPORT = "give [[supports]] in the study file"
-_MASS = "give [[masses]] in the study file"
 _OFFSET = "give the members offset1 and offset2 in the study file"
 
 NAMED: Final[dict[str, str]] = {
@@ -53,41 +41,26 @@ NAMED: Final[dict[str, str]] = {
     "CENTROID": _OFFSET,
     "SHEARCENTER": _OFFSET,
     "TRANSFORM": "it turns the directions of loads and results; positions stay",
-    "BOUNDARY": _SUPPORT,
+    "BOUNDARY": "give [[supports]] in the study file",
     "BASEMOTION": "give [[excitations]] in the study file",
     "MODELCHANGE": "elements that a step removes are read",
-    "NONSTRUCTURALMASS": _MASS,
+    "NONSTRUCTURALMASS": "give [[masses]] in the study file",
     **dict.fromkeys(
-        (
-            "MPC",
-            "EQUATION",
-            "TIE",
-            "COUPLING",
-            "KINEMATICCOUPLING",
-            "DISTRIBUTINGCOUPLING",
-            "RIGIDBODY",
-            "EMBEDDEDELEMENT",
-            "SHELLTOSOLIDCOUPLING",
-            "FASTENER",
-            "CYCLICSYMMETRYMODEL",
-            "MULTIPOINTCONSTRAINT",
-            "NETWORKMPC",
-            "CONTACTPAIR",
-            "CONTACT",
-            "PRETENSIONSECTION",
+        words(
+            """MPC EQUATION TIE COUPLING KINEMATICCOUPLING DISTRIBUTINGCOUPLING RIGIDBODY EMBEDDEDELEMENT
+            SHELLTOSOLIDCOUPLING FASTENER CYCLICSYMMETRYMODEL MULTIPOINTCONSTRAINT NETWORKMPC CONTACTPAIR
+            CONTACT PRETENSIONSECTION"""
         ),
         _CONNECTION,
     ),
 }
 """Keywords that are left out, each with its remedy; a note counts them."""
 
-SECTIONS: Final = frozenset({"BEAMSECTION", "BEAMGENERALSECTION", "FRAMESECTION"})
+SECTIONS: Final = words("BEAMSECTION BEAMGENERALSECTION FRAMESECTION")
 """Keywords whose section, orientation and material come from the study file. A note says where they move the
 axis off the nodes."""
 
-CENTRED: Final = frozenset(
-    {"RECT", "BOX", "CIRC", "PIPE", "THICKPIPE", "ELLIPTICAL", "HEX", "GENERAL", "MESHED"}
-)
+CENTRED: Final = words("RECT BOX CIRC PIPE THICKPIPE ELLIPTICAL HEX GENERAL MESHED")
 """Sections whose centroid is at the node."""
 
 HARMLESS: Final = words(

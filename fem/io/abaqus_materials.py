@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from fem.io.abaqus_content import Content, check, data, fault, lines_of
-from fem.io.abaqus_deck import Block
+from fem.io.abaqus_content import Content, check, data, lines_of
+from fem.io.abaqus_deck import Block, fault
 from fem.io.deck import named, real
 from fem.materials import Material, PropertyError
 from fem.model import Damping
@@ -15,8 +15,7 @@ class Materials:
 
     Attributes
     ----------
-    rayleigh : dict of str to (float, float)
-        alpha and beta of the materials that were asked for [1/s, s].
+    rayleigh : dict of str to (float, float), alpha and beta of the materials that were asked for [1/s, s]
     """
 
     content: Content
@@ -35,13 +34,7 @@ class Materials:
                 self._blocks[name] = (placed.block, placed.subs)
 
     def find(self, name: str, user: Block, density: float | None = None) -> Material:
-        """Return a material, with a density that the section gives instead [kg/m³].
-
-        Raises
-        ------
-        MeshError
-            If the deck does not have it, or not all of its constants.
-        """
+        """Return a material, with a density that the section gives instead [kg/m³]."""
         if name not in self._blocks:
             has = named(sorted(self._blocks)) or "none"
             raise fault(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.io.abaqus_sets import Sets
+from fem.io.array_types import Bools, Floats, Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 
@@ -28,7 +29,7 @@ class Table:
     def __init__(self, word: str, dtype: type) -> None:
         self.word = word
         self.size = 0
-        self._numbers: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._numbers: Ints = np.empty(0, dtype=np.int64)
         self._values = np.empty((0, 3), dtype=dtype)
         self._lines = np.empty(0, dtype=np.int64)
         self._files = np.empty(0, dtype=np.int32)
@@ -37,13 +38,7 @@ class Table:
         self.file_names: list[str] = []
 
     def add(self, numbers: ArrayLike, values: ArrayLike, lines: ArrayLike, file: str) -> None:
-        """Append rows.
-
-        Raises
-        ------
-        MeshError
-            For a number that is not positive, or too large.
-        """
+        """Append rows."""
         numbers = np.atleast_1d(np.asarray(numbers, dtype=np.int64))
         n, stop = len(numbers), self.size + len(numbers)
         lines = np.broadcast_to(np.asarray(lines, dtype=np.int64), (n,))
@@ -81,11 +76,11 @@ class Table:
             self._indexed = self.size
         return self._row_of.get(number)
 
-    def values(self, row: int | NDArray[np.int64]) -> NDArray:
+    def values(self, row: int | Ints) -> NDArray:
         """Return the values of a row, or of several."""
         return self._values[row]
 
-    def numbers(self) -> NDArray[np.int64]:
+    def numbers(self) -> Ints:
         """Return the numbers of all rows, with those that come again."""
         return self._numbers[: self.size]
 
@@ -93,12 +88,12 @@ class Table:
         """Return file and line of a row."""
         return f"{self.file_names[self._files[row]]}: line {self._lines[row]}"
 
-    def unique(self, notes: list[str]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def unique(self, notes: list[str]) -> tuple[Ints, Ints]:
         """Return numbers, each once, and the row that each stands for; differing rows are named.
 
         Abaqus takes the last definition of a node or an element that is defined again.
         """
-        numbers: NDArray[np.int64] = self.numbers()
+        numbers: Ints = self.numbers()
         if bool((numbers[1:] > numbers[:-1]).all()):
             return numbers, np.arange(self.size, dtype=np.int64)
         order = np.argsort(numbers, kind="stable")
@@ -110,7 +105,7 @@ class Table:
         by_place = np.argsort(order[start], kind="stable")
         return ordered[start][by_place], last[by_place]
 
-    def _name_redefined(self, order: NDArray[np.int64], new: NDArray[np.bool_], notes: list[str]) -> None:
+    def _name_redefined(self, order: Ints, new: Bools, notes: list[str]) -> None:
         values = self._values[: self.size]
         slack = 1e-9 * float(np.ptp(values, axis=0).max()) if values.dtype == float else 0.0
         a, b = order[:-1][~new[1:]], order[1:][~new[1:]]
@@ -132,9 +127,9 @@ class Skipped:
     """Elements that are no lines: their type, numbers, and where they are."""
 
     kind: str
-    numbers: NDArray[np.int64]
+    numbers: Ints
     file: str
-    lines: NDArray[np.int64]
+    lines: Ints
 
 
 @dataclass(slots=True)
@@ -157,7 +152,7 @@ class Part:
     elements: Table = field(default_factory=lambda: Table("element", np.int64))
     skipped: list[Skipped] = field(default_factory=list)
     sets: dict[str, Sets] = field(default_factory=lambda: {"ELSET": Sets("element"), "NSET": Sets("node")})
-    system: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    system: tuple[Floats, Floats] | None = None
     _kinds: dict[int, str] = field(default_factory=dict)
     _indexed: int = 0
 
@@ -165,14 +160,8 @@ class Part:
         """Return whether nothing is defined."""
         return not (self.nodes.size or self.elements.size or self.skipped)
 
-    def coordinates(self, number: int, place: str) -> NDArray[np.float64]:
-        """Return where a node that was defined before is, shape (3,).
-
-        Raises
-        ------
-        MeshError
-            If it is not there.
-        """
+    def coordinates(self, number: int, place: str) -> Floats:
+        """Return where a node that was defined before is, shape (3,)."""
         row = self.nodes.find(number)
         if row is None:
             raise error_at(place, f"node {number} is not defined before this line")

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, fault, lines_of
-from fem.io.abaqus_deck import Block
+from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, lines_of
+from fem.io.abaqus_deck import Block, fault
 from fem.io.abaqus_systems import Systems
+from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Body, Connection, Link
 from fem.io.frame_parts import axes_along, entry
@@ -24,13 +24,7 @@ class PointBuilder:
     systems: Systems
 
     def bodies(self) -> tuple[Body, ...]:
-        """Return the point masses and rotary inertias.
-
-        Raises
-        ------
-        MeshError
-            For data that cannot be read, and elements without it.
-        """
+        """Return the point masses and rotary inertias."""
         found: list[Body] = []
         seen: set[int] = set()
         for placed, instance in self.content.model_data("MASS", "ROTARYINERTIA"):
@@ -49,7 +43,7 @@ class PointBuilder:
         self._all_seen(seen, {"MASS": "*MASS", "ROTARYI": "*ROTARY INERTIA"})
         return tuple(found)
 
-    def _of_body(self, placed: Placed, instance: Instance) -> tuple[float, NDArray[np.float64]]:
+    def _of_body(self, placed: Placed, instance: Instance) -> tuple[float, Floats]:
         block, units = placed.block, self.content.units
         if placed.keyword == "MASS":
             mass = data(block, 0, 1, 1, "a mass")[0] * units.mass
@@ -64,13 +58,7 @@ class PointBuilder:
         return 0.0, axes.T @ local @ axes
 
     def connections(self) -> tuple[Connection, ...]:
-        """Return springs and dashpots.
-
-        Raises
-        ------
-        MeshError
-            For data that cannot be read, elements without it, and springs across a distance.
-        """
+        """Return springs and dashpots."""
         found: list[Connection] = []
         seen: set[int] = set()
         for placed, instance in self.content.model_data("SPRING", "DASHPOT"):
@@ -113,7 +101,7 @@ class PointBuilder:
         ends = (nodes[0], nodes[1] if len(nodes) == 2 else None)
         return Connection(name=f"{kind} {self.content.number(row)}", nodes=ends, axes=axes, **matrices)
 
-    def _along(self, row: int, nodes: list[int]) -> NDArray[np.float64]:
+    def _along(self, row: int, nodes: list[int]) -> Floats:
         x = self.content.points[nodes[1]] - self.content.points[nodes[0]]
         if self.content.near(*nodes):
             kind = self.content.kinds[row]
@@ -130,7 +118,7 @@ class PointBuilder:
             )
         return int(found[0]) - 1
 
-    def _check_arm(self, row: int, block: Block, nodes: list[int], axis: NDArray[np.float64]) -> None:
+    def _check_arm(self, row: int, block: Block, nodes: list[int], axis: Floats) -> None:
         """Refuse a spring across a distance: it would make moments that no arm takes up."""
         arm = self.content.points[nodes[1]] - self.content.points[nodes[0]]
         across = float(np.linalg.norm(np.cross(arm, axis)))
@@ -148,13 +136,7 @@ class PointBuilder:
                 raise error_at(kind.place, f"*ELEMENT {number} of type {kind.name} has no {keyword}")
 
     def connectors(self) -> tuple[Link, ...]:
-        """Return rigid connectors: BEAM, WELD and, between nodes at one place, JOIN.
-
-        Raises
-        ------
-        MeshError
-            For other connectors.
-        """
+        """Return rigid connectors: BEAM, WELD and, between nodes at one place, JOIN."""
         found: list[Link] = []
         seen: set[int] = set()
         for placed, instance in self.content.model_data("CONNECTORSECTION"):

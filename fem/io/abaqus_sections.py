@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, of_constants, with_walls
 from fem.materials import PropertyError
 from fem.sections.outlines import turned
@@ -105,8 +106,7 @@ def arbitrary(rows: list[list[float]]) -> Shape:
     a, b = points[[p for p, _ in pairs]], points[[q for _, q in pairs]]
     area = np.linalg.norm(b - a, axis=1) * t
     if not ((t > 0) & (area > 0)).all():
-        msg = "an ARBITRARY section has a segment without length or thickness"
-        raise PropertyError(msg)
+        refuse("an ARBITRARY section has a segment without length or thickness", PropertyError)
     centroid = (area[:, None] * (a + b) / 2).sum(axis=0) / area.sum()
     a, b = a - centroid, b - centroid
     # ∫ s sᵀ dA along a straight segment from a to b is A (a aᵀ + b bᵀ + (a bᵀ + b aᵀ)/2) / 3

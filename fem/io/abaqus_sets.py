@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 
@@ -31,7 +31,7 @@ class Entry:
     """
 
     place: str
-    numbers: NDArray[np.int64] | None = None
+    numbers: Ints | None = None
     span: tuple[int, int, int] | None = None
     name: str = ""
     instance: str = ""
@@ -96,22 +96,16 @@ class Resolver:
     file: str
     word: str
     sets: dict[str, list[Sets]]
-    rows: Callable[[str, NDArray[np.int64]], NDArray[np.int64]]
-    known: Callable[[str], NDArray[np.int64]]
-    nodes_of_elements: Callable[[str, str], NDArray[np.int64] | None]
+    rows: Callable[[str, Ints], Ints]
+    known: Callable[[str], Ints]
+    nodes_of_elements: Callable[[str, str], Ints | None]
     unknown: dict[str, dict[str, None]] = field(default_factory=dict)
-    _members: dict[tuple[str, int], NDArray[np.int64]] = field(default_factory=dict)
-    _done: dict[tuple[str, str], NDArray[np.int64]] = field(default_factory=dict)
+    _members: dict[tuple[str, int], Ints] = field(default_factory=dict)
+    _done: dict[tuple[str, str], Ints] = field(default_factory=dict)
     _total: int = 0
 
-    def members(self, owner: str, name: str) -> NDArray[np.int64]:
-        """Return the rows of a set, each once, in the order of the file.
-
-        Raises
-        ------
-        MeshError
-            For sets that refer to each other in a circle, and more members than memory should hold.
-        """
+    def members(self, owner: str, name: str) -> Ints:
+        """Return the rows of a set, each once, in the order of the file."""
         waiting, under_way = [(owner, name)], {}
         while waiting:
             key = waiting[-1]
@@ -173,7 +167,7 @@ class Resolver:
                         return instance, word
         return None
 
-    def _built(self, owner: str, name: str) -> NDArray[np.int64]:
+    def _built(self, owner: str, name: str) -> Ints:
         found = [self._rows_of(owner, name, entry) for entry in self._entries(owner, name)]
         rows = found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=np.int64), *found])
         rows = rows[rows >= 0] if rows.size and rows.min() < 0 else rows
@@ -190,14 +184,14 @@ class Resolver:
                 self.file, f"the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
             )
 
-    def _rows_of(self, owner: str, name: str, entry: Entry) -> NDArray[np.int64]:
+    def _rows_of(self, owner: str, name: str, entry: Entry) -> Ints:
         key = (owner, id(entry))
         if key not in self._members:
             self._members[key] = self._looked_up(owner, name, entry)
             self._count(len(self._members[key]))
         return self._members[key]
 
-    def _looked_up(self, owner: str, name: str, entry: Entry) -> NDArray[np.int64]:
+    def _looked_up(self, owner: str, name: str, entry: Entry) -> Ints:
         place = f"{self.word} set {name[:60]} ({entry.place})"
         if entry.of_elements:
             found = self.nodes_of_elements(entry.instance or owner, entry.name)
@@ -228,9 +222,7 @@ class Resolver:
             self._miss(place, f"{asked - len(found)} of the {asked} numbers {first} to {last}")
         return self.rows(holder, found)
 
-    def _existing(
-        self, place: str, owner: str, numbers: NDArray[np.int64], prefix: str = ""
-    ) -> NDArray[np.int64]:
+    def _existing(self, place: str, owner: str, numbers: Ints, prefix: str = "") -> Ints:
         known = self.known(owner)
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         there = known[at] == numbers if len(known) else np.zeros(len(numbers), dtype=bool)

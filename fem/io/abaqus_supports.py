@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import Content, Placed, check, dofs_of, fault, lines_of, numbers_of
-from fem.io.abaqus_deck import Block, name_of
+from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of
+from fem.io.abaqus_deck import Block, fault, name_of
 
 TYPES = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -21,11 +21,6 @@ def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
 
     Read are the model data and the steps up to the first one of a linear dynamic procedure, or else up to the
     first.
-
-    Raises
-    ------
-    MeshError
-        For data that cannot be read.
     """
     steps = sorted({placed.step for placed in content.placed if placed.step})
     last = min(content.procedures, default=steps[0] if steps else 0)

@@ -3,15 +3,13 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import Content, Placed, check, fault, lines_of, numbers_of
-from fem.io.abaqus_deck import Block
+from fem.io.abaqus_content import Content, Placed, check, lines_of, numbers_of
+from fem.io.abaqus_deck import Block, fault
 from fem.io.abaqus_generate import rotation
+from fem.io.array_types import Floats
 from fem.io.frame_parts import axes_along, parallel
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -71,13 +69,7 @@ class Systems:
         return self.nodal.get(row, np.eye(3))
 
     def orientation(self, placed: Placed, instance: Instance) -> Floats:
-        """Return the axes that a block's ORIENTATION names, the global ones without it.
-
-        Raises
-        ------
-        MeshError
-            If the deck does not have them, or they are not rectangular.
-        """
+        """Return the axes that a block's ORIENTATION names, the global ones without it."""
         block = placed.block
         name = block.options.get("ORIENTATION", "")
         if not name:
@@ -111,13 +103,7 @@ def _orientation(block: Block) -> Floats:
 
 
 def axes_of(block: Block, a: Floats, b: Floats) -> Floats:
-    """Return axes with x along a, and b in the plane of x and y.
-
-    Raises
-    ------
-    MeshError
-        If a and b are on one line.
-    """
+    """Return axes with x along a, and b in the plane of x and y."""
     if parallel(a, b):
         raise fault(block, "defines no axes: its points are on one line with the origin")
     return axes_along(a, b)

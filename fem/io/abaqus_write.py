@@ -10,14 +10,16 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     bar_axes,
+    equation_cells,
     first_element,
-    matrix_scale,
+    mean_section,
+    notes_of,
     plain,
-    scale_of,
     solved_equations,
+    text_of,
     with_nodes,
     wrapped,
-)
+)  # fmt: skip
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_of_model import ModelDeck
@@ -33,26 +35,16 @@ def abaqus_text(
 ) -> str:
     """Return a deck of Abaqus: all of a model with a step for its modes, or keywords for one.
 
-    Parameters
-    ----------
-    deck : ModelDeck
-    units : str or Units
-        Of the numbers in it.
-    heading : sequence of str
-        Sentences of its first comment.
-    modes : int
-        Number of modes that the deck asks for.
+    Arguments are those of :func:`fem.io.nastran_write.nastran_text`.
     """
     u = Units.of(units)
     deck = with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True, springs=plain)
-    lines = [line for text in heading for line in wrapped("**", text)]
-    lines += [] if deck.part else ["*HEADING", deck.file[:70]]
+    lines = [] if deck.part else ["*HEADING", deck.file[:70]]
     lines += [*_nodes(deck, u), *_bars(deck, u), *_bodies(deck, u), *_springs(deck, u), *_equations(deck, u)]
     lines += _supports(deck)
     if not deck.part:
         lines += ["*STEP", "*FREQUENCY", f"{modes},", *_damping(deck), "*END STEP"]
-    lines += [t for text in deck.notes for t in wrapped("**", f"NOTE: {text}")]
-    return "".join(f"{line}\n" for line in lines)
+    return text_of("**", heading, [*lines, *notes_of("**", deck)])
 
 
 def _row(*values: object) -> str:
@@ -96,10 +88,8 @@ def _type(p: BarProperty) -> str:
 
 
 def _section(p: BarProperty, name: str, y: np.ndarray, material: int, u: Units) -> Iterator[str]:
-    s, m = p.section, p.material
-    if p.section2 is not None:
-        yield from wrapped("**", f"{p.name} is tapered: each element has the mean of its ends' constants")
-        s = type(s).between(s, p.section2, 0.5)
+    m, (s, comment) = p.material, mean_section(p, "**")
+    yield from comment
     if p.theory == "bar":
         yield from (f"*SOLID SECTION, ELSET={name}, MATERIAL=MATERIAL{material}", _row(s.A / u.area))
         return
@@ -151,8 +141,7 @@ def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
             yield from (f"*ORIENTATION, NAME=AXES{k}", _row(*map(float, c.axes[:2].ravel())))
             turn = f", ORIENTATION=AXES{k}"
         nodes = [deck.nodes[i] for i in c.nodes if i is not None]
-        for quantity, kind in (("K", "SPRING"), ("C", "DASHPOT")):
-            X = np.diag(getattr(c, quantity)) / np.diag(matrix_scale(1, quantity, u))
+        for X, kind in ((np.diag(c.K) / u.stiffness, "SPRING"), (np.diag(c.C) / u.damping, "DASHPOT")):
             for j in np.flatnonzero(X):
                 name = f"{kind}{k}{DIRECTIONS[j].upper()}"
                 yield from (f"*ELEMENT, TYPE={kind}{len(nodes)}, ELSET={name}", _row(n, *nodes))
@@ -161,12 +150,8 @@ def _springs(deck: ModelDeck, u: Units) -> Iterator[str]:
 
 
 def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
-    before = ""
-    for name, terms in solved_equations(deck, links=True):
-        yield from wrapped("**", name) if name != before else ()
-        before = name
-        yield from ("*EQUATION", str(len(terms)))
-        cells = [(deck.nodes[n], DOF[d], a * scale_of(d, u)) for n, d, a in terms]
+    for comment, cells in equation_cells(deck, solved_equations(deck, links=True), DOF, u, "**"):
+        yield from (*comment, "*EQUATION", str(len(cells)))
         for i in range(0, len(cells), 4):
             yield _row(*(x for cell in cells[i : i + 4] for x in cell))
 

@@ -12,33 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.io.deck import Files, integer, named, real
+from fem.io.deck import Files, integer, named, real, words
 from fem.mesh import MeshError
 
 REFUSED = {
     **dict.fromkeys(
-        [
-            "FILL",
-            "NGEN",
-            "NSYM",
-            "EGEN",
-            "ESYM",
-            "EMORE",
-            "EMODIF",
-            "NMODIF",
-            "ENGEN",
-            "NKPT",
-            "LMESH",
-            "AMESH",
-            "VMESH",
-            "*DO",
-            "*REPEAT",
-            "*USE",
-        ],
+        words(
+            """FILL NGEN NSYM EGEN ESYM EMORE EMODIF NMODIF ENGEN NKPT LMESH AMESH VMESH *DO *REPEAT *USE"""
+        ),
         "generates or changes parts of the model; solve or save it in ANSYS, and write it with CDWRITE,DB",
     ),
     **dict.fromkeys(
-        ["DSYM", "DK", "DL", "DA", "CERIG", "RBE3", "CEINTF", "CPINTF", "CPLGEN", "CPSGEN"],
+        words("DSYM DK DL DA CERIG RBE3 CEINTF CPINTF CPLGEN CPSGEN"),
         "becomes supports or equations of nodes only in ANSYS; write the file with CDWRITE,DB after that",
     ),
     "CDREAD": "reads another file; write all into one",
@@ -161,6 +146,7 @@ class _Reader:
     deck: AnsysDeck
     lines: list[str]
     at: int = 0
+    name: str = ""
     current: dict[str, int] = field(default_factory=lambda: {"TYPE": 1, "MAT": 1, "REAL": 1, "SECNUM": 1})
     section: SectionCommand | None = None
     last_real: list[int] = field(default_factory=lambda: [0, 1])
@@ -173,11 +159,10 @@ class _Reader:
         self.commands = {
             "N": self._node, "EN": self._element, "E": self._element, "ET": self._et, "KEYOPT": self._keyopt,
             "R": self._r, "RMORE": self._rmore, "RMODIF": self._rmodif, "MP": self._mp,
-            "MPDATA": self._mpdata, "SECTYPE": self._sectype, "SECDATA": self._secdata,
-            "SECOFFSET": self._secoffset, "SECCONTROL": self._seccontrol, "D": self._d, "CE": self._ce,
-            "CP": self._cp, "/UNITS": self._units, "CSYS": self._csys, "NBLOCK": self._nblock,
-            "EBLOCK": self._eblock, "RLBLOCK": self._rlblock, "ETBLOCK": self._etblock,
-            "CMBLOCK": self._cmblock,
+            "MPDATA": self._mpdata, "SECTYPE": self._sectype, "D": self._d, "CE": self._ce, "CP": self._cp,
+            **dict.fromkeys(("SECDATA", "SECOFFSET", "SECCONTROL"), self._of_section),
+            "NBLOCK": self._nblock, "EBLOCK": self._eblock, "RLBLOCK": self._rlblock,
+            "ETBLOCK": self._etblock, "CMBLOCK": self._cmblock,
         }  # fmt: skip
 
     def read(self) -> None:
@@ -194,12 +179,17 @@ class _Reader:
         name, *fields = (f.strip() for f in text.split(","))
         name = name.upper()
         name = _SHORT.get(name[:4], name) if name not in _BLOCKS else name
+        self.name = name
         if name in REFUSED:
             raise self.deck.error(self.at, f"{name} {REFUSED[name]}")
         if name in self.current:
-            self.current[name] = self._int(name, fields, 0) or 1
+            self.current[name] = self._int(fields, 0) or 1
         elif name in ("ALPHAD", "BETAD", "DMPRAT", "DMPSTR"):
-            self.deck.damping[name] = self._real(name, fields, 0)
+            self.deck.damping[name] = self._real(fields, 0)
+        elif name == "/UNITS":
+            self.deck.units = (fields[0].upper() if fields else "", self.at)
+        elif name == "CSYS":
+            self.csys = self._int(fields, 0)
         elif name in self.commands:
             try:
                 self.commands[name](fields)
@@ -210,30 +200,33 @@ class _Reader:
 
     # Numbers -----------------------------------------------------------------------------------------------
 
-    def _int(self, name: str, fields: list[str], k: int) -> int:
-        return int(self._number(name, fields, k, lambda text: integer(text or "0")))
+    def _int(self, fields: list[str], k: int) -> int:
+        return int(self._number(fields, k, lambda text: integer(text or "0")))
 
-    def _real(self, name: str, fields: list[str], k: int) -> float:
-        return self._number(name, fields, k, real)
+    def _real(self, fields: list[str], k: int) -> float:
+        return self._number(fields, k, real)
 
-    def _number(self, name: str, fields: list[str], k: int, convert: Callable[[str], float]) -> float:
+    def _number(self, fields: list[str], k: int, convert: Callable[[str], float]) -> float:
         try:
             return convert(fields[k] if k < len(fields) else "")
         except ValueError as reason:
-            raise self.deck.error(self.at, f"{name}, field {k + 1}: {reason}") from reason
+            raise self.deck.error(self.at, f"{self.name}, field {k + 1}: {reason}") from reason
 
-    def _reals(self, name: str, fields: list[str]) -> list[float]:
-        return [self._real(name, fields, k) for k in range(len(fields))]
+    def _ints(self, fields: list[str], start: int = 0) -> list[int]:
+        return [self._int(fields, k) for k in range(start, len(fields))]
+
+    def _reals(self, fields: list[str]) -> list[float]:
+        return [self._real(fields, k) for k in range(len(fields))]
 
     # Blocks ------------------------------------------------------------------------------------------------
 
-    def _rows(self, name: str, count: int | None = None, stated: int = 0) -> Iterator[list[str]]:
+    def _rows(self, count: int | None = None, stated: int = 0) -> Iterator[list[str]]:
         """Yield the rows of a block, cut as its format says, to -1 or for ``count`` rows.
 
         Without -1 a block may end with the file, if it has as many rows as it states.
         """
         header = self.at
-        widths, _ = self._format(name)
+        name, (widths, _) = self.name, self._format()
         taken = 0
         while count is None or taken < count:
             if self.at >= len(self.lines):
@@ -261,35 +254,37 @@ class _Reader:
             if cells:
                 yield cells
 
-    def _format(self, name: str) -> tuple[list[int], int]:
+    def _format(self) -> tuple[list[int], int]:
         line = self.lines[self.at].strip() if self.at < len(self.lines) else ""
         widths, whole = _widths(line) if line.startswith("(") else ([], 0)
         if not widths:
-            raise self.deck.error(self.at + 1, f"{name} needs a format such as (19i9), found {line[:30]!r}")
+            raise self.deck.error(
+                self.at + 1, f"{self.name} needs a format such as (19i9), found {line[:30]!r}"
+            )
         self.at += 1
         return widths, whole
 
-    def _check_count(self, name: str, header: int, found: int, fields: list[str], k: int) -> None:
-        stated = self._int(name, fields, k)
+    def _check_count(self, header: int, found: int, fields: list[str], k: int) -> None:
+        stated = self._int(fields, k)
         if stated and stated != found:
-            raise self.deck.error(header, f"{name} states {stated} rows, and has {found}")
+            raise self.deck.error(header, f"{self.name} states {stated} rows, and has {found}")
 
     def _nblock(self, fields: list[str]) -> None:
         header, found = self.at, 0
         whole = _widths(self.lines[self.at])[1] if self.at < len(self.lines) else 0
-        for row in self._rows("NBLOCK"):
-            number = self._int("NBLOCK", row, 0)
-            values = self._reals("NBLOCK", row[whole:])
+        for row in self._rows():
+            number = self._int(row, 0)
+            values = self._reals(row[whole:])
             self.deck.nodes[number] = [*values, *[0.0] * (6 - len(values))]
             found += 1
-        self._check_count("NBLOCK", header, found, fields, 3)
+        self._check_count(header, found, fields, 3)
 
     def _eblock(self, fields: list[str]) -> None:
         header, found = self.at, 0
         solid = len(fields) > 1 and fields[1].upper() == "SOLID"
         rest, row = 0, []
-        for cells in self._rows("EBLOCK", stated=self._int("EBLOCK", fields, 3)):
-            values = [self._int("EBLOCK", cells, k) for k in range(len(cells))]
+        for cells in self._rows(stated=self._int(fields, 3)):
+            values = self._ints(cells)
             row = [*row, *values] if rest else values
             n = row[8] if solid and len(row) > 10 else len(row) - 5
             rest = 11 + n - len(row) if solid else 0
@@ -303,50 +298,55 @@ class _Reader:
                 self._add(row[0], self.current["TYPE"], row[3], row[2], row[1], row[5:])
         if rest > 0:
             raise self.deck.error(self.at, f"EBLOCK ends within an element: {rest} of its nodes are missing")
-        self._check_count("EBLOCK", header, found, fields, 3)
+        self._check_count(header, found, fields, 3)
 
     def _add(self, number: int, kind: int, mat: int, constants: int, section: int, nodes: list[int]) -> None:
         ends = tuple(n for n in nodes if n)
         self.deck.elements.append(Element(number, kind, mat, constants, section, ends, self.at))
 
     def _rlblock(self, fields: list[str]) -> None:
-        sets = self._int("RLBLOCK", fields, 0)
-        first, more = self._format("RLBLOCK")[0], self._format("RLBLOCK")[0]
+        sets = self._int(fields, 0)
+        first, more = self._format()[0], self._format()[0]
         for _ in range(sets):
-            row = self._cells("RLBLOCK", first)
-            number, count = self._int("RLBLOCK", row, 0), self._int("RLBLOCK", row, 1)
+            row = self._cells(first)
+            number, count = self._int(row, 0), self._int(row, 1)
             values = row[2:]
             while len(values) < count:
-                values += self._cells("RLBLOCK", more)
-            reals = [self._real("RLBLOCK", values, k) for k in range(count)]
+                values += self._cells(more)
+            reals = [self._real(values, k) for k in range(count)]
             self.deck.reals[number] = dict(enumerate(reals, start=1))
 
-    def _cells(self, name: str, widths: list[int]) -> list[str]:
+    def _cells(self, widths: list[int]) -> list[str]:
         line = self.lines[self.at] if self.at < len(self.lines) else "end of file"
         if line.strip()[:1] not in tuple("+-.0123456789"):
-            raise self.deck.error(self.at + 1, f"{name} is cut: found {line.strip()[:30]!r} within a set")
+            raise self.deck.error(
+                self.at + 1, f"{self.name} is cut: found {line.strip()[:30]!r} within a set"
+            )
         self.at += 1
         starts = np.cumsum([0, *widths])
         return [line[a : a + w].strip() for a, w in zip(starts, widths, strict=False)]
 
     def _etblock(self, fields: list[str]) -> None:
-        for row in self._rows("ETBLOCK"):
-            number = self._int("ETBLOCK", row, 0)
-            self.deck.types[number] = (self._int("ETBLOCK", row, 1), self.at)
-            for k in range(2, len(row)):
-                self.deck.keyopts[number, k - 1] = self._int("ETBLOCK", row, k)
+        for row in self._rows():
+            self._type(self._ints(row))
+
+    def _type(self, row: list[int]) -> None:
+        """Keep an element type: its number, the one of its name, and its options."""
+        number, kind, *options = row
+        self.deck.types[number] = (kind, self.at)
+        self.deck.keyopts |= {(number, k): value for k, value in enumerate(options, start=1)}
 
     def _cmblock(self, fields: list[str]) -> None:
         name, kind, count = (
             fields[0],
             fields[1][:4].upper() if len(fields) > 1 else "",
-            self._int("CMBLOCK", fields, 2),
+            self._int(fields, 2),
         )
         widths = _widths(self.lines[self.at])[0] if self.at < len(self.lines) else []
         items: list[int] = []
-        for row in self._rows("CMBLOCK", -(-count // max(len(widths), 1))):
+        for row in self._rows(-(-count // max(len(widths), 1))):
             for k in range(len(row)):
-                value = self._int("CMBLOCK", row, k)
+                value = self._int(row, k)
                 items += [value] if value >= 0 else range(items[-1] + 1 if items else 1, -value + 1)
         self.deck.components[name] = (kind, items)
 
@@ -354,54 +354,48 @@ class _Reader:
 
     def _node(self, fields: list[str]) -> None:
         if fields and fields[0].upper() in ("R5.3", "UNBL", "R5.1", "R5.0"):
-            number = self._int("N", fields, 2)
+            number = self._int(fields, 2)
             if number > 0:
                 where = fields[1].upper()
                 row = self.deck.nodes.setdefault(number, [0.0] * 6)
-                values = self._reals("N", fields[5:8] if where == "LOC" else fields[3:6])
+                values = self._reals(fields[5:8] if where == "LOC" else fields[3:6])
                 start = 0 if where == "LOC" else 3
                 row[start : start + len(values)] = values
             return
         if self.csys:
             raise self.deck.error(self.at, f"N in coordinate system {self.csys} is not read; use CSYS,0")
-        values = self._reals("N", fields[1:7])
-        self.deck.nodes[self._int("N", fields, 0)] = [*values, *[0.0] * (6 - len(values))]
+        values = self._reals(fields[1:7])
+        self.deck.nodes[self._int(fields, 0)] = [*values, *[0.0] * (6 - len(values))]
 
     def _element(self, fields: list[str]) -> None:
         now = self.current
         if not (fields and fields[0].upper().startswith(("R5.", "UNBL"))):
-            nodes = [self._int("EN", fields, k) for k in range(len(fields))]
+            nodes = self._ints(fields)
             if self._named_number:
                 number, nodes = nodes[0], nodes[1:]
             else:
                 number = 1 + max((e.number for e in self.deck.elements), default=0)
             self._add(number, now["TYPE"], now["MAT"], now["REAL"], now["SECNUM"], nodes)
         elif fields[1].upper() == "ATTR":
-            self.pending = [self._int("EN", fields, k) for k in range(2, len(fields))]
+            self.pending = self._ints(fields, 2)
         else:
             if len(self.pending) < 7:
                 raise self.deck.error(self.at, "EN,…,NODE without the attributes of EN,…,ATTR before it")
             _, mat, kind, constants, section, _, number = self.pending[:7]
-            nodes = [self._int("EN", fields, k) for k in range(2, len(fields))]
+            nodes = self._ints(fields, 2)
             self._add(number, kind, mat, constants, section, nodes)
 
     @property
     def _named_number(self) -> bool:
         return self.lines[self.at - 1].strip().upper().startswith("EN")
 
-    def _csys(self, fields: list[str]) -> None:
-        self.csys = self._int("CSYS", fields, 0)
-
     def _et(self, fields: list[str]) -> None:
         name = re.sub(r"^[A-Za-z]+", "", fields[1]) if len(fields) > 1 else ""
-        number = self._int("ET", fields, 0)
-        self.deck.types[number] = (self._int("ET", ["", name], 1), self.at)
-        for k in range(2, len(fields)):
-            self.deck.keyopts[number, k - 1] = self._int("ET", fields, k)
+        self._type(self._ints([fields[0], name, *fields[2:]]))
 
     def _keyopt(self, fields: list[str]) -> None:
-        kind, k = self._int("KEYOPT", fields, 0), self._int("KEYOPT", fields, 1)
-        self.deck.keyopts[kind, k] = self._int("KEYOPT", fields, 2)
+        kind, k, value = (self._int(fields, i) for i in range(3))
+        self.deck.keyopts[kind, k] = value
 
     # Real constants, materials, sections -------------------------------------------------------------------
 
@@ -409,26 +403,24 @@ class _Reader:
         if fields and fields[0].upper().startswith("R5"):  # R,R5.0,set,LOC,first,values
             self._rmodif([fields[1], *fields[3:]])
             return
-        number = self._int("R", fields, 0)
-        self.deck.reals[number] = dict(enumerate(self._reals("R", fields[1:7]), start=1))
+        number = self._int(fields, 0)
+        self.deck.reals[number] = dict(enumerate(self._reals(fields[1:7]), start=1))
         self.last_real = [number, 7]
 
     def _rmore(self, fields: list[str]) -> None:
         number, start = self.last_real
-        values = self._reals("RMORE", fields[:6])
+        values = self._reals(fields[:6])
         self.deck.reals.setdefault(number, {}).update(enumerate(values, start=start))
         self.last_real = [number, start + 6]
 
     def _rmodif(self, fields: list[str]) -> None:
-        number, start = self._int("RMODIF", fields, 0), self._int("RMODIF", fields, 1)
-        self.deck.reals.setdefault(number, {}).update(
-            enumerate(self._reals("RMODIF", fields[2:]), start=start)
-        )
+        number, start = self._int(fields, 0), self._int(fields, 1)
+        self.deck.reals.setdefault(number, {}).update(enumerate(self._reals(fields[2:]), start=start))
 
     def _mp(self, fields: list[str]) -> None:
-        label, number = fields[0].upper(), self._int("MP", fields, 1) or self.current["MAT"]
-        self.deck.materials.setdefault(number, {})[label] = self._real("MP", fields, 2)
-        if any(self._reals("MP", fields[3:])):
+        label, number = fields[0].upper(), self._int(fields, 1) or self.current["MAT"]
+        self.deck.materials.setdefault(number, {})[label] = self._real(fields, 2)
+        if any(self._reals(fields[3:])):
             self.deck.notes.append(
                 f"line {self.at}: MP,{label} depends on temperature: its value at 0° is taken"
             )
@@ -436,73 +428,71 @@ class _Reader:
     def _mpdata(self, fields: list[str]) -> None:
         if fields and fields[0].upper().startswith(("R5", "UNBL")):
             fields = fields[2:]
-        label, number = fields[0].upper(), self._int("MPDATA", fields, 1) or self.current["MAT"]
+        label, number = fields[0].upper(), self._int(fields, 1) or self.current["MAT"]
         table = self.deck.materials.setdefault(number, {})
-        if self._int("MPDATA", fields, 2) > 1 or any(self._reals("MPDATA", fields[4:])):
+        if self._int(fields, 2) > 1 or any(self._reals(fields[4:])):
             self.deck.notes.append(
                 f"line {self.at}: MPDATA,{label} depends on temperature: its first value is taken"
             )
-        table.setdefault(label, self._real("MPDATA", fields, 3))
+        table.setdefault(label, self._real(fields, 3))
 
     def _sectype(self, fields: list[str]) -> None:
-        number = self._int("SECTYPE", fields, 0) or 1 + max(self.deck.sections, default=0)
+        number = self._int(fields, 0) or 1 + max(self.deck.sections, default=0)
         kind, subtype, name = ([f.upper() for f in fields[1:3]] + fields[3:4] + [""] * 3)[:3]
         self.section = SectionCommand(kind, subtype, name, self.at)
         self.deck.sections[number] = self.section
 
-    def _of_section(self, name: str) -> SectionCommand:
+    def _of_section(self, fields: list[str]) -> None:
         if self.section is None:
-            raise self.deck.error(self.at, f"{name} without a SECTYPE before it")
-        return self.section
-
-    def _secdata(self, fields: list[str]) -> None:
-        self._of_section("SECDATA").data.append(self._reals("SECDATA", fields))
-
-    def _secoffset(self, fields: list[str]) -> None:
-        self._reals("SECOFFSET", fields[1:])
-        self._of_section("SECOFFSET").offset = fields
-
-    def _seccontrol(self, fields: list[str]) -> None:
-        self._of_section("SECCONTROL").control = self._reals("SECCONTROL", fields)
+            raise self.deck.error(self.at, f"{self.name} without a SECTYPE before it")
+        if self.name == "SECOFFSET":
+            self._reals(fields[1:])
+            self.section.offset = fields
+        elif self.name == "SECDATA":
+            self.section.data.append(self._reals(fields))
+        else:
+            self.section.control = self._reals(fields)
 
     # Supports and equations --------------------------------------------------------------------------------
 
     def _d(self, fields: list[str]) -> None:
         first = fields[0].upper() if fields else ""
-        last, step = self._int("D", fields, 4), self._int("D", fields, 5) or 1
+        last, step = self._int(fields, 4), self._int(fields, 5) or 1
         if first == "ALL":
             nodes = list(self.deck.nodes)
         else:
-            start = self._int("D", fields, 0)
+            start = self._int(fields, 0)
             nodes = list(range(start, max(last, start) + 1, step))
-        value = self._real("D", fields, 2)
+        value = self._real(fields, 2)
         for label in (f.upper() for f in [*fields[1:2], *fields[6:11]] if f):
             dofs = range(6) if label == "ALL" else [LABELS[label]] if label in LABELS else []
             self.deck.supports += [(n, k, value, self.at) for n in nodes for k in dofs]
 
-    def _terms(self, name: str, fields: list[str]) -> list[tuple[int, int, float]]:
+    def _terms(self, fields: list[str]) -> list[tuple[int, int, float]]:
         out = []
         for k in range(0, len(fields) - 2, 3):
             label = fields[k + 1].upper()
             if not fields[k]:
                 continue
             if label not in LABELS:
-                raise self.deck.error(self.at, f"{name}: the label {label!r} is none of {', '.join(LABELS)}")
-            out.append((self._int(name, fields, k), LABELS[label], self._real(name, fields, k + 2)))
+                raise self.deck.error(
+                    self.at, f"{self.name}: the label {label!r} is none of {', '.join(LABELS)}"
+                )
+            out.append((self._int(fields, k), LABELS[label], self._real(fields, k + 2)))
         return out
 
     def _ce(self, fields: list[str]) -> None:
         if fields and fields[0].upper().startswith("R5"):
             if fields[1].upper() == "DEFI":
-                self.deck.equations.append((f"CE {fields[3]}", [], self._real("CE", fields, 4), self.at))
+                self.deck.equations.append((f"CE {fields[3]}", [], self._real(fields, 4), self.at))
             elif self.deck.equations:
-                self.deck.equations[-1][1].extend(self._terms("CE", fields[2:]))
+                self.deck.equations[-1][1].extend(self._terms(fields[2:]))
             return
         number = fields[0]
         if number.upper() == "HIGH" and self.deck.equations:
-            self.deck.equations[-1][1].extend(self._terms("CE", fields[2:]))
+            self.deck.equations[-1][1].extend(self._terms(fields[2:]))
         else:
-            row = (f"CE {number}", self._terms("CE", fields[2:]), self._real("CE", fields, 1), self.at)
+            row = (f"CE {number}", self._terms(fields[2:]), self._real(fields, 1), self.at)
             self.deck.equations.append(row)
 
     def _cp(self, fields: list[str]) -> None:
@@ -517,15 +507,12 @@ class _Reader:
             )
         if blocked and fields[1].upper() == "DEFI":
             return
-        nodes = [n for k in range(2, len(fields)) if (n := self._int("CP", fields, k))]
+        nodes = [n for k in range(2, len(fields)) if (n := self._int(fields, k))]
         self.pending += nodes
         first = self.pending[0] if self.pending else 0
         for node in nodes[1:] if self.pending == nodes else nodes:
             terms = [(first, self.label, 1.0), (node, self.label, -1.0)]
             self.deck.equations.append((f"CP {first} {node}", terms, 0.0, self.at))
-
-    def _units(self, fields: list[str]) -> None:
-        self.deck.units = (fields[0].upper() if fields else "", self.at)
 
 
 def _is_on(fields: list[str]) -> bool:

@@ -14,10 +14,11 @@ import numpy as np
 
 from fem.io.ansys_deck import AnsysDeck, Element, ignored_notes, read_deck
 from fem.io.ansys_sections import PlacedSection, placed_section
+from fem.io.array_types import Floats
 from fem.io.deck import named
 from fem.io.deck_units import Units
-from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, Floats, FrameDeck, Link
-from fem.io.frame_parts import along, axes_along, entry, supports_of, terms_of
+from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
+from fem.io.frame_parts import Found, along, axes_along, entry, supports_of, terms_of
 from fem.io.frame_sections import rod
 from fem.materials import Material, PropertyError
 from fem.model import DIRECTIONS, Damping
@@ -60,7 +61,7 @@ def read_ansys_frame(path: Path, units: Units) -> FrameDeck:
 
 
 @dataclass(slots=True)
-class _Frame:
+class _Frame(Found):
     source: AnsysDeck
     units: Units
     rows: dict[int, int] = field(default_factory=dict)
@@ -68,13 +69,9 @@ class _Frame:
     bars: list[tuple] = field(default_factory=list)
     properties: list[BarProperty] = field(default_factory=list)
     known: dict[tuple, int] = field(default_factory=dict)
-    bodies: list[Body] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
     rigid: list[Element] = field(default_factory=list)
     fixed: set[tuple[int, int]] = field(default_factory=set)
     materials: dict[int, Material] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
     def deck(self) -> FrameDeck:
         """Return the frame."""
@@ -328,21 +325,21 @@ class _Frame:
         return made
 
     def _placed(self, e: Element, kind: int, material: Material) -> tuple[PlacedSection, PlacedSection]:
+        r, u = lambda k: self._real(e, k), self.units
         if kind in _BY_SECTION or (kind == 180 and e.section in self.source.sections):
-            one = placed_section(self.source, e.section, e, material.G, self.units)
+            one = placed_section(self.source, e.section, e, material.G, u)
             return one, one
         self._needs_reals(e)
-        r, u = lambda k: self._real(e, k), self.units
+        if kind == 44 and r(7):
+            return self._constants(e, 1, 19), self._constants(e, 7, 19)
         if kind in _LINKS:
-            added = {180: r(2), 8: 0.0}.get(kind, 0.0) * u.mass_per_length
+            added = r(2) * u.mass_per_length if kind == 180 else 0.0
             one = PlacedSection(rod(r(1) * u.area), (0.0, 0.0), added)
-            return one, one
-        if kind == 16:
+        elif kind == 16:
             one = PlacedSection(Section.tube(r(1) * u.length, r(2) * u.length))
-            return one, one
-        if kind == 44:
-            return self._constants(e, 1, 19), self._constants(e, 7, 19) if r(7) else self._constants(e, 1, 19)
-        if kind == 3:
+        elif kind == 44:
+            one = self._constants(e, 1, 19)
+        elif kind == 3:
             one = self._by_constants(r(1), r(2), r(2), 0.0, r(4), 0.0, r(6))
         else:
             one = self._by_constants(r(1), r(3), r(2), r(8), r(9), r(10), r(12))

@@ -12,6 +12,7 @@ import numpy as np
 
 from fem.io.ansys_deck import AnsysDeck, Element, SectionCommand
 from fem.io.deck_units import Units
+from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, of_constants, rod, walled, with_shear
 from fem.materials import PropertyError
 from fem.sections.section import Section
@@ -27,10 +28,8 @@ class PlacedSection:
     Attributes
     ----------
     section : Section
-    from_node : tuple of float
-        y and z of the centroid from the node, in element axes [m].
-    mass_per_length : float
-        Added mass [kg/m].
+    from_node : tuple of float, y and z of the centroid from the node, in element axes [m]
+    mass_per_length : float, added mass [kg/m]
     """
 
     section: Section
@@ -39,13 +38,7 @@ class PlacedSection:
 
 
 def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units: Units) -> PlacedSection:
-    """Return a section of SECTYPE for an element whose shear modulus is G [Pa].
-
-    Raises
-    ------
-    MeshError
-        With file, line and command if there is none, it is of another kind, or its data are incomplete.
-    """
+    """Return a section of SECTYPE for an element whose shear modulus is G [Pa]."""
     command = deck.sections.get(number)
     if command is None:
         text = f"element {user.number} has the section {number}, which no SECTYPE defines"
@@ -123,8 +116,7 @@ def _offset(
         at = [float(f or 0) for f in [*command.offset[1:3], "", ""][:2]] if where == "USER" else [0.0, 0.0]
         y, z = centre - np.array(at) * units.length
     else:
-        msg = f"SECOFFSET {where} is none of CENT, SHRC, ORIGIN, USER"
-        raise PropertyError(msg)
+        refuse(f"SECOFFSET {where} is none of CENT, SHRC, ORIGIN, USER", PropertyError)
     return PlacedSection(section, (float(y), float(z)))
 
 

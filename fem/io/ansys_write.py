@@ -4,20 +4,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats
 from fem.io.deck_nodes import (
     FIRST_OF_PART,
     Term,
     bar_axes,
+    equation_cells,
     first_element,
-    matrix_scale,
+    mean_section,
+    notes_of,
     plain,
-    scale_of,
     solved_equations,
+    text_of,
     with_nodes,
     wrapped,
-)
+)  # fmt: skip
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
@@ -49,15 +51,7 @@ def ansys_text(
 ) -> str:
     """Return ANSYS commands: all of a model with a solution for its modes, or commands for one.
 
-    Parameters
-    ----------
-    deck : ModelDeck
-    units : str or Units
-        Of the numbers in it.
-    heading : sequence of str
-        Sentences of its first comment.
-    modes : int
-        Number of modes that the commands ask for.
+    Arguments are those of :func:`fem.io.nastran_write.nastran_text`.
     """
     u = Units.of(units)
     deck = with_nodes(deck, bodies=True)
@@ -68,8 +62,7 @@ def ansys_text(
     )
     deck = with_nodes(deck, offsets=True, releases=True, arms=True, springs=_springy)
     numbers, ground = _Numbers(deck), []
-    lines = [line for text in heading for line in wrapped("!", text)]
-    lines += ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
+    lines = ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
     lines += [_command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
               for k in range(len(deck.nodes)) if k not in deck.known]  # fmt: skip
     lines += [*_bars(deck, u, numbers), *_bodies(deck, u, numbers)]
@@ -83,8 +76,7 @@ def ansys_text(
             *_damping(deck), "FINISH", "/SOLU", "ANTYPE,MODAL", f"MODOPT,LANB,{modes}", f"MXPAND,{modes}",
             "SOLVE", "FINISH",
         ]  # fmt: skip
-    lines += [t for text in deck.notes for t in wrapped("!", f"NOTE: {text}")]
-    return "".join(f"{line}\n" for line in lines)
+    return text_of("!", heading, [*lines, *notes_of("!", deck)])
 
 
 def _command(name: str, *values: object) -> str:
@@ -132,15 +124,11 @@ def _bars(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
 def _section(p: BarProperty, n: int, u: Units) -> Iterator[str]:
     s, line = p.section, float(p.mass_per_length / u.mass_per_length)
     if p.theory == "bar":
-        yield from (
-            f"SECTYPE,{n},LINK",
-            _command("SECDATA", float(s.A / u.area)),
-            _command("SECCONTROL", 0, line),
-        )
+        area = _command("SECDATA", float(s.A / u.area))
+        yield from (f"SECTYPE,{n},LINK", area, _command("SECCONTROL", 0, line))
         return
-    if p.section2 is not None:
-        yield from wrapped("!", f"{p.name} is tapered: each element has the mean of its ends' constants")
-        s = type(s).between(s, p.section2, 0.5)
+    s, comment = mean_section(p, "!")
+    yield from comment
     I = [float(x / u.second_moment) for x in (s.Iy, 0.0, s.Iz, 0.0, s.J)]
     yield from (f"SECTYPE,{n},BEAM,ASEC", _command("SECDATA", float(s.A / u.area), *I, 0.0, 0.0, 0.0, 0.0))
     # no shear deformation: a thousand times as stiff as the area
@@ -161,7 +149,7 @@ def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
         yield _command("EN", e, deck.nodes[b.node])
 
 
-def _skew(inertia: NDArray[np.float64]) -> bool:
+def _skew(inertia: Floats) -> bool:
     return bool((inertia - np.diag(np.diag(inertia))).any())
 
 
@@ -177,34 +165,22 @@ def _springy(c: Connection) -> bool:
     return plain(c) and not c.D.any() and np.array_equal(c.axes, np.eye(3))
 
 
-def _grounded(deck: ModelDeck, node: int, numbers: _Numbers, ground: list[int], u: Units) -> Iterator[str]:
-    """Yield a fixed node at the place of another one, for elements that lead to the ground."""
-    ground.append(numbers.next("node"))
-    yield _command("N", ground[-1], *map(float, deck.points[node] / u.length))
-
-
 def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
     for c in deck.connections:
         yield from wrapped("!", c.name)
         if not (c.K.any() or c.C.any()):
             continue
         one, two = c.nodes
-        if two is None:
-            yield from _grounded(deck, one, numbers, ground, u)
+        if two is None:  # a fixed node at the place of the other
+            ground.append(numbers.next("node"))
+            yield _command("N", ground[-1], *map(float, deck.points[one] / u.length))
         second = ground[-1] if two is None else deck.nodes[two]
-        K, C = (np.diag(getattr(c, q)) / np.diag(matrix_scale(1, q, u)) for q in "KC")
+        K, C = np.diag(c.K) / u.stiffness, np.diag(c.C) / u.damping
         for j in np.flatnonzero((K != 0) | (C != 0)):
             t = numbers.next("table")
-            yield from (
-                f"ET,{t},COMBIN14",
-                f"KEYOPT,{t},2,{j + 1}",
-                _command("R", t, float(K[j]), float(C[j])),
-            )
-            yield from (
-                f"TYPE,{t}",
-                f"REAL,{t}",
-                _command("EN", numbers.next("element"), deck.nodes[one], second),
-            )
+            yield from (f"ET,{t},COMBIN14", f"KEYOPT,{t},2,{j + 1}")
+            yield from (_command("R", t, float(K[j]), float(C[j])), f"TYPE,{t}", f"REAL,{t}")
+            yield _command("EN", numbers.next("element"), deck.nodes[one], second)
 
 
 def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Iterator[str]:
@@ -220,14 +196,11 @@ def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Ite
 
 
 def _equations(deck: ModelDeck, equations: Equations, u: Units) -> Iterator[str]:
-    before = ""
-    first = PART if deck.part else 1
-    for number, (name, terms) in enumerate(equations, first):
-        yield from wrapped("!", name) if name != before else ()
-        before = name
-        cells = [(deck.nodes[n], LABEL[d], a * scale_of(d, u)) for n, d, a in terms]
-        for i in range(0, len(cells), 3):
-            yield _command("CE", "HIGH" if i else number, 0, *(x for cell in cells[i : i + 3] for x in cell))
+    cells = equation_cells(deck, equations, LABEL, u, "!")
+    for number, (comment, row) in enumerate(cells, PART if deck.part else 1):
+        yield from comment
+        for i in range(0, len(row), 3):
+            yield _command("CE", "HIGH" if i else number, 0, *(x for cell in row[i : i + 3] for x in cell))
 
 
 def _damping(deck: ModelDeck) -> Iterator[str]:

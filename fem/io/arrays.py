@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, STRAIN, TRANSMISSIBILITY, FRFError, FRFKind
 from fem.analysis.modes import Modes
+from fem.io.array_types import Floats
 from fem.io.atomic import replacing
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 
 
 class TableError(ValueError):
@@ -35,7 +36,7 @@ MODE_STD = ("frequency_std", "zeta_std", "shape_std")
 
 
 def write_npz(
-    path: str | os.PathLike[str], data: FRF | Modes, std: Mapping[str, NDArray[np.float64]] | None = None
+    path: str | os.PathLike[str], data: FRF | Modes, std: Mapping[str, Floats] | None = None
 ) -> None:
     """Write FRFs or modes to an ``.npz`` file; nothing is lost.
 
@@ -114,7 +115,7 @@ def _checked(
     try:
         return FRF.from_arrays(frequency, H, kind, outputs, inputs, base, strain)
     except (FRFError, ValueError, TypeError) as reason:
-        raise error_at(name, f"{reason}", TableError) from reason
+        raise error_at(name, str(reason), TableError) from reason
 
 
 def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
@@ -149,7 +150,7 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     return Modes(frequency, shapes, zeta, labels, n_rigid)
 
 
-def read_npz_mode_std(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]:
+def read_npz_mode_std(path: str | os.PathLike[str]) -> dict[str, Floats]:
     """Return the relative standard deviations that an ``.npz`` file with modes has, by ``MODE_STD``.
 
     Raises
@@ -201,11 +202,6 @@ def typed(
         one value for the value.
     error : type
         Type of the exception.
-
-    Raises
-    ------
-    TableError
-        If the array is of another type or has another number of axes.
     """
     array = arrays[key]
     kinds, words = _VALUES[what]
@@ -230,13 +226,7 @@ def typed(
 
 
 def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an ``.npz`` file.
-
-    Raises
-    ------
-    TableError
-        If it is no archive of named arrays.
-    """
+    """Read all arrays of an ``.npz`` file."""
     name = Path(path).name
     with Path(path).open("rb") as file:
         if file.read(2) not in (b"PK", b"\x93N"):
@@ -248,8 +238,7 @@ def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
         except Exception as reason:  # damaged archives raise whatever zipfile, zlib and numpy come upon
             raise error_at(name, f"it cannot be read as .npz ({reason})", TableError) from reason
     if isinstance(found, np.ndarray):
-        msg = f"{name}: it holds one bare array; an .npz file with named arrays is expected"
-        raise TableError(msg)
+        refuse(f"{name}: it holds one bare array; an .npz file with named arrays is expected", TableError)
     return found
 
 

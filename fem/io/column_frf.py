@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
+from fem.io.array_types import Floats
 from fem.io.arrays import TableError
 from fem.io.columns import Columns, read_columns
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.units import LONGEST_HEADING, Heading, split_heading
@@ -85,7 +86,7 @@ def read_csv(
     asked = Asked(kind, outputs, inputs, form=form, delimiter=delimiter, header=header)
     reading = frf_of_columns(Path(path), asked)
     if not reading.phase:
-        raise error_at(Path(path).name, f"{WITHOUT_PHASE}", TableError)
+        raise error_at(Path(path).name, WITHOUT_PHASE, TableError)
     return reading.frfs[0]
 
 
@@ -98,15 +99,9 @@ def frf_of_columns(path: Path, asked: Asked) -> Reading:
     asked : Asked
         Uses ``kind``, ``outputs``, ``inputs``, ``delimiter``, ``header``, ``form``, ``pairs`` and
         ``unit_labels``.
-
-    Raises
-    ------
-    TableError
-        As :func:`read_csv`, but for amplitudes without phase.
     """
     if asked.form not in FORMS:
-        msg = f"the form is '{asked.form}'; allowed are {', '.join(FORMS)}"
-        raise TableError(msg)
+        refuse(f"the form is '{asked.form}'; allowed are {', '.join(FORMS)}", TableError)
     return _Table(read_columns(path, asked.delimiter, asked.header), asked).reading()
 
 
@@ -117,16 +112,11 @@ class _Column:
     Attributes
     ----------
     at : int
-    part : str
-        One of ``_PARTS``, or nothing.
-    unit : str
-        Its label; nothing where there is none.
-    pair : tuple of str or None
-        Response and force.
-    names : tuple of str
-        The cells above it as they are, the lowest first.
-    level : bool
-        Whether it is in dB.
+    part : str, one of ``_PARTS``, or nothing
+    unit : str, its label; nothing where there is none
+    pair : tuple of str or None, response and force
+    names : tuple of str, the cells above it as they are, the lowest first
+    level : bool, whether it is in dB
     """
 
     at: int
@@ -166,7 +156,7 @@ class _Table:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        raise error_at(self.table.name, f"{text}", TableError)
+        raise error_at(self.table.name, text, TableError)
 
     def reading(self) -> Reading:
         """Return the FRFs."""
@@ -292,7 +282,7 @@ class _Table:
         even = bool((step > 0).all() and np.ptp(step) <= 1e-3 * step.mean())
         return np.array_equal(count, np.arange(len(values))) and even and values[0, 0] in (0, 1)
 
-    def _frequency(self, x: _Column) -> tuple[NDArray[np.float64], str]:
+    def _frequency(self, x: _Column) -> tuple[Floats, str]:
         label = x.unit
         factor = frequency_factor(label) if label else 1.0
         if factor is None:
@@ -406,7 +396,7 @@ class _Table:
             'radians; give form = "magnitude-degrees" or "magnitude-radians"'
         )
 
-    def _values(self, curve: _Curve) -> NDArray[np.complex128] | NDArray[np.float64]:
+    def _values(self, curve: _Curve) -> NDArray[np.complex128] | Floats:
         """Return an FRF in the file's unit."""
         a = self.table.values[:, curve.first.at]
         if curve.form == "complex":
@@ -428,13 +418,13 @@ class _Table:
             return a
         return a * np.exp(1j * self._second(curve) * (1.0 if angle == "radians" else np.pi / 180))
 
-    def _second(self, curve: _Curve) -> NDArray[np.float64]:
+    def _second(self, curve: _Curve) -> Floats:
         assert curve.second is not None  # forms with two parts have both
         return self.table.values[:, curve.second.at].real
 
     def _coherence(
         self, columns: Sequence[_Column], curves: Sequence[_Curve], shape: tuple[int, int, int]
-    ) -> NDArray[np.float64] | None:
+    ) -> Floats | None:
         """Return the coherences (n_freq, n_out, n_in) of FRFs in order; NaN where there is none."""
         out = np.full((len(curves), shape[2]), np.nan)
         for column in columns:
@@ -573,13 +563,7 @@ class _Table:
 
 
 def split_pair(text: str, name: str) -> tuple[str, str]:
-    """Return response and force of ``"response/force"``.
-
-    Raises
-    ------
-    TableError
-        For another text; ``name`` is the file's.
-    """
+    """Return response and force of ``"response/force"``."""
     response, mark, force = text.rpartition("/")
     if not (mark and response.strip() and force.strip()):
         raise error_at(name, f"the pair '{text}' is not allowed; \"response/force\" is needed", TableError)

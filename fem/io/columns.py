@@ -15,6 +15,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
 from fem.io.arrays import TableError
 from fem.io.faults import error_at
 from fem.io.frf_labels import frequency_factor
@@ -56,17 +57,14 @@ class Columns:
 
     Attributes
     ----------
-    name : str
-        The file.
+    name : str, the file
     separator : str
     heads : tuple of tuple of str
         Rows of the header from the top, a cell above each column, empty where there is none; a cell that
         spans
         several columns stands above each of them.
-    header : tuple of str
-        All lines of the header, without marks of comments.
-    lines : ndarray of int (n,)
-        Number of each line of data in the file.
+    header : tuple of str, all lines of the header, without marks of comments
+    lines : ndarray of int (n,), number of each line of data in the file
     values : ndarray (n, n_columns)
         Real numbers, or complex ones where a cell of the first line of data is complex.
     stamped : bool
@@ -77,8 +75,8 @@ class Columns:
     separator: str
     heads: tuple[tuple[str, ...], ...]
     header: tuple[str, ...]
-    lines: NDArray[np.int64]
-    values: NDArray[np.float64] | NDArray[np.complex128]
+    lines: Ints
+    values: Floats | NDArray[np.complex128]
     stamped: bool = False
 
     @property
@@ -97,25 +95,12 @@ def read_columns(path: Path, separator: str | None = None, header: bool | None =
         Found unless given.
     header : bool, optional
         Whether the first line is a header; found unless given.
-
-    Raises
-    ------
-    TableError
-        If it is no text, has no lines of numbers, or a line of data does not fit the others; the message
-        names
-        line and column.
     """
     return _Text(path.name, text_of(path)).read(separator, header)
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file in UTF-8, UTF-16 with a mark, or Latin-1.
-
-    Raises
-    ------
-    TableError
-        If it holds bytes that no text has.
-    """
+    """Return the text of a file in UTF-8, UTF-16 with a mark, or Latin-1."""
     raw = path.read_bytes()
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", "replace")
@@ -212,7 +197,7 @@ class _Text:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        raise error_at(self.name, f"{text}", TableError)
+        raise error_at(self.name, text, TableError)
 
     def read(self, separator: str | None, header: bool | None) -> Columns:
         """Return the columns."""
@@ -338,9 +323,7 @@ class _Text:
         widths = [len(c) for _, line in sample if self._is_data(c := self.cells(line))]
         return max(set(widths), key=widths.count) if widths else -1
 
-    def _numbers(
-        self, body: Sequence[tuple[int, str]]
-    ) -> tuple[NDArray[np.float64] | NDArray[np.complex128], NDArray[np.int64]]:
+    def _numbers(self, body: Sequence[tuple[int, str]]) -> tuple[Floats | NDArray[np.complex128], Ints]:
         first = self.cells(body[0][1])
         width = len(first)
         whole = any(self._is_complex(c) for c in first[1:])
@@ -366,7 +349,7 @@ class _Text:
         raise AssertionError
 
     def _refuse_infinite(
-        self, values: NDArray[np.complex128] | NDArray[np.float64], body: Sequence[tuple[int, str]]
+        self, values: NDArray[np.complex128] | Floats, body: Sequence[tuple[int, str]]
     ) -> None:
         bad = np.argwhere(~np.isfinite(values))
         if bad.size:

@@ -41,13 +41,7 @@ class Budget:
     left: int = MOST_GENERATED
 
     def take(self, count: int, place: str, what: str) -> None:
-        """Count the nodes or elements that a line generates.
-
-        Raises
-        ------
-        MeshError
-            When the deck has asked for more than :data:`MOST_GENERATED` in all.
-        """
+        """Count the nodes or elements that a line generates."""
         self.left -= count
         if self.left < 0:
             msg = (
@@ -63,8 +57,7 @@ class Files:
 
     Attributes
     ----------
-    main : path
-        The deck.
+    main : path, the deck
     """
 
     main: Path
@@ -76,13 +69,7 @@ class Files:
         return self._open(self.main, (), self.main.name)
 
     def include(self, name: str, parent: DeckFile, line: int) -> DeckFile:
-        """Return a file that another names: beside that one, or beside the deck.
-
-        Raises
-        ------
-        MeshError
-            If it cannot be read, includes itself, or includes lead too deep.
-        """
+        """Return a file that another names: beside that one, or beside the deck."""
         place = f"{parent.name}: line {line}"
         if not name:
             raise error_at(place, "it includes a file without a name")

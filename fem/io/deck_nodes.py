@@ -2,24 +2,25 @@
 
 import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fem.elements.axes import axes_of
+from fem.io.array_types import Floats
 from fem.io.deck_units import Units
-from fem.io.frame_deck import Bars, Body, Connection, Equation, FrameDeck, Link
+from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
+from fem.io.frame_parts import Found
 from fem.mesh import MeshError
 from fem.model import DIRECTIONS, lever_matrix
+from fem.sections.section import Section
 
-Floats = NDArray[np.float64]
 Term = tuple[int, str, float]
 """Row of a node, direction and coefficient."""
 FIRST_OF_PART = 900_001
@@ -32,18 +33,12 @@ INDEPENDENT = 1e-9
 """Part of the largest pivot below which an equation follows from others [-]."""
 
 
-@dataclass(frozen=True, slots=True)
-class _More:
+@dataclass(slots=True)
+class _More(Found):
     """Nodes, links and connections that are added to a deck."""
 
     points: list[Floats]
-    links: list[Link] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
     springs: list[Connection] = field(default_factory=list)
-    bodies: list[Body] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
-    supports: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
     followers: dict[tuple[float, ...], int] = field(default_factory=dict)
 
     def node(self, place: Floats) -> int:
@@ -362,3 +357,37 @@ def wrapped(mark: str, text: str, width: int = 78) -> list[str]:
     plain = _POWER.sub(lambda found: f"e{found[1].translate(_RAISED)}", text).translate(_ASCII)
     lines = textwrap.wrap(plain.encode("ascii", "replace").decode(), width, break_on_hyphens=False)
     return [f"{mark} {line}" for line in lines]
+
+
+def notes_of(mark: str, deck: ModelDeck) -> list[str]:
+    """Return the notes of a deck as lines of comment."""
+    return [line for text in deck.notes for line in wrapped(mark, f"NOTE: {text}")]
+
+
+def text_of(mark: str, heading: Sequence[str], lines: Sequence[str]) -> str:
+    """Return a text with a first comment."""
+    head = [line for text in heading for line in wrapped(mark, text)]
+    return "".join(f"{line}\n" for line in (*head, *lines))
+
+
+def mean_section(p: BarProperty, mark: str) -> tuple[Section, list[str]]:
+    """Return the section of a bar, the mean one of a taper with a comment on that."""
+    if p.section2 is None:
+        return p.section, []
+    words = f"{p.name} is tapered: each element has the mean of its ends' constants"
+    return Section.between(p.section, p.section2, 0.5), wrapped(mark, words)
+
+
+def equation_cells(
+    deck: ModelDeck,
+    equations: Sequence[tuple[str, tuple[Term, ...]]],
+    label: Mapping[str, Any],
+    units: Units,
+    mark: str,
+) -> Iterator[tuple[list[str], list[tuple[Any, ...]]]]:
+    """Yield the name of each equation as a comment, where it is new, and its terms in the deck's units."""
+    before = ""
+    for name, terms in equations:
+        cells = [(deck.nodes[n], label[d], a * scale_of(d, units)) for n, d, a in terms]
+        yield wrapped(mark, name) if name != before else [], cells
+        before = name

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats
 from fem.matrices import MatricesError, consistent_units
 from fem.mesh import MeshError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +28,7 @@ class Units:
 
     @classmethod
     def of(cls, units: "str | Sequence[float] | Units") -> "Units":
-        """Return the units of a name, such as ``"mm-t-s"``, or of length, mass and time [m, kg, s].
-
-        Raises
-        ------
-        MeshError
-            For a name that is not in :data:`fem.matrices.UNITS`, or units that are not positive.
-        """
+        """Return the units of a name, such as ``"mm-t-s"``, or of length, mass and time [m, kg, s]."""
         if isinstance(units, Units):
             return units
         try:

@@ -1,6 +1,6 @@
-"""Errors of readers and writers: each names its place first."""
+"""Errors of readers and writers."""
 
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from fem.mesh import MeshError
 
@@ -10,3 +10,8 @@ E = TypeVar("E", bound=ValueError)
 def error_at(place: object, words: str, error: type[E] = MeshError) -> E:
     """Return an error whose message is a place (a file, its line, a card) and what is wrong there."""
     return error(f"{place}: {words}")
+
+
+def refuse(words: str, error: type[ValueError] = ValueError) -> NoReturn:
+    """Raise an error; a ValueError gets its place from a caller."""
+    raise error(words)

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
 from fem.elements.frame import Frame
+from fem.io.array_types import Floats, Ints
 from fem.io.arrays import write_npz
 from fem.io.atomic import replacing
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.meshfile import member_arrays, quiet, write_mesh
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Model, ModelError
@@ -151,7 +152,7 @@ def _rows(shapes: NDArray[Any], mesh: Mesh, what: str) -> NDArray[Any]:
     return shapes[: 6 * mesh.n_points]
 
 
-def _line_values(mesh: Mesh, lines: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[np.float64]]:
+def _line_values(mesh: Mesh, lines: Mapping[str, ArrayLike], n: int) -> dict[str, Floats]:
     out = {}
     for name, given in lines.items():
         v = np.asarray(given)
@@ -165,7 +166,7 @@ def _line_values(mesh: Mesh, lines: Mapping[str, ArrayLike], n: int) -> dict[str
     return out
 
 
-def _parts(u: NDArray[Any], turned: int) -> dict[str, NDArray[np.float64]]:
+def _parts(u: NDArray[Any], turned: int) -> dict[str, Floats]:
     vectors = np.ascontiguousarray(u.reshape(-1, 6)[:, 3 * turned : 3 * turned + 3])
     if np.iscomplexobj(u):
         return {", real": np.real(vectors).copy(), ", imaginary": np.imag(vectors).copy()}
@@ -185,11 +186,7 @@ def _subdivided(
 
 
 def _write_xdmf(
-    file: Path,
-    mesh: Mesh,
-    motions: dict[str, NDArray[Any]],
-    lines: dict[str, NDArray[np.float64]],
-    times: NDArray[np.float64],
+    file: Path, mesh: Mesh, motions: dict[str, NDArray[Any]], lines: dict[str, Floats], times: Floats
 ) -> None:
     """Write a series of steps with all numbers in the XML, which needs no h5py."""
     cells = member_arrays(mesh)
@@ -217,7 +214,7 @@ def _write_xdmf(
 # Values along members ---------------------------------------------------------------------------------------
 
 
-def line_strain_energy(model: Model, motions: NDArray[Any]) -> NDArray[np.float64]:
+def line_strain_energy(model: Model, motions: NDArray[Any]) -> Floats:
     """Return the strain energy ½ uᴴ K u of each line's beam, shape (n_lines, k) [J].
 
     Of a mass-normalised mode the whole is ω²/2 [rad²/s²]. Complex motions give the mean over a period times
@@ -250,10 +247,9 @@ def line_axial_force(model: Model, motions: NDArray[Any]) -> NDArray[Any]:
     return np.einsum("bi,bik->bk", axis, force[:, 6:9] - force[:, :3]) / 2
 
 
-def _beams(model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _beams(model: Model) -> tuple[Ints, Floats]:
     frames = model.of_kind(Frame)
     if len(frames) != 1:
-        msg = f"the model has {len(frames)} frames; values along lines need exactly one"
-        raise ModelError(msg)
+        refuse(f"the model has {len(frames)} frames; values along lines need exactly one", ModelError)
     beams = frames[0].contribution_of(model, np.arange(model.mesh.n_lines))[0]
     return beams.dofs, np.asarray(beams.K)

@@ -8,14 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
 from fem.materials import Material
 from fem.model import Damping
 from fem.sections.section import Section
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def _nothing(*shape: int) -> Floats:

@@ -10,7 +10,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.chains import chains_of
 from fem.effects.added_mass import AddedMass
@@ -21,6 +20,7 @@ from fem.effects.support import Support
 from fem.elements.axes import axes_of, is_parallel
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
+from fem.io.array_types import Bools, Floats, Ints
 from fem.io.deck_units import Units
 from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck
@@ -132,7 +132,7 @@ def _check_bars(deck: FrameDeck) -> None:
             raise error_at(deck.file, f"element {deck.bars.numbers[row]}, from node {a} to node {b}, {why}")
 
 
-def _axes(deck: FrameDeck) -> NDArray[np.float64]:
+def _axes(deck: FrameDeck) -> Floats:
     """Return the vectors along the bars' axes, between their offsets, (n, 3) [m]."""
     ends = deck.points[deck.bars.ends] + deck.bars.offsets
     return ends[:, 1] - ends[:, 0]
@@ -145,13 +145,13 @@ def _members_of(deck: FrameDeck, nodes: Nodes) -> tuple[Mesh, dict[str, MemberPr
     """Return the mesh and the properties of its members."""
     bars = deck.bars
     axes = axes_of(_axes(deck), bars.height)
-    of_kind: dict[int, list[NDArray[np.int64]]] = {}
+    of_kind: dict[int, list[Ints]] = {}
     for piece in _pieces(deck, axes[:, 2]):
         of_kind.setdefault(int(bars.properties[piece[0]]), []).append(piece)
     names: dict[str, int] = {}
     for k in sorted(of_kind):
         names[free_name(deck.properties[k].name, deck.properties[k].name, names)] = k
-    sets: dict[str, NDArray[np.int64]] = {}
+    sets: dict[str, Ints] = {}
     groups: dict[str, tuple[str, ...]] = {}
     for name, k in names.items():
         free = (part for i in count(1) if (part := f"{name}.{i}") not in names)
@@ -169,7 +169,7 @@ def _members_of(deck: FrameDeck, nodes: Nodes) -> tuple[Mesh, dict[str, MemberPr
     return replace(mesh, groups=MappingProxyType(groups)), members
 
 
-def _pieces(deck: FrameDeck, z: NDArray[np.float64]) -> Iterator[NDArray[np.int64]]:
+def _pieces(deck: FrameDeck, z: Floats) -> Iterator[Ints]:
     """Yield the bars of each member, one after the other.
 
     A closed piece is cut into two: its first point would depend on the order of its lines.
@@ -186,9 +186,7 @@ def _pieces(deck: FrameDeck, z: NDArray[np.float64]) -> Iterator[NDArray[np.int6
                 yield piece
 
 
-def _cut(
-    deck: FrameDeck, z: NDArray[np.float64], turned: NDArray[np.bool_], chain: NDArray[np.int64]
-) -> Iterator[NDArray[np.int64]]:
+def _cut(deck: FrameDeck, z: Floats, turned: Bools, chain: Ints) -> Iterator[Ints]:
     """Yield the parts of a chain that can be members."""
     bars, offset = deck.bars, deck.bars.offsets
     p = deck.properties[bars.properties[chain[0]]]
@@ -214,7 +212,7 @@ def _cut(
     yield chain[start:]
 
 
-def _alike(vectors: NDArray[np.float64]) -> bool:
+def _alike(vectors: Floats) -> bool:
     """Return whether vectors have one direction; NaN, the default, is like NaN alone."""
     absent = np.isnan(vectors[:, 0])
     if absent.any():
@@ -226,11 +224,11 @@ def _alike(vectors: NDArray[np.float64]) -> bool:
 class _Properties:
     """Properties of members; those that are alike share one object, which elements treat together."""
 
-    def __init__(self, deck: FrameDeck, z: NDArray[np.float64]) -> None:
+    def __init__(self, deck: FrameDeck, z: Floats) -> None:
         self.deck, self.z = deck, z
         self.known: dict[tuple[object, ...], MemberProperties] = {}
 
-    def of(self, rows: NDArray[np.int64], lines: NDArray[np.int64], nodes: Nodes) -> MemberProperties:
+    def of(self, rows: Ints, lines: Ints, nodes: Nodes) -> MemberProperties:
         """Return the properties of a member by its bars and their lines in the mesh."""
         bars = self.deck.bars
         turned = nodes.point[bars.ends[rows, 0]] != lines[:, 0]
@@ -251,9 +249,9 @@ class _Properties:
         self,
         kind: int,
         turned: bool,
-        up: NDArray[np.float64] | None,
-        offsets: Sequence[NDArray[np.float64]],
-        ends: Sequence[NDArray[np.float64]],
+        up: Floats | None,
+        offsets: Sequence[Floats],
+        ends: Sequence[Floats],
         row: int,
     ) -> MemberProperties:
         p = self.deck.properties[kind]

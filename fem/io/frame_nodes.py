@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.io.array_types import Bools, Floats, Ints
 from fem.io.frame_deck import Connection, FrameDeck, Link
 from fem.model import DIRECTIONS, lever_matrix
 
@@ -38,9 +38,9 @@ class Nodes:
     """
 
     deck: FrameDeck
-    body: NDArray[np.int64]
+    body: Ints
     ground: int
-    on_bars: NDArray[np.bool_]
+    on_bars: Bools
     acting: dict[int, frozenset[str]] = field(repr=False)
 
     @classmethod
@@ -67,14 +67,14 @@ class Nodes:
         return out
 
     @cached_property
-    def points(self) -> NDArray[np.int64]:
+    def points(self) -> Ints:
         """Nodes that are points of the mesh: those on bars, and one of each body that moves by itself."""
         free = {int(self.body[row]) for row, acts in self.acting.items() if acts} - {self.ground}
         alone = [row for body, row in self.leaders.items() if body in free and not self.on_bars[row]]
         return np.union1d(np.flatnonzero(self.on_bars), np.array(alone, dtype=np.int64))
 
     @cached_property
-    def point(self) -> NDArray[np.int64]:
+    def point(self) -> Ints:
         """Point of the mesh of each node, -1 for those that are none."""
         out = np.full(len(self.body), -1)
         out[self.points] = np.arange(len(self.points))
@@ -133,26 +133,26 @@ class Nodes:
         each = ", ".join(f"node {self.deck.nodes[row]} in {' '.join(d)}" for row, d in self.void.items())
         return (f"nothing resists the motion of {each}: held there",)
 
-    def place_of(self, c: Connection) -> NDArray[np.float64]:
+    def place_of(self, c: Connection) -> Floats:
         """Return where a connection acts, (3,) [m]."""
         return _place(self.deck, c)
 
 
-def _place(deck: FrameDeck, c: Connection) -> NDArray[np.float64]:
+def _place(deck: FrameDeck, c: Connection) -> Floats:
     if c.place is not None:
         return np.asarray(c.place, dtype=float)
     return deck.points[[row for row in c.nodes if row is not None]].mean(axis=0)
 
 
-def _fixed(deck: FrameDeck, row: int) -> NDArray[np.float64]:
+def _fixed(deck: FrameDeck, row: int) -> Floats:
     return np.diag([float(d in deck.supports.get(row, ())) for d in DIRECTIONS])
 
 
-def _resisting(deck: FrameDeck, on_bars: NDArray[np.bool_]) -> dict[int, NDArray[np.float64]]:
+def _resisting(deck: FrameDeck, on_bars: Bools) -> dict[int, Floats]:
     """Return, for nodes on no bar, a matrix (6, 6) of the motions that springs or constraints resist."""
-    out: dict[int, NDArray[np.float64]] = {}
+    out: dict[int, Floats] = {}
 
-    def add(row: int, T: NDArray[np.float64]) -> None:
+    def add(row: int, T: Floats) -> None:
         if not on_bars[row]:
             out[row] = out.get(row, np.zeros((6, 6))) + T.T @ T
 
@@ -174,7 +174,7 @@ def _resisting(deck: FrameDeck, on_bars: NDArray[np.bool_]) -> dict[int, NDArray
     return out
 
 
-def _acting(deck: FrameDeck, on_bars: NDArray[np.bool_]) -> dict[int, frozenset[str]]:
+def _acting(deck: FrameDeck, on_bars: Bools) -> dict[int, frozenset[str]]:
     """Return the directions in which something acts on nodes on no bar, but for links that they follow."""
     leading = {link.node for link in deck.links}
     S = _resisting(replace(deck, links=()), on_bars)
@@ -197,7 +197,7 @@ def _acting(deck: FrameDeck, on_bars: NDArray[np.bool_]) -> dict[int, frozenset[
 
 
 def _rigid_pairs(
-    deck: FrameDeck, on_bars: NDArray[np.bool_], acting: dict[int, frozenset[str]]
+    deck: FrameDeck, on_bars: Bools, acting: dict[int, frozenset[str]]
 ) -> Iterator[tuple[int, int]]:
     """Yield pairs of nodes of one rigid body; the ground is the number behind the last node."""
     follows: dict[int, list[Link]] = {}

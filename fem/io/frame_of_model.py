@@ -12,7 +12,6 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass, PointMass
@@ -33,12 +32,13 @@ from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame, nominal
 from fem.elements.layout import CONSTANTS, layout_of
 from fem.elements.lines import Lines
+from fem.io.array_types import Floats, Ints
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
+from fem.io.frame_parts import Found
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Contribution, Effect, Model, lever_matrix
 from fem.sections.section import Section
 
-Floats = NDArray[np.float64]
 ROUNDING = 1e-9
 """Part of the largest entry of a matrix below which a difference is rounding [-]."""
 FOLDED = (MemberStiffness, MemberDensity, MemberSection, MemberTorsion, SectionForm)
@@ -88,19 +88,13 @@ class ModelDeck(FrameDeck):
     known_bars: frozenset[int] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
-class _Parts:
+@dataclass(slots=True)
+class _Parts(Found):
     """What has been found of a model so far; ``joints`` are the rows of connections by name."""
 
-    bodies: list[Body] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
     joints: dict[str, int] = field(default_factory=dict)
-    links: list[Link] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
     matrices: list[NodeMatrices] = field(default_factory=list)
-    supports: dict[int, tuple[str, ...]] = field(default_factory=dict)
     points: list[Floats] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     def point(self, place: Floats, free: Sequence[str] = DIRECTIONS) -> int:
         """Add a node and return its row."""
@@ -138,7 +132,7 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
     )  # fmt: skip
 
 
-def _numbers(mesh: Mesh, n: int) -> NDArray[np.int64]:
+def _numbers(mesh: Mesh, n: int) -> Ints:
     """Return the numbers of n nodes: those that the names of points give, and others behind them."""
     named = {
         row: int(name[5:]) for name, row in mesh.point_names.items() if re.fullmatch(r"node \d{1,9}", name)
@@ -294,24 +288,12 @@ def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
             f"{effect.name}: {effect.where}: not in this file: no card stands for {effect.kind}"
         )
     elif isinstance(effect, RigidLink):
-        parts.links.append(
-            Link(
-                name=effect.name,
-                node=effect.point,
-                dependents=effect.dependents,
-                directions=effect.directions,
-            )
-        )
+        e = effect
+        link = Link(name=e.name, node=e.point, dependents=e.dependents, directions=e.directions)
+        parts.links.append(link)
     elif isinstance(effect, AddedMass):
-        parts.bodies.append(
-            Body(
-                name=effect.name,
-                node=effect.point,
-                mass=float(effect.mass),
-                inertia=effect.inertia,
-                arm=effect.arm,
-            )
-        )
+        e, m = effect, float(effect.mass)
+        parts.bodies.append(Body(name=e.name, node=e.point, mass=m, inertia=e.inertia, arm=e.arm))
     elif isinstance(effect, PointMass | PointInertia):
         mesh, I = model.mesh, getattr(effect, "inertia", 0.0) * np.eye(3)
         near = np.argmin(np.abs(mesh.member_positions(effect.member) - float(effect.position)))

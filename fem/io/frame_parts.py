@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.io.frame_deck import Connection, Equation, Link
+from fem.io.array_types import Floats
+from fem.io.frame_deck import Body, Connection, Equation, Link
 from fem.model import DIRECTIONS, lever_matrix
 
-Floats = NDArray[np.float64]
 Motion = tuple[int, Floats]
 """Row of a node, and factors (6,) of its global motions."""
 
@@ -86,14 +85,24 @@ def terms_of(motions: Iterable[Motion]) -> tuple[tuple[int, str, float], ...]:
     )
 
 
+@dataclass(slots=True, kw_only=True)
+class Found:
+    """Parts of a deck that have been found so far, as of :class:`fem.io.frame_deck.FrameDeck`."""
+
+    bodies: list[Body] = field(default_factory=list)
+    connections: list[Connection] = field(default_factory=list)
+    links: list[Link] = field(default_factory=list)
+    equations: list[Equation] = field(default_factory=list)
+    supports: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
 @dataclass(slots=True)
-class Constraints:
+class Constraints(Found):
     """Links and equations as they are read, between nodes at points [m] with axes of their motions."""
 
     points: Floats
     axes: Callable[[int], Floats]
-    links: list[Link] = field(default_factory=list)
-    equations: list[Equation] = field(default_factory=list)
 
     def motion(self, row: int, component: int, axes: Floats | None = None) -> Floats:
         """Return a component of a node's motion along its axes as factors of its global ones."""

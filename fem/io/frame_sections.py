@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.io.array_types import Floats
 from fem.materials import Material, PropertyError
 from fem.sections.constants import LARGEST_SHEAR_COEFFICIENT
 from fem.sections.outlines import Integrals, integrate, turned
 from fem.sections.section import Section
 from fem.sections.walls import Walls, wall_constants
 
-Floats = NDArray[np.float64]
 Points = Sequence[tuple[float, float]]
 Pairs = Sequence[tuple[int, int]]
 

@@ -18,11 +18,6 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
         With one matrix each.
     names : sequence of str
         Their files, for messages.
-
-    Raises
-    ------
-    TableError
-        If a file has several matrices; if kinds, lines or phase differ; if an FRF comes twice or is missing.
     """
     for reading, name in zip(readings, names, strict=True):
         if len(reading.frfs) != 1:

@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fem.analysis.frf import FRF, FRFKind
+from fem.io.array_types import Floats
 from fem.io.arrays import TableError
 from fem.io.uff_types import Function, Points
 
@@ -55,13 +53,7 @@ class Asked:
     axes: Sequence[str] = ()
 
     def known_kind(self, name: str) -> FRFKind | None:
-        """Return the kind that the user says.
-
-        Raises
-        ------
-        TableError
-            For a word that is none; ``name`` is the file's.
-        """
+        """Return the kind that the user says."""
         try:
             return None if self.kind is None else FRFKind(self.kind)
         except ValueError:
@@ -97,7 +89,7 @@ class Reading:
     frfs: tuple[FRF, ...]
     axes: tuple[tuple[str, ...], ...] = ()
     phase: bool = True
-    coherence: NDArray[np.float64] | None = None
+    coherence: Floats | None = None
     averages: int | None = None
     functions: Sequence[Function] = ()
     points: Points | None = None
@@ -115,11 +107,6 @@ def optional(module: str, extra: str, name: str) -> Any:
         Extra of this package that installs it.
     name : str
         File that needs it, for the message.
-
-    Raises
-    ------
-    TableError
-        If it is not installed; the message has the command that installs it.
     """
     try:
         return import_module(module)

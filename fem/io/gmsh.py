@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.gmsh_elements import (
     Entity,
@@ -157,7 +157,7 @@ class _Names:
 
 # Groups -----------------------------------------------------------------------------------------------------
 
-_Pairs = list[tuple[int, bool, NDArray[np.int64]]]
+_Pairs = list[tuple[int, bool, Ints]]
 """Tag, whether it is a physical group's (else a curve's), and the lines, or node numbers, in it."""
 
 
@@ -222,7 +222,7 @@ def _groups_2(lines: Lines, notes: list[str]) -> tuple[_Pairs, _Pairs]:
     return pairs, [(int(tag), True, numbers) for tag, numbers in lines.points if tag]
 
 
-def _by_value(values: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
     """Give each value with the rows that have it, in the order of their first rows."""
     order = np.argsort(values, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(values[order])) + 1) if order.size else []
@@ -241,8 +241,8 @@ def _sets(pairs: _Pairs, names: _Names, lines: Lines) -> LineSets:
     return LineSets(list(number_of), number, rows)
 
 
-def _point_sets(pairs: _Pairs, names: _Names, nodes: Nodes) -> dict[str, NDArray[np.int64]]:
-    found: dict[str, list[NDArray[np.int64]]] = {}
+def _point_sets(pairs: _Pairs, names: _Names, nodes: Nodes) -> dict[str, Ints]:
+    found: dict[str, list[Ints]] = {}
     for tag, _, numbers in pairs:
         rows = nodes.rows(numbers)
         found.setdefault(names.of(0, tag), []).append(rows[rows >= 0])
@@ -286,7 +286,7 @@ def _note_numbers(lines: Lines, notes: list[str]) -> None:
         )
 
 
-def _rows_of(file: MshFile, nodes: Nodes, lines: Lines) -> NDArray[np.int64]:
+def _rows_of(file: MshFile, nodes: Nodes, lines: Lines) -> Ints:
     """Return the points of each line, -1 beyond its last; refuse nodes that are not there or not finite."""
     rows = nodes.rows(lines.nodes)
     missing = (rows < 0) & (lines.nodes >= 0) | (lines.nodes < -1)
@@ -309,9 +309,7 @@ def _rows_of(file: MshFile, nodes: Nodes, lines: Lines) -> NDArray[np.int64]:
     return rows
 
 
-def _fill(
-    raw: RawMesh, nodes: Nodes, lines: Lines, rows: NDArray[np.int64], sets: LineSets, notes: list[str]
-) -> None:
+def _fill(raw: RawMesh, nodes: Nodes, lines: Lines, rows: Ints, sets: LineSets, notes: list[str]) -> None:
     """Hand over points, lines and sets; lines of order 3 and more become several of two nodes."""
     raw.points, raw.point_numbers, raw.line_numbers = nodes.xyz, nodes.number, lines.number
     raw.lines = rows[:, :3]

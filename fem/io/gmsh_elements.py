@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
 from fem.io.gmsh_sections import Bytes, MshFile, Words
 
 _LINES = {1: 2, 8: 3, 26: 4, 27: 5, 28: 6, 62: 7, 63: 8, 64: 9, 65: 10, 66: 11}
@@ -34,29 +34,26 @@ class Nodes:
     ----------
     number : ndarray (n,)
     xyz : ndarray (n, 3)
-    at : ndarray (n,)
-        Where each is in its section, for ``where``.
-    where : callable
-        Gives the line or byte.
-    on_points : list of (tag, ndarray)
-        Numbers of the nodes on each point of the geometry, in format 4.
+    at : ndarray (n,), where each is in its section, for ``where``
+    where : callable, gives the line or byte
+    on_points : list of (tag, ndarray), numbers of the nodes on each point of the geometry, in format 4
     """
 
-    number: NDArray[np.int64]
-    xyz: NDArray[np.float64]
-    at: NDArray[np.int64]
+    number: Ints
+    xyz: Floats
+    at: Ints
     where: Callable[[int], str]
-    on_points: list[tuple[int, NDArray[np.int64]]] = field(default_factory=list)
+    on_points: list[tuple[int, Ints]] = field(default_factory=list)
 
     def place(self, row: int) -> str:
         """Return the line or byte of a node."""
         return self.where(int(self.at[row]))
 
-    def keep(self, rows: NDArray[np.int64]) -> "Nodes":
+    def keep(self, rows: Ints) -> "Nodes":
         """Return some of the nodes."""
         return Nodes(self.number[rows], self.xyz[rows], self.at[rows], self.where, self.on_points)
 
-    def rows(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    def rows(self, numbers: Ints) -> Ints:
         """Return the rows of nodes by their numbers, -1 for numbers that are not there."""
         n = len(self.number)
         if not n:
@@ -75,25 +72,21 @@ class Lines:
     Attributes
     ----------
     number : ndarray (n,)
-    nodes : ndarray (n, k)
-        Node numbers along the line, -1 beyond its last.
-    entity, group : ndarray (n,)
-        Tag of the curve, and in formats 1 and 2 the physical tag, 0 for none.
-    at : ndarray (n,)
-        Where each is in its section, for ``where``.
-    where : callable
-        Gives the line or byte.
+    nodes : ndarray (n, k), node numbers along the line, -1 beyond its last
+    entity, group : ndarray (n,), tag of the curve, and in formats 1 and 2 the physical tag, 0 for none
+    at : ndarray (n,), where each is in its section, for ``where``
+    where : callable, gives the line or byte
     points : list of (tag, ndarray)
         Node numbers of point elements, by physical tag in formats 1 and 2, by entity in format 4.
     """
 
-    number: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-    entity: NDArray[np.int64]
-    group: NDArray[np.int64]
-    at: NDArray[np.int64]
+    number: Ints
+    nodes: Ints
+    entity: Ints
+    group: Ints
+    at: Ints
     where: Callable[[int], str]
-    points: list[tuple[int, NDArray[np.int64]]] = field(default_factory=list)
+    points: list[tuple[int, Ints]] = field(default_factory=list)
 
     @classmethod
     def of(cls, parts: "list[_Part]", where: Callable[[int], str]) -> "Lines":
@@ -108,7 +101,7 @@ class Lines:
         ]
         order = np.argsort(columns[-1], kind="stable")
         number, entity, group, at = (column[order] for column in columns)
-        points: list[tuple[int, NDArray[np.int64]]] = []
+        points: list[tuple[int, Ints]] = []
         for part in parts:
             if part.kind == _POINT:
                 tag = part.group if part.by_group else part.entity
@@ -119,14 +112,14 @@ class Lines:
         """Return the line or byte of an element."""
         return self.where(int(self.at[row]))
 
-    def reverse(self, rows: NDArray[np.int64]) -> None:
+    def reverse(self, rows: Ints) -> None:
         """Turn lines round."""
         count = (self.nodes[rows] >= 0).sum(axis=1)
         for n in np.unique(count).tolist():
             some = rows[count == n]
             self.nodes[some, :n] = self.nodes[some, :n][:, ::-1]
 
-    def keep(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def keep(self, rows: Ints) -> Ints:
         """Keep some of the lines; return the new row of each old one."""
         to = np.full(len(self.number), -1)
         to[rows] = np.arange(len(rows))
@@ -134,7 +127,7 @@ class Lines:
             setattr(self, name, getattr(self, name)[rows])
         return to
 
-    def first_of_each(self) -> NDArray[np.int64]:
+    def first_of_each(self) -> Ints:
         """Return for each element the first that has its nodes, and its curve or its number."""
         first = np.arange(len(self.number))
         code = row_codes(np.sort(self.nodes, axis=1))
@@ -147,7 +140,7 @@ class Lines:
         return first[first]
 
 
-def row_codes(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def row_codes(rows: Ints) -> Ints:
     """Return a number for each row, from 0, the same for equal rows."""
     order = np.lexsort(rows.T)
     new = np.r_[False, (rows[order][1:] != rows[order][:-1]).any(axis=1)]
@@ -156,7 +149,7 @@ def row_codes(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return code
 
 
-def _along(nodes: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+def _along(nodes: Ints, k: int) -> Ints:
     """Return nodes in order along the line, in k columns."""
     out = np.full((len(nodes), k), -1)
     out[:, : nodes.shape[1]] = nodes[:, [0, *range(2, nodes.shape[1]), 1]]
@@ -168,11 +161,11 @@ class _Part:
     """Elements of one type."""
 
     kind: int
-    number: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-    entity: NDArray[np.int64]
-    group: NDArray[np.int64]
-    at: NDArray[np.int64]
+    number: Ints
+    nodes: Ints
+    entity: Ints
+    group: Ints
+    at: Ints
     by_group: bool
 
 
@@ -208,7 +201,7 @@ def read_nodes_1_and_2(file: MshFile) -> Nodes:
     return Nodes(number, words.values[first[:, None] + [1, 2, 3]], first, words.place)
 
 
-def _records(words: Words, what: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _records(words: Words, what: str) -> tuple[Ints, Ints]:
     """Return the first number of each line after that with the count, and how many numbers it has."""
     line = words.line
     start = np.flatnonzero(np.diff(line, prepend=-1))
@@ -368,7 +361,7 @@ def read_nodes_4(file: MshFile) -> Nodes:
     n_blocks, announced = _header(source, file)
     none = np.zeros(0, dtype=np.int64)
     numbers, xyz, at = [none], [np.zeros((0, 3))], [none]
-    on_points: list[tuple[int, NDArray[np.int64]]] = []
+    on_points: list[tuple[int, Ints]] = []
     for _ in range(n_blocks):
         dimension, tag, parametric, n = _block(source, file)
         if not 0 <= dimension <= 3:

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 
@@ -44,15 +45,11 @@ class MshFile:
     name : str
     data : bytes
     sections : list of Section
-    stray : list of int
-        Lines with text outside any section.
-    version : str
-        ``"1"``, ``"2.2"``, ``"4.1"``, …
+    stray : list of int, lines with text outside any section
+    version : str, ``"1"``, ``"2.2"``, ``"4.1"``, …
     binary : bool
-    order : str
-        ``"<"`` for little endian, ``">"`` for big endian.
-    size : int
-        Bytes of a size_t.
+    order : str, ``"<"`` for little endian, ``">"`` for big endian
+    size : int, bytes of a size_t
     """
 
     name: str
@@ -89,13 +86,7 @@ class MshFile:
 
 
 def sections_of(name: str, data: bytes) -> MshFile:
-    """Find the sections of a file and read the format and the type of numbers from its header.
-
-    Raises
-    ------
-    MeshError
-        If the file is no Gmsh file, is of another format than 1, 2 and 4, or a section has no end.
-    """
+    """Find the sections of a file and read the format and the type of numbers from its header."""
     data = data.removeprefix(b"\xef\xbb\xbf")  # some editors begin a text with a byte order mark
     file = MshFile(name, data, [], [])
     at = 0
@@ -196,7 +187,7 @@ class Words:
         self.refuse("it cannot be read as numbers", 0)
 
     @cached_property
-    def line(self) -> NDArray[np.int64]:
+    def line(self) -> Ints:
         """Line of each number, counted from the first of the section."""
         return np.searchsorted(np.flatnonzero(self.data == 10), self.begin)
 
@@ -218,11 +209,11 @@ class Words:
         self.at += n
         return self.values[self.at - n : self.at]
 
-    def reals(self, n: int) -> NDArray[np.float64]:
+    def reals(self, n: int) -> Floats:
         """Return the next real numbers."""
         return self._take(n)
 
-    def integers(self, at: NDArray[np.int64]) -> NDArray[np.int64]:
+    def integers(self, at: Ints) -> Ints:
         """Return the integers at given places."""
         values = self.values[at]
         if values.dtype == np.int64:
@@ -233,7 +224,7 @@ class Words:
             self.refuse(f"{self.values[word]:g} is found where an integer is expected", word)
         return values.astype(np.int64)
 
-    def ints(self, n: int) -> NDArray[np.int64]:
+    def ints(self, n: int) -> Ints:
         """Return the next integers."""
         begin = self.at
         self._take(n)
@@ -241,7 +232,7 @@ class Words:
 
     sizes = ints
 
-    def rows(self, n: int, whole: int, real: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def rows(self, n: int, whole: int, real: int = 0) -> tuple[Ints, Floats]:
         """Return n rows of integers and real numbers; each is a line of its own."""
         width, begin = whole + real, self.at
         if not 0 <= n * width <= len(self.values) - begin:
@@ -298,11 +289,11 @@ class Bytes:
         self.at += n * dtype.itemsize
         return values
 
-    def ints(self, n: int) -> NDArray[np.int64]:
+    def ints(self, n: int) -> Ints:
         """Return the next integers of four bytes."""
         return self.take(f"{self.file.order}i4", n).astype(np.int64)
 
-    def sizes(self, n: int) -> NDArray[np.int64]:
+    def sizes(self, n: int) -> Ints:
         """Return the next numbers of type size_t."""
         begin, values = self.at, self.take(f"{self.file.order}u{self.file.size}", n)
         wrong = values >= LARGEST_INTEGER
@@ -311,11 +302,11 @@ class Bytes:
             self.refuse(f"the number {int(values[np.argmax(wrong)])} is too large", at)
         return values.astype(np.int64)
 
-    def reals(self, n: int) -> NDArray[np.float64]:
+    def reals(self, n: int) -> Floats:
         """Return the next real numbers."""
         return self.take(f"{self.file.order}f8", n).astype(float)
 
-    def rows(self, n: int, whole: int, real: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def rows(self, n: int, whole: int, real: int = 0) -> tuple[Ints, Floats]:
         """Return n rows of either sizes or real numbers."""
         if real:
             return np.zeros((n, 0), dtype=np.int64), self.reals(n * real).reshape(n, real)

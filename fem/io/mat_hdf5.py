@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.arrays import TableError
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.frf_reading import optional
 from fem.io.mat5 import read_mat5
 from fem.io.trial import end_of_trial
@@ -27,15 +27,11 @@ class Named:
 
     Attributes
     ----------
-    values : ndarray
-        Numbers, or texts as ``str``.
-    axes : tuple of str
-        Names of its axes; empty where the file gives none.
+    values : ndarray, numbers, or texts as ``str``
+    axes : tuple of str, names of its axes; empty where the file gives none
     unit : str
-    scales : mapping of str to ndarray
-        Values along its axes by the names of these.
-    attributes : mapping of str to object
-        Numbers and texts that the file has with the array.
+    scales : mapping of str to ndarray, values along its axes by the names of these
+    attributes : mapping of str to object, numbers and texts that the file has with the array
     """
 
     values: NDArray[Any]
@@ -46,13 +42,7 @@ class Named:
 
 
 def read_mat(path: Path) -> dict[str, Named]:
-    """Return the arrays of a MATLAB file up to version 7, members of structures as ``structure/member``.
-
-    Raises
-    ------
-    TableError
-        If it cannot be read.
-    """
+    """Return the arrays of a MATLAB file up to version 7, members of structures as ``structure/member``."""
     return {name: Named(values) for name, values in read_mat5(path).items()}
 
 
@@ -60,11 +50,6 @@ def read_hdf5(path: Path) -> dict[str, Named]:
     """Return the arrays of an HDF5 file, or of a MATLAB file of version 7.3, by their paths.
 
     Arrays of MATLAB are turned to its own order of axes.
-
-    Raises
-    ------
-    TableError
-        If h5py is not installed, or the file cannot be read.
     """
     h5py = optional("h5py", "hdf5", path.name)
     if (end := end_of_trial(partial(_arrays, h5py, path))) is not None:
@@ -84,8 +69,7 @@ def _arrays(h5py: Any, path: Path) -> dict[str, Named]:
         def visit(key: str, item: Any) -> None:
             if isinstance(item, h5py.Dataset) and not key.startswith("#"):
                 if item.size is not None and item.size * item.dtype.itemsize > most:
-                    msg = f"{key} would have {item.size * item.dtype.itemsize} bytes, too many for the file"
-                    raise ValueError(msg)
+                    refuse(f"{key} would have {item.size * item.dtype.itemsize} bytes, too many for the file")
                 found = _dataset(h5py, file, item)
                 if found is not None:
                     out[key] = found

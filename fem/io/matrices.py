@@ -22,10 +22,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fem.io.abaqus import read_abaqus_nodes
+from fem.io.array_types import Floats, Ints
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.matrix_market import MOST_ROWS
 from fem.io.part_files import ENDINGS, matrix_files, read_part
 from fem.matrices import Matrices, MatricesError
@@ -85,7 +86,7 @@ def matrices_of(system: System, *, constrained: bool = True) -> Matrices:
     )  # fmt: skip
 
 
-def _coordinates(Q: Any, n_points: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _coordinates(Q: Any, n_points: int) -> tuple[Ints, Ints]:
     """Return node and direction of each column of Q that is one DOF of the mesh; -1 and 0 of the others."""
     columns = sp.csc_array(Q)
     node, direction = np.full(Q.shape[1], -1), np.zeros(Q.shape[1], dtype=np.int64)
@@ -256,9 +257,9 @@ def read_matrices(
 def _built(
     name: str,
     found: dict[str, Any],
-    node: NDArray[np.int64],
-    direction: NDArray[np.int64],
-    sign: NDArray[np.float64],
+    node: Ints,
+    direction: Ints,
+    sign: Floats,
     units: str | tuple[float, float, float],
 ) -> Matrices:
     """Put matrices together; rows with a negative direction are turned."""
@@ -276,12 +277,10 @@ def _built(
         axes = {p: R.T for p, R in found.get("axes", {}).items()}
         return (matrices.turned(axes) if axes else matrices).scaled(units)
     except MatricesError as reason:
-        raise error_at(name, f"{reason}", MatricesError) from reason
+        raise error_at(name, str(reason), MatricesError) from reason
 
 
-def _parsed(
-    labels: NDArray[Any], name: str
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def _parsed(labels: NDArray[Any], name: str) -> tuple[Ints, Ints, Floats]:
     node, direction, sign = np.full(labels.size, -1), np.zeros(labels.size, np.int64), np.ones(labels.size)
     for k, text in enumerate(labels.astype(str).ravel().tolist()):
         if re.fullmatch(r"q\d+", text):
@@ -431,7 +430,7 @@ def read_calculix(
     return _built(job.name, found, node, direction, np.ones(node.size), units)
 
 
-def _calculix_dofs(file: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _calculix_dofs(file: Path) -> tuple[Ints, Ints]:
     words = file.read_text(encoding="ascii", errors="replace").split()
     pairs = [re.fullmatch(r"([0-9]{1,18})\.([1-6])", word) for word in words]
     bad = next((k for k, pair in enumerate(pairs) if pair is None), None)
@@ -454,8 +453,7 @@ def _triplets(file: Path, n: int, diagonal: bool) -> sp.csr_array:
     if not text.endswith("\n") and text.strip():
         values = [line.split()[-1] for line in text.splitlines() if line.strip()]
         if reason := cut_number(values, ()):
-            msg = f"{file.name}, line {len(values)}: {reason}"
-            raise MatricesError(msg)
+            refuse(f"{file.name}, line {len(values)}: {reason}", MatricesError)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # so NumPy says that it met something else than a number

@@ -11,8 +11,9 @@ from typing import NoReturn
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
+from fem.io.faults import refuse
 from fem.matrices import MatricesError
 
 MOST_ROWS = 20_000_000
@@ -23,14 +24,7 @@ SYMMETRIES = ("general", "symmetric", "skew-symmetric")
 
 
 def read_matrix_market(file: Path) -> sp.csr_array:
-    """Return the real matrix of a Matrix Market file, coordinate or array, with both triangles.
-
-    Raises
-    ------
-    MatricesError
-        If the file is no real matrix, an entry is no finite number, or the entries do not fit the size line;
-        the message names file and line.
-    """
+    """Return the real matrix of a Matrix Market file, coordinate or array, with both triangles."""
     text = file.read_text(encoding="utf-8", errors="replace")
     lines = text.splitlines()
     form, symmetry = _banner(file, lines)
@@ -49,8 +43,7 @@ def read_matrix_market(file: Path) -> sp.csr_array:
 
 
 def _refuse(file: Path, line: int, text: str) -> NoReturn:
-    msg = f"{file.name}, line {line}: {text}"
-    raise MatricesError(msg)
+    refuse(f"{file.name}, line {line}: {text}", MatricesError)
 
 
 def _banner(file: Path, lines: list[str]) -> tuple[str, str]:
@@ -84,7 +77,7 @@ def _sizes(file: Path, line: int, text: str, width: int) -> list[int]:
     return sizes
 
 
-def _numbers(file: Path, first: int, body: list[str], width: int) -> NDArray[np.float64]:
+def _numbers(file: Path, first: int, body: list[str], width: int) -> Floats:
     """Return the numbers of the lines that are not empty, shape (n, width)."""
     kept = [line.split() for line in body]
     try:
@@ -142,13 +135,7 @@ def _array(file: Path, first: int, body: list[str], rows: int, columns: int, sym
     return _both_triangles(i, j, values, (rows, columns), symmetry)
 
 
-def _both_triangles(
-    i: NDArray[np.int64],
-    j: NDArray[np.int64],
-    values: NDArray[np.float64],
-    shape: tuple[int, int],
-    symmetry: str,
-) -> sp.csr_array:
+def _both_triangles(i: Ints, j: Ints, values: Floats, shape: tuple[int, int], symmetry: str) -> sp.csr_array:
     if symmetry != "general":
         off, sign = i != j, -1.0 if symmetry == "skew-symmetric" else 1.0
         i, j, values = np.r_[i, j[off]], np.r_[j, i[off]], np.r_[values, sign * values[off]]

@@ -10,8 +10,8 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.io.rawsets import LineSets, listed
@@ -34,7 +34,7 @@ _TAGS = (
 
 _VTK_TYPES = {2: "poly-vertices", 4: "polylines", 6: "triangle strips", 8: "pixels", 11: "voxels"}
 
-_Sets = list[tuple[str, NDArray[np.int64]]]
+_Sets = list[tuple[str, Ints]]
 """Names, and the cells of each, numbered through all blocks."""
 
 
@@ -47,13 +47,7 @@ def quiet() -> Iterator[io.StringIO]:
 
 
 def read_by_meshio(file: Path, sets: str | None) -> RawMesh:
-    """Read the lines of a file, with its cell sets or the numbers of a cell array as sets.
-
-    Raises
-    ------
-    MeshError
-        If meshio cannot read the file, or the file holds no mesh.
-    """
+    """Read the lines of a file, with its cell sets or the numbers of a cell array as sets."""
     with quiet() as said:
         import meshio
 
@@ -103,8 +97,8 @@ def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
         if not isinstance(name, str):
             raise error_at(file, f"the array {name!r} has a name that is no text")
     raw = RawMesh(np.column_stack([points.astype(float), np.zeros((len(points), 3 - points.shape[1]))]))
-    lines: list[NDArray[np.int64]] = [np.zeros((0, 3), dtype=np.int64)]
-    counts: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    lines: list[Ints] = [np.zeros((0, 3), dtype=np.int64)]
+    counts: list[Ints] = [np.zeros(0, dtype=np.int64)]
     for block in found.cells:
         rows, count = _lines_of(block, file)
         lines.append(rows)
@@ -125,7 +119,7 @@ def _raw_of(found: Any, file: str, sets: str | None) -> RawMesh:
     return raw
 
 
-def _lines_of(block: Any, file: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _lines_of(block: Any, file: str) -> tuple[Ints, Ints]:
     """Return the lines of a block, two or three points each, and how many each cell has become."""
     n = len(block.data)
     if re.fullmatch(r"line\d*|VTK_LAGRANGE_CURVE", block.type):
@@ -145,7 +139,7 @@ def _lines_of(block: Any, file: str) -> tuple[NDArray[np.int64], NDArray[np.int6
     return np.zeros((0, 3), dtype=np.int64), np.zeros(n, dtype=np.int64)
 
 
-def _pairs(nodes: NDArray[np.int64], count: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(nodes: Ints, count: Ints) -> tuple[Ints, Ints]:
     """Return the two-point lines of chains of nodes, one after the other, and how many each chain has."""
     inner = np.ones(len(nodes), dtype=bool)
     inner[np.cumsum(count[count > 0]) - 1] = False
@@ -205,7 +199,7 @@ def _sets_of(found: Any, file: str, sets: str | None, sizes: list[int], notes: l
     return named
 
 
-def _numbers(found: Any, array: str, sizes: list[int]) -> NDArray[np.int64] | None:
+def _numbers(found: Any, array: str, sizes: list[int]) -> Ints | None:
     """Return a cell array through all blocks, or None if it is not one whole number for each cell."""
     parts = [np.asarray(values) for values in found.cell_data[array]]
     parts = [part.ravel() if part.size == len(part) else part for part in parts]
@@ -219,7 +213,7 @@ def _numbers(found: Any, array: str, sizes: list[int]) -> NDArray[np.int64] | No
     return values.astype(np.int64)
 
 
-def _by_number(found: Any, tag: str, numbers: NDArray[np.int64]) -> _Sets:
+def _by_number(found: Any, tag: str, numbers: Ints) -> _Sets:
     """Name cells by the numbers of a cell array, with the names that the file has for them."""
     # A VTK file may hold field data of any shape; meshio makes (number, dimension) of a Gmsh file's names.
     pairs = {name: np.ravel(v) for name, v in found.field_data.items() if np.size(v) == 2}

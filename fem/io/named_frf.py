@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
+from fem.io.array_types import Floats
 from fem.io.arrays import TableError
 from fem.io.faults import error_at
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
@@ -61,7 +62,7 @@ _AXIS_WORDS = {
     "input": ("input", "inputs", "in", "force", "forces", "reference", "references", "excitation", "i"),
 }
 
-Values = NDArray[np.float64] | NDArray[np.complex128]
+Values = Floats | NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +81,6 @@ def frf_of_arrays(arrays: Mapping[str, Named], name: str, asked: Asked) -> Readi
         The file, for messages.
     asked : Asked
         Uses ``kind``, ``outputs``, ``inputs``, ``arrays``, ``axes``, ``form`` and ``unit_labels``.
-
-    Raises
-    ------
-    TableError
-        If arrays are missing, could be several, do not fit one another, or have axes that sizes do not tell.
     """
     file = _File(arrays, name, asked)
     frequency, axis_label = file.frequency()
@@ -144,7 +140,7 @@ class _File:
 
     def refuse(self, text: str) -> NoReturn:
         """Raise an error with the file's name."""
-        raise error_at(self.name, f"{text}", TableError)
+        raise error_at(self.name, text, TableError)
 
     @property
     def content(self) -> str:
@@ -174,7 +170,7 @@ class _File:
             self.taken[role] = found[0]
         return _Found(found[0], self.arrays[found[0]]) if found else None
 
-    def frequency(self) -> tuple[NDArray[np.float64], str]:
+    def frequency(self) -> tuple[Floats, str]:
         """Return the frequencies [Hz], and the label of their unit in the file."""
         found = self.optional("frequency") or self._scale()
         if found is None:
@@ -239,7 +235,7 @@ class _File:
             )
         return join(a, b)
 
-    def _amplitude(self, found: _Found) -> NDArray[np.float64]:
+    def _amplitude(self, found: _Found) -> Floats:
         """Return amplitudes that are given as such or as levels."""
         values = found.array.values
         if values.dtype.kind == "c":

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import Budget, integer, named
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.nastran_cards import BulkData, Replicator, Run, columns_of, fields_of, real, runs_of
 from fem.io.nastran_names import DEFAULTS, HARMLESS, LINES, NAMED, READ, REFUSED, SYSTEMS
 from fem.io.nastran_systems import Systems
@@ -41,11 +42,11 @@ class _Columns:
     """Arrays that grow: in bulk, or row by row."""
 
     def __init__(self, n_whole: int, n_real: int) -> None:
-        self.parts: tuple[list[NDArray[np.int64]], list[NDArray[np.float64]]] = ([], [])
+        self.parts: tuple[list[Ints], list[Floats]] = ([], [])
         self.rows: tuple[list[list[int]], list[list[float]]] = ([], [])
         self.widths = (n_whole, n_real)
 
-    def extend(self, whole: NDArray[np.int64], reals: NDArray[np.float64] | None = None) -> None:
+    def extend(self, whole: Ints, reals: Floats | None = None) -> None:
         """Append arrays (n, n_whole) and (n, n_real)."""
         self._flush()
         self.parts[0].append(whole)
@@ -66,7 +67,7 @@ class _Columns:
             )
             self.rows = ([], [])
 
-    def all(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def all(self) -> tuple[Ints, Floats]:
         """Return all rows."""
         self._flush()
         whole = np.concatenate([np.empty((0, self.widths[0]), dtype=np.int64), *self.parts[0]])
@@ -92,7 +93,7 @@ class _Reader:
     others: dict[str, list[int]] = field(default_factory=dict)
     replicator: Replicator = field(default_factory=lambda: Replicator(Budget()))
     skipping: bool = False
-    _index: dict[int, tuple[int, NDArray[np.float64]]] | None = None
+    _index: dict[int, tuple[int, Floats]] | None = None
 
     def __post_init__(self) -> None:
         self.systems = Systems(self._grid)
@@ -245,7 +246,7 @@ class _Reader:
         except (ValueError, OverflowError):  # reading card by card names the fault
             return False
 
-    def _grids_in_bulk(self, _: str, columns: dict[int, list[str]], rows: NDArray[np.int64]) -> bool:
+    def _grids_in_bulk(self, _: str, columns: dict[int, list[str]], rows: Ints) -> bool:
         n = len(rows)
         if not _empty(columns[6]) or not _empty(columns[7]):
             return False
@@ -256,7 +257,7 @@ class _Reader:
         self.grids.extend(np.column_stack([number, cp, cd, rows]), xyz)
         return True
 
-    def _bars_in_bulk(self, name: str, columns: dict[int, list[str]], rows: NDArray[np.int64]) -> bool:
+    def _bars_in_bulk(self, name: str, columns: dict[int, list[str]], rows: Ints) -> bool:
         n = len(rows)
         if not all(_empty(columns[k]) for k in range(8, 16)):
             return False
@@ -279,7 +280,7 @@ class _Reader:
             msg = f"{place}: {name} {', '.join(fields[:8]).rstrip(', ')} cannot be read: {reason}"
             raise MeshError(msg) from reason
 
-    def _grid(self, number: int) -> tuple[int, NDArray[np.float64]] | None:
+    def _grid(self, number: int) -> tuple[int, Floats] | None:
         """Return the system and the local coordinates of a grid point."""
         if self._index is None:
             whole, xyz = self.grids.all()
@@ -288,12 +289,12 @@ class _Reader:
             self._index = dict(zip(whole[:, 0].tolist(), zip(cps, xyz, strict=True), strict=True))
         return self._index.get(number)
 
-    def _points(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _points(self) -> tuple[Ints, Floats]:
         """Return numbers and basic coordinates of the grid points."""
         whole, xyz = self.placed_grids()
         return whole[:, 0], xyz
 
-    def placed_grids(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def placed_grids(self) -> tuple[Ints, Floats]:
         """Return number, system, displacement system and row of the grid points, and basic coordinates."""
         whole, xyz = self.grids.all()
         whole = whole.copy()
@@ -315,12 +316,10 @@ class _Reader:
                 xyz[rows] = self.systems.to_basic(cp, xyz[rows], place)
         return whole, xyz
 
-    def _grid_place(self, row: NDArray[np.int64]) -> str:
+    def _grid_place(self, row: Ints) -> str:
         return f"GRID {row[0]} at {self.bulk.place(row[3])}"
 
-    def _once(
-        self, what: str, numbers: NDArray[np.int64], values: NDArray, rows: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
+    def _once(self, what: str, numbers: Ints, values: NDArray, rows: Ints) -> Ints:
         """Return the places of the first of equal numbers, whose values must be equal, too."""
         if (numbers[1:] > numbers[:-1]).all():
             return np.arange(len(numbers))
@@ -340,7 +339,7 @@ class _Reader:
 
     # Lines --------------------------------------------------------------------------------------------------
 
-    def _lines(self, raw: RawMesh, numbers: NDArray[np.int64]) -> None:
+    def _lines(self, raw: RawMesh, numbers: Ints) -> None:
         whole, _ = self.elements.all()
         plotted = whole[:, 1] == _PLOTEL
         if plotted.any() and not plotted.all():
@@ -364,8 +363,7 @@ class _Reader:
             row = int(np.flatnonzero(lost.any(axis=1))[0])
             point = ends[row][lost[row]][0]
             what = self._element_place(whole[row])
-            msg = f"{what} refers to grid point {point}, which the file does not have"
-            raise MeshError(msg)
+            refuse(f"{what} refers to grid point {point}, which the file does not have", MeshError)
         raw.lines = np.where(there, order[at], -1) if len(ordered) else ends
         same = (ends[:, 0] == ends[:, 1]) | (ends[:, 2] >= 0) & (ends[:, :2] == ends[:, 2:]).any(axis=1)
         if same.any():
@@ -376,10 +374,10 @@ class _Reader:
         raw.line_numbers = whole[:, 0]
         self._properties(raw, whole)
 
-    def _element_place(self, row: NDArray[np.int64]) -> str:
+    def _element_place(self, row: Ints) -> str:
         return f"{self.bulk.place(int(row[6]))}: {LINES[row[1]]} {row[0]}"
 
-    def _properties(self, raw: RawMesh, whole: NDArray[np.int64]) -> None:
+    def _properties(self, raw: RawMesh, whole: Ints) -> None:
         """Make a set of each property number, and of the cards that have none."""
         prop = whole[:, 2].copy()
         for name, default in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
@@ -426,15 +424,14 @@ class Grids:
     ----------
     numbers, displacement, rows : ndarray of int (n,)
         Their numbers, the systems of their motions, and the rows of their cards.
-    points : ndarray (n, 3)
-        Basic coordinates.
+    points : ndarray (n, 3), basic coordinates
     systems : Systems
     """
 
-    numbers: NDArray[np.int64]
-    displacement: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    points: NDArray[np.float64]
+    numbers: Ints
+    displacement: Ints
+    rows: Ints
+    points: Floats
     systems: Systems
 
     @property
@@ -476,8 +473,7 @@ def read_grids(bulk: BulkData, path: Path | None = None) -> Grids:
 def _number(text: str) -> int:
     number = integer(text)
     if number < 1:
-        msg = f"'{text[:20]}' is not allowed; a number of at least 1 is needed"
-        raise ValueError(msg)
+        refuse(f"'{text[:20]}' is not allowed; a number of at least 1 is needed")
     return number
 
 
@@ -485,7 +481,7 @@ def _empty(column: list[str]) -> bool:
     return not any(text.strip() for text in set(column))
 
 
-def _whole(column: list[str], n: int, blank: int | None = None) -> NDArray[np.int64]:
+def _whole(column: list[str], n: int, blank: int | None = None) -> Ints:
     """Return a column of whole numbers; empty fields are only allowed where they have a meaning."""
     if not column and blank is not None:
         return np.full(n, blank)
@@ -498,7 +494,7 @@ def _whole(column: list[str], n: int, blank: int | None = None) -> NDArray[np.in
     return np.array([few[text] for text in column], dtype=np.int64)
 
 
-def _reals(column: list[str], n: int) -> NDArray[np.float64]:
+def _reals(column: list[str], n: int) -> Floats:
     if not column:
         return np.zeros(n)
     joined = "".join(column)

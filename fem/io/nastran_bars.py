@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.elements.properties import STRAINS
+from fem.io.array_types import Floats
 from fem.io.frame_deck import BarProperty, Bars, Connection
 from fem.io.frame_parts import axes_along, entry, parallel
-from fem.io.nastran_deck import Card, Floats, NastranDeck
+from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_properties import BEAMS, Profile, Properties
 from fem.model import DIRECTIONS
 
@@ -34,13 +35,7 @@ class Bar(NamedTuple):
 
 
 def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Connection]]:
-    """Return the bars, their properties, and the torsional stiffness of rods.
-
-    Raises
-    ------
-    MeshError
-        For bars without length, property, material or orientation.
-    """
+    """Return the bars, their properties, and the torsional stiffness of rods."""
     properties = Properties(deck)
     found = [_beam(deck, properties, card) for card in deck.by_number(*BEAMS).values()]
     beams = {row for bar in found for row in bar.ends}

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Ints
 from fem.io.deck import Budget, DeckFile, Files, integer
+from fem.io.deck import real as plain_real
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 
@@ -218,7 +219,7 @@ def _tail(line: str) -> str:
     return cells[last].strip("+* ") if len(cells) > last else ""
 
 
-def _codes(lines: list[str]) -> tuple[NDArray[np.int64], list[str]]:
+def _codes(lines: list[str]) -> tuple[Ints, list[str]]:
     """Return the number of each line's key, and the keys by number."""
     table: dict[str, int] = {}
     known: dict[str, int] = {}
@@ -323,13 +324,7 @@ def _plain(lines: list[str], k: int, wide: bool) -> bool:
 
 
 def fields_of(bulk: BulkData, first: int, length: int) -> tuple[str, list[str]]:
-    """Return name and fields of one card.
-
-    Raises
-    ------
-    MeshError
-        For more fields on a line than there are, and for continuation lines whose labels are of another card.
-    """
+    """Return name and fields of one card."""
     name, fields, tail = "", [], ""
     for k in range(first, first + length):
         head, values, label = _split(bulk, k)
@@ -381,13 +376,7 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
 
 
 def each_card(bulk: BulkData) -> Iterator[tuple[str, list[str], int]]:
-    """Yield name, fields and first row of each card, repeated ones written out.
-
-    Raises
-    ------
-    MeshError
-        As :func:`fields_of` and :class:`Replicator` do.
-    """
+    """Yield name, fields and first row of each card, repeated ones written out."""
     replicator = Replicator(Budget())
     for run in runs_of(bulk):
         for first in range(run.first, run.first + run.count * run.length, run.length):
@@ -404,22 +393,8 @@ def real(text: str) -> float:
     ValueError
         If the text is something else, or too large.
     """
-    shown = text.strip()[:40]
-    text = text.strip().upper().replace("D", "E")
-    if not text:
-        return 0.0
-    if "_" in text or not text.isascii():
-        msg = f"'{shown}' is not a number"
-        raise ValueError(msg)
-    try:
-        value = float(_EXPONENT.sub(r"E\1", text) if "E" not in text else text)
-    except ValueError as reason:
-        msg = f"'{shown}' is not a number"
-        raise ValueError(msg) from reason
-    if not abs(value) < float("inf"):
-        msg = f"'{shown}' is not a finite number"
-        raise ValueError(msg)
-    return value
+    plain = text.strip().upper().replace("D", "E")
+    return plain_real(_EXPONENT.sub(r"E\1", plain) if "E" not in plain and _EXPONENT.search(plain) else text)
 
 
 @dataclass(slots=True)
@@ -438,13 +413,7 @@ class Replicator:
     def cards(
         self, name: str, fields: list[str], length: int, place: Callable[[], str]
     ) -> list[tuple[str, list[str]]]:
-        """Return the cards that a line stands for; most are just themselves.
-
-        Raises
-        ------
-        MeshError
-            For repetitions of nothing, of cards of several lines, or steps from a field that is no number.
-        """
+        """Return the cards that a line stands for; most are just themselves."""
         if not name.startswith("=") and not any(f[:1] in "=*" for f in fields if f):
             self.before = (name, fields) if length == 1 else None
             self._pattern = None

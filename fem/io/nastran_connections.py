@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from fem.io.array_types import Floats
 from fem.io.frame_deck import Body, Connection
 from fem.io.frame_parts import axes_along, entry, parallel
-from fem.io.nastran_deck import Card, Floats, NastranDeck
+from fem.io.nastran_deck import Card, NastranDeck
 from fem.model import DIRECTIONS, skew
 
 SPRINGS = ("CELAS1", "CELAS2")
@@ -15,13 +16,7 @@ Fixed = dict[int, tuple[str, ...]]
 
 
 def bodies_of(deck: NastranDeck, fixed: Fixed) -> list[Body]:
-    """Return the rigid bodies at grid points; one in some directions needs the others fixed.
-
-    Raises
-    ------
-    MeshError
-        For masses that are no rigid body.
-    """
+    """Return the rigid bodies at grid points; one in some directions needs the others fixed."""
     readers = {"CONM1": _conm1, "CONM2": _conm2}
     found = [readers[c.name](deck, c) for c in deck.by_number("CONM1", "CONM2").values()]
     return [*found, *_scalar_masses(deck, fixed)]
@@ -107,13 +102,7 @@ def _global(axes: Floats) -> bool:
 
 
 def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
-    """Return springs and dashpots: CELAS, CDAMP, CVISC, CBUSH and CBUSH1D.
-
-    Raises
-    ------
-    MeshError
-        For missing properties, and scalar springs that couple different directions.
-    """
+    """Return springs and dashpots: CELAS, CDAMP, CVISC, CBUSH and CBUSH1D."""
     found: list[Connection] = []
     for names, reader in (
         (SPRINGS, _spring), (DAMPERS, _damper), (("CVISC",), _viscous), (("CBUSH",), _bush),

@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats
 from fem.io.deck import integer
 from fem.io.deck_units import Units
 from fem.io.faults import error_at
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, each_card, real
 from fem.mesh import MeshError
-
-Floats = NDArray[np.float64]
 
 _SETTING = re.compile(r"^\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*(?:=|\s)\s*(\S+)", re.IGNORECASE)
 
@@ -111,19 +109,15 @@ class NastranDeck:
 
     Attributes
     ----------
-    file : str
-        Its name.
-    cards : mapping of str to list of Card
-        By name.
+    file : str, its name
+    cards : mapping of str to list of Card, by name
     grids : Grids
     units : Units
     control : tuple of mapping, or None
         Settings of the subcases with those above them; None of a file without case control.
     notes : Notes
-    points : ndarray (n, 3)
-        Of the grid points [m].
-    rows : mapping of int to int
-        Row of each grid point's number.
+    points : ndarray (n, 3), of the grid points [m]
+    rows : mapping of int to int, row of each grid point's number
     """
 
     file: str
@@ -141,13 +135,7 @@ class NastranDeck:
             yield from self.cards.get(name, ())
 
     def by_number(self, *names: str) -> dict[int, Card]:
-        """Return the cards of some names by their numbers, which must differ.
-
-        Raises
-        ------
-        MeshError
-            For two different cards with one number.
-        """
+        """Return the cards of some names by their numbers, which must differ."""
         found: dict[int, Card] = {}
         for card in self.of(*names):
             old = found.setdefault(card.whole(0), card)
@@ -156,13 +144,7 @@ class NastranDeck:
         return found
 
     def node(self, card: Card, k: int) -> int:
-        """Return the row of the grid point in a field.
-
-        Raises
-        ------
-        MeshError
-            If the file has none of that number.
-        """
+        """Return the row of the grid point in a field."""
         return self.row(card, card.whole(k))
 
     def row(self, card: Card, number: int) -> int:
@@ -190,13 +172,7 @@ class NastranDeck:
         return np.eye(3) if system < 1 else self.system_axes(system, row, f"{card.place}: {card}")
 
     def setting(self, key: str) -> str | None:
-        """Return what case control selects: the same in all subcases, or None.
-
-        Raises
-        ------
-        MeshError
-            If subcases differ, because they are different models.
-        """
+        """Return what case control selects: the same in all subcases, or None."""
         values = {one.get(key) for one in self.control or ()}
         if len(values) > 1:
             msg = (
@@ -221,13 +197,7 @@ class NastranDeck:
 
 
 def open_deck(path: Path, units: Units) -> NastranDeck:
-    """Read the cards, the grid points and the case control of a deck.
-
-    Raises
-    ------
-    MeshError
-        As :func:`fem.io.nastran.read_nastran`.
-    """
+    """Read the cards, the grid points and the case control of a deck."""
     bulk = BulkData.of(path)
     cards: dict[str, list[Card]] = {}
     for name, fields, row in each_card(bulk):

@@ -16,12 +16,7 @@ READ: Final = frozenset({"GRID", *DEFAULTS, *SYSTEMS, *LINES})
 """Cards that are applied."""
 
 REFUSED: Final[dict[str, str]] = {
-    "CORD3G": "a coordinate system",
-    "CORD3R": "a coordinate system",
-    "CORD3RX": "a coordinate system",
-    "CORD1RX": "a coordinate system",
-    "CORD2RX": "a coordinate system",
-    "GMCORD": "a coordinate system",
+    **dict.fromkeys(words("CORD3G CORD3R CORD3RX CORD1RX CORD2RX GMCORD"), "a coordinate system"),
     "GMCURV": "geometry that elements follow",
     "SEBULK": "superelements in parts of their own",
     "SELOC": "a superelement's place",
@@ -30,54 +25,15 @@ REFUSED: Final[dict[str, str]] = {
 }
 
 _CONNECTION = "tie the places with [[rigid_links]], [[joints]] or [[constraints]] in the study file"
-_SUPPORT = "give [[supports]] in the study file"
 
-NAMED: Final[dict[str, str]] = {
-    **dict.fromkeys(
-        (
-            "RBE1",
-            "RBE2",
-            "RBE3",
-            "RBAR",
-            "RBAR1",
-            "RROD",
-            "RTRPLT",
-            "RJOINT",
-            "RSPLINE",
-            "RSSCON",
-            "MPC",
-            "MPCADD",
-        ),
-        _CONNECTION,
-    ),
-    **dict.fromkeys(("SPC", "SPC1", "SPCADD", "SPCD", "SPCR", "SUPORT", "SUPORT1"), _SUPPORT),
-    **dict.fromkeys(
-        ("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4"), "give [[masses]] in the study file"
-    ),
-    **dict.fromkeys(
-        (
-            "CBUSH",
-            "CBUSH1D",
-            "CBUSH2D",
-            "CELAS1",
-            "CELAS2",
-            "CELAS3",
-            "CELAS4",
-            "CDAMP1",
-            "CDAMP2",
-            "CDAMP3",
-            "CDAMP4",
-            "CDAMP5",
-            "CVISC",
-            "CGAP",
-            "CFAST",
-            "CWELD",
-            "CSEAM",
-            "GENEL",
-        ),
-        "give [[joints]] in the study file",
-    ),
+_REMEDIES: Final = {
+    "RBE1 RBE2 RBE3 RBAR RBAR1 RROD RTRPLT RJOINT RSPLINE RSSCON MPC MPCADD": _CONNECTION,
+    "SPC SPC1 SPCADD SPCD SPCR SUPORT SUPORT1": "give [[supports]] in the study file",
+    "CONM1 CONM2 CMASS1 CMASS2 CMASS3 CMASS4": "give [[masses]] in the study file",
+    "CBUSH CBUSH1D CBUSH2D CELAS1 CELAS2 CELAS3 CELAS4 CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CVISC CGAP CFAST "
+    "CWELD CSEAM GENEL": "give [[joints]] in the study file",
 }
+NAMED: Final = {name: remedy for names, remedy in _REMEDIES.items() for name in names.split()}
 """Cards that are left out, each with its remedy."""
 
 HARMLESS: Final = words(

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fem.io.array_types import Floats
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_sections import material_of, rod, with_shear
-from fem.io.nastran_deck import Card, Floats, NastranDeck
+from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, section_of_shape
 from fem.materials import PropertyError
 from fem.sections.section import Section
@@ -24,12 +25,7 @@ STATION_ERROR = 0.02
 
 BEAMS = ("CBAR", "CBEAM")
 
-OF_ELEMENT = {
-    "CBAR": ("PBAR", "PBARL"),
-    "CBEAM": ("PBEAM", "PBEAML"),
-    "CROD": ("PROD",),
-    "CTUBE": ("PTUBE",),
-}
+OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 """Cards that give the property of an element."""
 
 
@@ -40,15 +36,11 @@ class Profile:
     Attributes
     ----------
     card : Card
-    material : int
-        Number of its MAT1.
+    material : int, number of its MAT1
     section, section2 : Section, Section or None
-    mass_per_length : float
-        Non-structural [kg/m].
-    centroid : ndarray (2, 2)
-        Centroid from the shear centre in Nastran's y and z at both ends [m].
-    torsion : float
-        J of a rod [m⁴].
+    mass_per_length : float, non-structural [kg/m]
+    centroid : ndarray (2, 2), centroid from the shear centre in Nastran's y and z at both ends [m]
+    torsion : float, j of a rod [m⁴]
     """
 
     card: Card
@@ -72,13 +64,7 @@ class Properties:
         self.found: list[BarProperty] = []
 
     def of(self, element: Card, number: int | None) -> tuple[int, Profile]:
-        """Return the place of an element's property in the list, and its profile.
-
-        Raises
-        ------
-        MeshError
-            If the property or its material is not there, or cannot exist.
-        """
+        """Return the place of an element's property in the list, and its profile."""
         key = (element.name, number) if number is not None else ("CONROD", *map(str, element.fields[3:7]))
         if key not in self.made:
             card = element if number is None else self.cards[element.name].get(number)
@@ -165,13 +151,7 @@ class Properties:
 
 
 def elastic(card: Card) -> tuple[float, float, float]:
-    """Return E, G and Poisson's ratio of a MAT1, each missing one from the other two.
-
-    Raises
-    ------
-    MeshError
-        For values that do not give a material.
-    """
+    """Return E, G and Poisson's ratio of a MAT1, each missing one from the other two."""
     E, G, nu = (card.real(k) for k in (1, 2, 3))
     has_nu = bool(card.text(3))
     if not E and G and has_nu:

@@ -12,13 +12,7 @@ ALL = (0, 1, 2, 3, 4, 5)
 
 
 def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -> list[Card]:
-    """Return the cards of the set that case control selects, or of the only one if there is none.
-
-    Raises
-    ------
-    MeshError
-        Without case control and with several sets, and for sets that the file does not have.
-    """
+    """Return the cards of the set that case control selects, or of the only one if there is none."""
     cards, sums = list(deck.of(*names)), deck.by_number(adding)
     if not cards:
         return []
@@ -54,16 +48,8 @@ def _members(card: Card) -> Iterator[int]:
 # Supports ---------------------------------------------------------------------------------------------------
 
 
-def fixed_of(
-    deck: NastranDeck,
-) -> tuple[dict[int, tuple[str, ...]], tuple[Connection, ...]]:
-    """Return fixed global directions by row of the grid points, and skew supports.
-
-    Raises
-    ------
-    MeshError
-        For unknown grid points and components, and sets that are not clear.
-    """
+def fixed_of(deck: NastranDeck) -> tuple[dict[int, tuple[str, ...]], tuple[Connection, ...]]:
+    """Return fixed global directions by row of the grid points, and skew supports."""
     fixed: dict[int, set[int]] = {}
     given = next(deck.of("GRDSET"), None)
     for card in deck.of("GRID"):
@@ -112,13 +98,7 @@ def _listed(card: Card, start: int) -> Iterator[tuple[int, bool]]:
 
 
 def constraints_of(deck: NastranDeck) -> Constraints:
-    """Return the rigid elements and the equations of the selected set.
-
-    Raises
-    ------
-    MeshError
-        For elements that join a grid point with itself, or are not determined.
-    """
+    """Return the rigid elements and the equations of the selected set."""
     out = Constraints(deck.points, deck.axes)
     for name, read in (("RBE2", _rbe2), ("RBAR", _rbar), ("RROD", _rrod), ("RBE3", _rbe3)):
         for card in deck.by_number(name).values():

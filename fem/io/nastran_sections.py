@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, check_fit, of_constants, walled
 from fem.materials import PropertyError
 from fem.sections.section import Section
@@ -34,8 +35,7 @@ def section_of_constants(
     I1, I2, I12 = moments
     least = NEGLIGIBLE * max(I1, I2)
     if I12**2 > I1 * I2:
-        msg = f"section {label}: I12² = {I12**2:g} is above I1 I2 = {I1 * I2:g}"
-        raise PropertyError(msg)
+        refuse(f"section {label}: I12² = {I12**2:g} is above I1 I2 = {I1 * I2:g}", PropertyError)
     return of_constants(label, A, (I1, I2, -I12), max(J, NEGLIGIBLE * (I1 + I2)), k[::-1], least)
 
 
@@ -129,8 +129,7 @@ def section_of_shape(shape: str, dimensions: Sequence[float], nu: float) -> Sect
         For shapes that are not in :data:`SHAPES`, and dimensions that do not fit.
     """
     if shape not in SHAPES:
-        msg = f"there is no section for the shape {shape}; there are {', '.join(SHAPES)}"
-        raise PropertyError(msg)
+        refuse(f"there is no section for the shape {shape}; there are {', '.join(SHAPES)}", PropertyError)
     if any(not d > 0 for d in dimensions) and shape != "TUBE":
         msg = f"the dimensions are {', '.join(f'{d:g}' for d in dimensions)}; they must be positive"
         raise PropertyError(msg)

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats
 from fem.io.deck import integer
-from fem.io.faults import error_at
+from fem.io.faults import error_at, refuse
 from fem.io.nastran_cards import real
 from fem.mesh import MeshError
 
@@ -42,18 +42,12 @@ class Systems:
     grid : the system and the local coordinates of a grid point, None for one that is not there
     """
 
-    grid: Callable[[int], tuple[int, NDArray[np.float64]] | None]
+    grid: Callable[[int], tuple[int, Floats] | None]
     named: dict[int, System] = field(default_factory=dict)
-    _frames: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
+    _frames: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
     def add(self, name: str, fields: list[str], place: str) -> None:
-        """Add the coordinate system that a card defines.
-
-        Raises
-        ------
-        MeshError
-            For fields that are no numbers, and a system that is defined twice.
-        """
+        """Add the coordinate system that a card defines."""
         kind = name[-1]
         found: dict[int, System] = {}
         try:
@@ -80,27 +74,15 @@ class Systems:
                     msg = f"{place}: coordinate system {number} is not allowed; numbers begin with 1"
                 raise MeshError(msg)
 
-    def to_basic(self, number: int, xyz: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-        """Return basic coordinates of points (n, 3) that a system has, angles in degrees.
-
-        Raises
-        ------
-        MeshError
-            For systems that are not there, refer to each other in a circle, or have no axes.
-        """
+    def to_basic(self, number: int, xyz: Floats, place: str) -> Floats:
+        """Return basic coordinates of points (n, 3) that a system has, angles in degrees."""
         if number == 0:
             return xyz
         axes, origin = self._frame(number, place)
         return _cartesian(self.named[number].kind, xyz) @ axes + origin
 
-    def axes_at(self, number: int, point: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-        """Return the unit vectors along a system's coordinates at a basic point, as rows (3, 3).
-
-        Raises
-        ------
-        MeshError
-            As :meth:`to_basic`.
-        """
+    def axes_at(self, number: int, point: Floats, place: str) -> Floats:
+        """Return the unit vectors along a system's coordinates at a basic point, as rows (3, 3)."""
         if number == 0:
             return np.eye(3)
         axes, origin = self._frame(number, place)
@@ -117,7 +99,7 @@ class Systems:
         c, s = math.cos(theta), math.sin(theta)
         return np.stack([s * radial + c * up, c * radial - s * up, around])
 
-    def _frame(self, number: int, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _frame(self, number: int, place: str) -> tuple[Floats, Floats]:
         waiting: list[tuple[int, str]] = [(number, place)]
         under_way: dict[int, None] = {}
         while waiting:
@@ -127,8 +109,7 @@ class Systems:
                 waiting.pop()
                 continue
             if top not in self.named:
-                msg = f"{place} is in coordinate system {top}, which the file does not have"
-                raise MeshError(msg)
+                refuse(f"{place} is in coordinate system {top}, which the file does not have", MeshError)
             system = self.named[top]
             needed = [n for n in self._needed(top, system) if n and n not in self._frames]
             if not needed:
@@ -154,7 +135,7 @@ class Systems:
             )
         return [one[0] for one in found if one is not None]
 
-    def _built(self, number: int, system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _built(self, number: int, system: System) -> tuple[Floats, Floats]:
         if system.grids:
             found = [one for n in system.grids if (one := self.grid(n)) is not None]
             points = np.array([self.to_basic(cp, xyz[None], system.place)[0] for cp, xyz in found])
@@ -174,7 +155,7 @@ class Systems:
         return np.asarray(np.stack([np.cross(y, z), y, z]), dtype=float), a
 
 
-def _cartesian(kind: str, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cartesian(kind: str, xyz: Floats) -> Floats:
     """Return Cartesian coordinates of r, θ, z (C) or r, θ from z, φ about z (S)."""
     if kind == "R":
         return xyz

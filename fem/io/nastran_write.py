@@ -8,15 +8,18 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     all_matrices,
+    equation_cells,
     first_element,
     matrix_entries,
+    notes_of,
     plain,
-    scale_of,
     solved_equations,
+    text_of,
     with_nodes,
     wrapped,
-)
+)  # fmt: skip
 from fem.io.deck_units import Units
+from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck
 from fem.mesh import MeshError
@@ -47,12 +50,12 @@ def nastran_text(
     """
     u, deck = Units.of(units), with_nodes(deck, arms=None)
     bulk = [*_nodes(deck, u), *_bars(deck, u), *_others(deck, u)]
-    head = [line for text in heading for line in wrapped("$", text)]
-    notes = [line for text in deck.notes for line in wrapped("$", f"NOTE: {text}")]
+    notes = notes_of("$", deck)
     used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
     requests = [f"{MATRICES[key]} = {key}EFF" for key in used]
     if deck.part:
-        return _lines(head, *([f"$ case control: {', '.join(requests)}"] if requests else []), *bulk, *notes)
+        ask = [f"$ case control: {', '.join(requests)}"] if requests else []
+        return text_of("$", heading, [*ask, *bulk, *notes])
     control = ["SOL 103", "CEND", f"TITLE = {deck.file[:60]}", "SPC = 1", "MPC = 1", "METHOD = 1", *requests]
     damping, more = _damping(deck)
     coupled = any(p.theory != "bar" and p.mass != "lumped-slender" for p in deck.properties)
@@ -62,11 +65,7 @@ def nastran_text(
         *damping,
         *card("EIGRL", 1, None, None, modes),
     ]
-    return _lines(head, *control, *more, "BEGIN BULK", *solution, *bulk, *notes, "ENDDATA")
-
-
-def _lines(head: list[str], *rest: str) -> str:
-    return "".join(f"{line}\n" for line in (*head, *rest))
+    return text_of("$", heading, [*control, *more, "BEGIN BULK", *solution, *bulk, *notes, "ENDDATA"])
 
 
 def number(value: float, letter: str = "") -> str:
@@ -75,8 +74,7 @@ def number(value: float, letter: str = "") -> str:
     ``letter`` is that of the exponent; Nastran needs none.
     """
     if not math.isfinite(value):
-        msg = f"{value} is no number that a deck can have"
-        raise MeshError(msg)
+        refuse(f"{value} is no number that a deck can have", MeshError)
     if not letter and (value == 0 or 1e-2 <= abs(value) < 1e7):
         point = f"{value:.0f}".lstrip("-")
         return f"{value:.{WIDTH - 2 - len(point)}f}".rstrip("0")
@@ -85,8 +83,7 @@ def number(value: float, letter: str = "") -> str:
         plain = f"{mantissa.rstrip('0')}{letter}{int(exponent):+d}"
         if len(plain) <= WIDTH:
             return plain
-    msg = f"{value} does not fit into {WIDTH} columns"
-    raise MeshError(msg)
+    refuse(f"{value} does not fit into {WIDTH} columns", MeshError)
 
 
 def card(name: str, *fields: Any) -> list[str]:
@@ -154,15 +151,8 @@ def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
         return
 
     def constants(of: Any, *product: float) -> list[float]:
-        sizes = (
-            of.A / u.area,
-            of.Iy / u.second_moment,
-            of.Iz / u.second_moment,
-            *product,
-            of.J / u.second_moment,
-            line,
-        )
-        return [float(x) for x in sizes]
+        I = (of.Iy / u.second_moment, of.Iz / u.second_moment, *product, of.J / u.second_moment)
+        return [float(x) for x in (of.A / u.area, *I, line)]
 
     blank = [None] * 8
     if _bar_card(p) == "CBAR":
@@ -196,12 +186,11 @@ def _others(deck: ModelDeck, u: Units) -> Iterator[str]:
         yield from card(
             "RBE2", first + k, deck.nodes[link.node], "".join(COMPONENT[d] for d in link.directions), *led
         )
-    for name, terms in solved_equations(deck):
-        yield from wrapped("$", name)
+    for comment, cells in equation_cells(deck, solved_equations(deck), COMPONENT, u, "$"):
+        yield from comment
         fields: list[Any] = [1]
-        for j, (n, d, a) in enumerate(terms):
-            fields += [None, None] if j and j % 2 == 0 else []
-            fields += [deck.nodes[n], COMPONENT[d], a * scale_of(d, u)]
+        for j, cell in enumerate(cells):
+            fields += [*([None, None] if j and j % 2 == 0 else []), *cell]
         yield from card("MPC", *fields)
     yield from _dmig(deck, u)
 

@@ -14,12 +14,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fem.io.faults import error_at
+from fem.io.array_types import Bools, Floats, Ints
+from fem.io.faults import error_at, refuse
 from fem.io.rawsets import LineSets, distinct, listed
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_advice
 
@@ -53,8 +54,8 @@ class RawMesh:
     point_names: dict[str, int] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
-    point_numbers: Sequence[int] | NDArray[np.int64] | None = None
-    line_numbers: Sequence[int] | NDArray[np.int64] | None = None
+    point_numbers: Sequence[int] | Ints | None = None
+    line_numbers: Sequence[int] | Ints | None = None
 
     def point(self, row: int) -> str:
         """Return the name of a point in messages."""
@@ -73,18 +74,12 @@ def mesh_of(
     Points on no line are left out; with ``free_points``, those that have a name are kept.
 
     The sentences of the warning are the mesh's ``notes``.
-
-    Raises
-    ------
-    MeshError
-        If there are no lines, or they do not make a mesh.
     """
     if not len(raw.lines):
         found = ", ".join([*(f"{n} {name}" for name, n in raw.left_out.items()), *raw.notes]) or "no elements"
         raise error_at(file, f"no lines; it has {found}, and a frame needs two-node or three-node lines")
     if not (np.isfinite(scale) and scale > 0):
-        msg = f"the scale is {scale}; it must be positive (0.001 for a file in mm)"
-        raise MeshError(msg)
+        refuse(f"the scale is {scale}; it must be positive (0.001 for a file in mm)", MeshError)
     points = np.array(raw.points, dtype=float).reshape(-1, 3)
     chains = _rows_of_three(raw, len(points), file)
     points *= scale
@@ -114,13 +109,13 @@ def mesh_of(
     return mesh
 
 
-def _first_and_count(origin: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _first_and_count(origin: Ints, n: int) -> tuple[Ints, Ints]:
     """Return the first of the rows that come from each of n, and their number; ``origin`` is ascending."""
     count = np.bincount(origin, minlength=n)
     return np.cumsum(count) - count, count
 
 
-def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> NDArray[np.int64]:
+def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> Ints:
     """Return the points of each line, (n_lines, 3), with -1 for the third of those with two."""
     if isinstance(raw.lines, np.ndarray):
         given = np.asarray(raw.lines, dtype=np.int64)
@@ -139,9 +134,7 @@ def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> NDArray[np.int64]:
     return given
 
 
-def _check_coordinates(
-    raw: RawMesh, points: NDArray[np.float64], chains: NDArray[np.int64], file: str
-) -> None:
+def _check_coordinates(raw: RawMesh, points: Floats, chains: Ints, file: str) -> None:
     """Refuse coordinates without a finite square; those of points on no line do not matter."""
     bad = np.flatnonzero(~_near(points))
     if not bad.size:
@@ -158,18 +151,12 @@ def _check_coordinates(
         raise error_at(file, f"{raw.point(row)} has the coordinates {xyz}; they must be finite numbers")
 
 
-def _near(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _near(points: Floats) -> Bools:
     """Tell which points have distances that are finite numbers."""
     return (np.abs(points) < np.sqrt(np.finfo(float).max) / 4).all(axis=1)
 
 
-def _check_lengths(
-    raw: RawMesh,
-    points: NDArray[np.float64],
-    lines: NDArray[np.int64],
-    origin: NDArray[np.int64],
-    file: str,
-) -> None:
+def _check_lengths(raw: RawMesh, points: Floats, lines: Ints, origin: Ints, file: str) -> None:
     """Refuse lines without length by their numbers in the file, before points are renumbered."""
     length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
     size = float(np.ptp(points[distinct(lines.ravel())], axis=0).max())
@@ -185,9 +172,7 @@ def _check_lengths(
         raise MeshError(msg)
 
 
-def _two_node_lines(
-    points: NDArray[np.float64], chains: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _two_node_lines(points: Floats, chains: Ints) -> tuple[Ints, Ints]:
     """Return two-node lines and the line of the file that each comes from.
 
     Of three nodes, the one that is not an end of the longest distance is the middle one, whatever the
@@ -239,7 +224,7 @@ def _distinct(rows: ArrayLike) -> list[int]:
     return rows[np.sort(first)].tolist()
 
 
-def _pairs(points: NDArray[np.float64], reach: float) -> NDArray[np.int64] | None:
+def _pairs(points: Floats, reach: float) -> Ints | None:
     """Return the pairs of points within a distance, (n_pairs, 2); None for more than ``MOST_PAIRS``."""
     some = np.flatnonzero(_near(points))
     tree = cKDTree(points[some], balanced_tree=False, compact_nodes=False)
@@ -248,7 +233,7 @@ def _pairs(points: NDArray[np.float64], reach: float) -> NDArray[np.int64] | Non
     return some[tree.query_pairs(reach, output_type="ndarray")]
 
 
-def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list[str]:
+def _coincidences(points: Floats, lines: Ints) -> list[str]:
     """Count the points that lie at the place of others."""
     used = points[distinct(lines.ravel())]
     reach = 1e-6 * float(np.ptp(used, axis=0).max())
@@ -270,17 +255,11 @@ def _coincidences(points: NDArray[np.float64], lines: NDArray[np.int64]) -> list
 
 
 def _merged(
-    points: NDArray[np.float64],
-    lines: NDArray[np.int64],
-    names: dict[str, int],
-    tolerance: float,
-    notes: list[str],
-    file: str,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, int], NDArray[np.int64]]:
+    points: Floats, lines: Ints, names: dict[str, int], tolerance: float, notes: list[str], file: str
+) -> tuple[Floats, Ints, dict[str, int], Ints]:
     """Join points nearer than a tolerance; return also which lines are left."""
     if not (np.isfinite(tolerance) and tolerance >= 0):
-        msg = f"the merge tolerance is {tolerance}; it must be a length that is not negative [m]"
-        raise MeshError(msg)
+        refuse(f"the merge tolerance is {tolerance}; it must be a length that is not negative [m]", MeshError)
     pairs, n = _pairs(points, tolerance), len(points)
     if pairs is None:
         msg = (
@@ -305,12 +284,8 @@ def _merged(
 
 
 def _used(
-    points: NDArray[np.float64],
-    lines: NDArray[np.int64],
-    names: dict[str, int],
-    notes: list[str],
-    free: Sequence[int],
-) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, int]]:
+    points: Floats, lines: Ints, names: dict[str, int], notes: list[str], free: Sequence[int]
+) -> tuple[Floats, Ints, dict[str, int]]:
     """Leave out points on no line but for some that are free; the others keep their order."""
     used = distinct(np.append(lines.ravel(), np.array(free, dtype=np.int64)))
     to = np.full(len(points), -1)
@@ -324,19 +299,14 @@ def _used(
     return points[used], to[lines], {name: int(to[k]) for name, k in names.items() if to[k] >= 0}
 
 
-def _doubles(lines: NDArray[np.int64]) -> list[str]:
+def _doubles(lines: Ints) -> list[str]:
     ends = np.sort(lines, axis=1)
     n = len(lines) - len(distinct(ends[:, 0] * (int(lines.max()) + 1) + ends[:, 1]))
     return [f"{n} lines join the same two points as another line"] if n else []
 
 
 def _built(
-    points: NDArray[np.float64],
-    lines: NDArray[np.int64],
-    sets: LineSets,
-    names: Mapping[str, int],
-    file: str,
-    notes: list[str],
+    points: Floats, lines: Ints, sets: LineSets, names: Mapping[str, int], file: str, notes: list[str]
 ) -> Mesh:
     cells, parts_of, shared = sets.disjoint(len(lines))
     if shared:

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.io.array_types import Ints
 from fem.mesh import free_name
 
 MOST_LISTED = 8
@@ -17,8 +18,8 @@ class LineSets:
     """Sets of lines, one after the other: the number of the set and the line of each entry."""
 
     names: Sequence[str]
-    number: NDArray[np.int64]
-    line: NDArray[np.int64]
+    number: Ints
+    line: Ints
 
     @classmethod
     def of(cls, sets: Mapping[str, ArrayLike]) -> "LineSets":
@@ -28,13 +29,13 @@ class LineSets:
         line = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
         return cls(list(sets), number, line)
 
-    def over(self, first: NDArray[np.int64], count: NDArray[np.int64]) -> "LineSets":
+    def over(self, first: Ints, count: Ints) -> "LineSets":
         """Return the sets after line i has become lines ``first[i]`` to ``first[i] + count[i] - 1``."""
         n = count[self.line]
         step = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
         return LineSets(self.names, np.repeat(self.number, n), np.repeat(first[self.line], n) + step)
 
-    def mapping(self) -> dict[str, NDArray[np.int64]]:
+    def mapping(self) -> dict[str, Ints]:
         """Return the lines of each set by its name."""
         order = np.argsort(self.number, kind="stable")
         ends = np.cumsum(np.bincount(self.number, minlength=len(self.names))).tolist()
@@ -46,9 +47,7 @@ class LineSets:
         filled = np.bincount(self.number, minlength=len(self.names)) > 0
         return [name for name, some in zip(self.names, filled.tolist(), strict=True) if not some]
 
-    def disjoint(
-        self, n_lines: int
-    ) -> tuple[dict[str, NDArray[np.int64]], dict[str, tuple[str, ...]], list[str]]:
+    def disjoint(self, n_lines: int) -> tuple[dict[str, Ints], dict[str, tuple[str, ...]], list[str]]:
         """Cut overlapping sets into parts that do not overlap.
 
         Returns the parts, the names of the parts of each set that is not a part itself, and the names of
@@ -76,7 +75,7 @@ class LineSets:
         shared = [named[k] for k in parts if len(holders[k]) > 1 and named[k] not in place]
         return {named[k]: rows[k] for k in parts}, groups, shared
 
-    def _named(self, holders: list[list[int]], n: list[int], size: NDArray[np.int64]) -> list[str]:
+    def _named(self, holders: list[list[int]], n: list[int], size: Ints) -> list[str]:
         taken = set(self.names)
         named: list[str] = []
         for keys, count in zip(holders, n, strict=True):
@@ -91,7 +90,7 @@ class LineSets:
         return named
 
 
-def _parts(line: NDArray[np.int64], rank: NDArray[np.int64], n_lines: int) -> NDArray[np.int64]:
+def _parts(line: Ints, rank: Ints, n_lines: int) -> Ints:
     """Return for each line which part it is in, by the sets that hold it; -1 for none.
 
     Parts are numbered in the order of their first lines. ``line`` is sorted.
@@ -117,9 +116,7 @@ def _parts(line: NDArray[np.int64], rank: NDArray[np.int64], n_lines: int) -> ND
     return code
 
 
-def _holders(
-    number: NDArray[np.int64], part: NDArray[np.int64], by_size: NDArray[np.int64], n_parts: int
-) -> list[list[int]]:
+def _holders(number: Ints, part: Ints, by_size: Ints, n_parts: int) -> list[list[int]]:
     """Return the numbers of the sets that hold each part, the smallest first."""
     rank = np.empty_like(by_size)
     rank[by_size] = np.arange(len(by_size))
@@ -129,7 +126,7 @@ def _holders(
     return [numbers[i:j] for i, j in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def distinct(values: NDArray[np.int64]) -> NDArray[np.int64]:
+def distinct(values: Ints) -> Ints:
     """Return the different values in ascending order; sorting takes a tenth of `np.unique`'s hashing."""
     values = np.sort(values)
     return values[np.r_[True, values[1:] != values[:-1]]] if values.size else values

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRFKind
+from fem.io.array_types import Floats
 from fem.io.arrays import TableError, named_arrays
 from fem.io.columns import Columns, read_columns
 from fem.io.faults import error_at
@@ -57,8 +57,6 @@ OFF_GRID = 0.02
 
 MOTION_UNITS = {FRFKind.RECEPTANCE: "m", FRFKind.MOBILITY: "m/s", FRFKind.ACCELERANCE: "m/s^2"}
 """SI units of translations, by the kind of the FRF whose response they are."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +191,7 @@ def _stated_rate(reader: TimeReader, file: Path) -> float | None:
 
 
 def _refuse(path: Path, text: str) -> NoReturn:
-    raise error_at(path.name, f"{text}", TableError)
+    raise error_at(path.name, text, TableError)
 
 
 def _rate(path: Path, given: float | None, found: float | None) -> float:

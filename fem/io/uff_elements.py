@@ -5,16 +5,14 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Bools, Ints
+from fem.io.faults import refuse
 from fem.io.uff_format import Block
 from fem.io.uff_numbers import Tokens, text_at, tokens, whole, whole_of
 from fem.io.uff_types import Element, TraceLine
 
-HEADS: dict[int, tuple[int, tuple[int, ...]]] = {
-    780: (8, (0, 1, 3, 5, 7)),
-    2412: (6, (0, 1, 2, 3, 5)),
-}
+HEADS: dict[int, tuple[int, tuple[int, ...]]] = {780: (8, (0, 1, 3, 5, 7)), 2412: (6, (0, 1, 2, 3, 5))}
 """Numbers on an element's first line, and which of them are label, descriptor, property, material, nodes."""
 
 BEAMS = (11, 21, 22, 23, 24, 31, 32)
@@ -36,21 +34,18 @@ class Elements(Sequence[Element]):
     Attributes
     ----------
     number, descriptor, property, material : ndarray of int (n,)
-    nodes : ndarray of int
-        Of all elements one after the other.
-    first : ndarray of int (n + 1,)
-        Where each one's nodes begin.
-    line : ndarray of int (n,)
-        Lines of the file.
+    nodes : ndarray of int, of all elements one after the other
+    first : ndarray of int (n + 1,), where each one's nodes begin
+    line : ndarray of int (n,), lines of the file
     """
 
-    number: NDArray[np.int64]
-    descriptor: NDArray[np.int64]
-    property: NDArray[np.int64]
-    material: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-    first: NDArray[np.int64]
-    line: NDArray[np.int64]
+    number: Ints
+    descriptor: Ints
+    property: Ints
+    material: Ints
+    nodes: Ints
+    first: Ints
+    line: Ints
 
     @classmethod
     def joined(cls, parts: Iterable["Elements"]) -> "Elements":
@@ -103,15 +98,14 @@ class Elements(Sequence[Element]):
             a, b = self[int(order[k])], self[int(order[k + 1])]
             if replace(a, property=0, material=0) != replace(b, property=0, material=0) or a != b:
                 one, two = sorted((int(self.line[order[k]]), int(self.line[order[k + 1]])))
-                msg = (
+                refuse(
                     f"element {a.number} is defined at line {one} and again, with other nodes or type, at "
                     f"line {two}; each element needs a number of its own"
                 )
-                raise ValueError(msg)
             kept[order[k + 1]] = False
         return self._chosen(kept)
 
-    def _chosen(self, kept: NDArray[np.bool_]) -> "Elements":
+    def _chosen(self, kept: Bools) -> "Elements":
         counts = np.diff(self.first)
         return Elements(
             self.number[kept], self.descriptor[kept], self.property[kept], self.material[kept],
@@ -197,7 +191,7 @@ def _walked(block: Block, found: Tokens) -> Elements | None:
     return Elements(number, descriptor, physical, material, values[at].astype(np.int64), first, line)
 
 
-def _heads(step: list[int], n_lines: int) -> NDArray[np.int64] | None:
+def _heads(step: list[int], n_lines: int) -> Ints | None:
     """Return the first lines of elements, by their numbers of lines."""
     heads: list[int] = []
     k = 0
@@ -281,8 +275,7 @@ def trace_line_of(block: Block) -> TraceLine:
     for record in range(3, block.n_lines):
         nodes += _whole_row(block, record)
     if len(nodes) < count:
-        msg = f"trace line {number} announces {count} nodes and has {len(nodes)}"
-        raise ValueError(msg)
+        refuse(f"trace line {number} announces {count} nodes and has {len(nodes)}")
     strokes: list[list[int]] = [[]]
     for node in nodes[:count]:
         if node == 0:
@@ -323,16 +316,14 @@ def _entities(
     while len(flat) < count * per_entity:
         row = _whole_row(block, record)
         if not row or len(row) % per_entity:
-            msg = (
+            refuse(
                 f"{block.at(record)} has {len(row)} numbers where {per_entity} for each entity of {group} "
                 "are expected"
             )
-            raise ValueError(msg)
         flat += row
         record += 1
     if len(flat) != count * per_entity:
-        msg = f"{group} announces {count} entities and has {len(flat) // per_entity}"
-        raise ValueError(msg)
+        refuse(f"{group} announces {count} entities and has {len(flat) // per_entity}")
     return _by_code(flat[::per_entity], flat[1::per_entity]), record
 
 
@@ -346,8 +337,7 @@ def groups_of(block: Block) -> Iterator[Group]:
             continue
         head = _columns_of_ten(block.lines[record])
         if not 6 <= len(head) <= 8:
-            msg = f"{block.at(record)} has {len(head)} numbers where the 8 of a group are expected"
-            raise ValueError(msg)
+            refuse(f"{block.at(record)} has {len(head)} numbers where the 8 of a group are expected")
         number, count = whole(block, record, head[0]), whole(block, record, head[-1])
         name = text_at(block, record + 1).strip()
         place = f"dataset {block.kind}, {block.at(record)}"

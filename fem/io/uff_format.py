@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.faults import refuse
+
 MARK = b"    -1"
 """Mark, alone on its line, before and after each dataset."""
 
@@ -79,19 +81,14 @@ class Block:
 
     Attributes
     ----------
-    kind : int
-        Number of the dataset, such as 58.
-    line, offset : int
-        Place of its opening mark: line from 1, byte from 0.
-    head : str
-        The line with its type.
-    body : bytes
-        Bytes after that line, without the closing mark; of a binary dataset the header only.
+    kind : int, number of the dataset, such as 58
+    line, offset : int, place of its opening mark: line from 1, byte from 0
+    head : str, the line with its type
+    body : bytes, bytes after that line, without the closing mark; of a binary dataset the header only
     values : ndarray or None
         Values of a binary dataset, a structured array with ``y`` (n, 1 or 2) and ``x`` (n,) where it is
         stored.
-    refusal : str
-        Why it cannot be read; empty if it can.
+    refusal : str, why it cannot be read; empty if it can
     """
 
     kind: int
@@ -159,11 +156,6 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
         The datasets in their order.
     notes : list of str
         One line for each thing that was passed over.
-
-    Raises
-    ------
-    UffError
-        If a dataset is cut off by the end of the file, or has fewer values than it announces.
     """
     if b"\n" not in data:  # line ends of old Macintosh programs
         data = data.replace(b"\r", b"\n")
@@ -284,22 +276,19 @@ def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
     precision; some write double precision under a header that says single, or the reverse.
     """
     if len(header) < HEADER_LINES:
-        msg = f"its header has {len(header) - 1} records of 11; the file may be cut off"
-        raise ValueError(msg)
+        refuse(f"its header has {len(header) - 1} records of 11; the file may be cut off")
     order, floating = _integer(header[0][7:13], 1), _integer(header[0][13:19], 2)
     if order not in (1, 2) or floating not in (0, 2):
-        msg = (
+        refuse(
             f"byte order {order} and number format {floating}; 1 or 2 (little or big endian) and 2 (IEEE) "
             "are read"
         )
-        raise ValueError(msg)
     kind, n, even = _integer(header[7][:10]), _integer(header[7][10:20]), _integer(header[7][20:30])
     if kind not in (2, 4, 5, 6) or n < 0 or even not in (0, 1):
-        msg = (
-            f"ordinate type {kind}, {n} values, spacing {even}; 2, 4, 5 or 6, none or more, and 0 or 1 "
-            "are allowed"
+        refuse(
+            f"ordinate type {kind}, {n} values, spacing {even}; 2, 4, 5 or 6, none or more, and 0 or 1 are "
+            "allowed"
         )
-        raise ValueError(msg)
     ends, parts = "<" if order == 1 else ">", 2 if kind in (5, 6) else 1
     width = 8 if kind in (4, 6) else 4
     widths = [(width, width), (12 - width, 12 - width)]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
-from fem.io.faults import error_at
+from fem.io.array_types import Floats
+from fem.io.faults import error_at, refuse
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
@@ -87,11 +88,10 @@ def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tupl
     words = line.split()
     whole_numbers = [whole_of(words[k]) if k < len(words) else None for k in (0, 1, 2, 3, 5, 6, 8, 9)]
     if len(words) != 10 or None in whole_numbers:
-        msg = (
+        refuse(
             f"{block.at(6)} does not have response and reference in the columns of the format: a name of "
             "more than 10 characters shifts node and direction; shorten it, or leave out its blanks"
         )
-        raise ValueError(msg)
     numbers = [k for k in whole_numbers if k is not None]
     notes.append(
         "names of more than 10 characters shift the columns of response and reference, which are "
@@ -116,11 +116,10 @@ def _ordinates(block: Block, notes: list[str]) -> tuple[NDArray[Any], NDArray[An
     kind, n, even = (whole(block, 7, line[k : k + 10]) for k in (0, 10, 20))
     start, step = (real(block, 7, line[k : k + 13]) for k in (30, 43))
     if kind not in (2, 4, 5, 6) or n < 0 or even not in (0, 1):
-        msg = (
+        refuse(
             f"{block.at(7)}: ordinate type {kind}, {n} values, spacing {even}; 2, 4, 5 or 6, none or more, "
             "and 0 or 1 are allowed"
         )
-        raise ValueError(msg)
     text_at(block, 11)
     parts = 2 if kind in (5, 6) else 1
     if block.values is not None:
@@ -134,9 +133,7 @@ def _ordinates(block: Block, notes: list[str]) -> tuple[NDArray[Any], NDArray[An
     return start + np.arange(n) * step if stored is None else stored, values
 
 
-def _values(
-    block: Block, n: int, columns: int, double: bool, even: bool, notes: list[str]
-) -> NDArray[np.float64]:
+def _values(block: Block, n: int, columns: int, double: bool, even: bool, notes: list[str]) -> Floats:
     """Return the values of a dataset in text form, shape (n, columns)."""
     found = tokens(block, 12)
     values = None if found is None else found.values
@@ -146,8 +143,7 @@ def _values(
             widths = (13,) + (20,) * (columns - 1)
         values = np.array([x for k in range(12, block.n_lines) for x in _columns(block, k, widths)])
     if values.size < n * columns:
-        msg = f"it announces {n} values and has {values.size // columns}"
-        raise ValueError(msg)
+        refuse(f"it announces {n} values and has {values.size // columns}")
     if values.size >= (n + 1) * columns:
         notes.append(f"it announces {n} values and has {values.size // columns}; those beyond are left out")
     return values[: n * columns].reshape(n, columns)
@@ -304,16 +300,12 @@ class FRFGroups:
     Attributes
     ----------
     frfs : list of FRF
-    units : list of (str, str)
-        Unit labels of response and force.
-    axes : list of tuple of str
-        Unit labels of the abscissa.
+    units : list of (str, str), unit labels of response and force
+    axes : list of tuple of str, unit labels of the abscissa
     runs : list of str
         Label that tells a matrix from others, such as ``"load case 2"``; empty where nothing does.
-    notes : list of str
-        Records that came twice with other values, holes, and load cases.
-    left_out : list of str
-        Records that came twice with the same values.
+    notes : list of str, records that came twice with other values, holes, and load cases
+    left_out : list of str, records that came twice with the same values
     """
 
     frfs: list[FRF] = field(default_factory=list)

@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.io.uff_elements import BEAMS, ENTITIES, Elements, Group
@@ -33,13 +33,7 @@ def raw_mesh_of(
     groups: Sequence[Group],
     notes: Sequence[str] = (),
 ) -> RawMesh:
-    """Return rods and beams, or else trace lines, with the sets that trace lines, groups and properties make.
-
-    Raises
-    ------
-    UffError
-        If there are no points or no lines, or a line refers to a node that the file does not have.
-    """
+    """Return rods and beams, or else trace lines, with the sets of trace lines, groups and properties."""
     if points is None:
         raise error_at(file, "no points (dataset 15, 781 or 2411)", UffError)
     raw = RawMesh(notes=list(notes))
@@ -71,7 +65,7 @@ def raw_mesh_of(
     return raw
 
 
-def _add_points(raw: RawMesh, points: Points, rows: NDArray[np.int64]) -> None:
+def _add_points(raw: RawMesh, points: Points, rows: Ints) -> None:
     """Add lines, and the points that are on one or in a group; those of a test's sensors may be on none."""
     used = np.zeros(points.labels.size, dtype=bool)
     used[rows[rows >= 0]] = True
@@ -91,9 +85,7 @@ def _add_points(raw: RawMesh, points: Points, rows: NDArray[np.int64]) -> None:
 class _Lines:
     """Lines by the rows of their points (n, 3), and the rows and numbers of their elements."""
 
-    def __init__(
-        self, rows: NDArray[np.int64], owner: NDArray[np.int64], number: NDArray[np.int64], n_points: int
-    ) -> None:
+    def __init__(self, rows: Ints, owner: Ints, number: Ints, n_points: int) -> None:
         self.rows, self.owner, self.number, self.n_points = rows, owner, number, n_points
         steps = [rows[:, :2], *([rows[rows[:, 2] >= 0][:, 1:]] if (rows[:, 2] >= 0).any() else [])]
         of = [np.arange(len(rows)), *([np.flatnonzero(rows[:, 2] >= 0)] if len(steps) > 1 else [])]
@@ -101,10 +93,10 @@ class _Lines:
         order = np.argsort(key, kind="stable")
         self._key, self._line = key[order], np.concatenate(of)[order]
 
-    def _keys(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _keys(self, pairs: Ints) -> Ints:
         return pairs.min(axis=1) * self.n_points + pairs.max(axis=1)
 
-    def joining(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    def joining(self, pairs: Ints) -> Ints:
         """Return the lines that join the same points as pairs of rows (n, 2), in the order of the pairs."""
         if not len(pairs):
             return np.zeros(0, dtype=np.int64)
@@ -115,7 +107,7 @@ class _Lines:
         return np.array(list(dict.fromkeys(self._line[at].tolist())), dtype=np.int64)
 
 
-def _chains_of(elements: Elements, beams: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _chains_of(elements: Elements, beams: Ints) -> tuple[Ints, Ints]:
     """Return lines of two or three nodes, (n, 3) with -1 for none, and the row of the element of each."""
     count = np.diff(elements.first)[beams]
     first = elements.first[beams]
@@ -135,13 +127,7 @@ def _chains_of(elements: Elements, beams: NDArray[np.int64]) -> tuple[NDArray[np
     return np.concatenate([ends, extra])[order], owner[order]
 
 
-def _rows_of(
-    file: str,
-    points: Points,
-    ends: NDArray[np.int64],
-    number: NDArray[np.int64] | None,
-    line: NDArray[np.int64] | None,
-) -> NDArray[np.int64]:
+def _rows_of(file: str, points: Points, ends: Ints, number: Ints | None, line: Ints | None) -> Ints:
     """Return the rows of the points of lines; -1 stays."""
     at, there = points.rows_of(ends)
     given = np.ones_like(ends, dtype=bool)
@@ -167,9 +153,9 @@ def _add_sets(
     from_elements: bool,
 ) -> None:
     """Add the sets of lines and of points: of trace lines, of groups, and of properties for the rest."""
-    sets: dict[str, NDArray[np.int64]] = {}
+    sets: dict[str, Ints] = {}
     free = np.ones(len(lines.rows), dtype=bool)
-    by_number: dict[int, NDArray[np.int64]] = {}
+    by_number: dict[int, Ints] = {}
     for trace, pairs in zip(trace_lines, _pairs_of(trace_lines, points, raw), strict=True):
         found = lines.joining(pairs)
         by_number[trace.number] = found
@@ -204,12 +190,12 @@ def _add_sets(
     raw.sets = {name: rows.tolist() for name, rows in sets.items() if rows.size}
 
 
-def _pairs_of(traces: Sequence[TraceLine], points: Points, raw: RawMesh) -> list[NDArray[np.int64]]:
+def _pairs_of(traces: Sequence[TraceLine], points: Points, raw: RawMesh) -> list[Ints]:
     """Return the rows of the points of each trace line's steps (n, 2), those of nodes that are there."""
     pairs = [[pair for s in t.strokes for pair in pairwise(s)] for t in traces]
     ends = np.array([pair for one in pairs for pair in one], dtype=np.int64).reshape(-1, 2)
     at, there = points.rows_of(ends)
-    out: list[NDArray[np.int64]] = []
+    out: list[Ints] = []
     start = 0
     for trace, one in zip(traces, pairs, strict=True):
         part = slice(start, start + len(one))
@@ -228,7 +214,7 @@ def _is_node(name: str, points: Points) -> bool:
     return name.isascii() and name.isdigit() and len(name) <= 18 and bool((points.labels == int(name)).any())
 
 
-def _nodes_of(group: Group, points: Points, raw: RawMesh) -> NDArray[np.int64]:
+def _nodes_of(group: Group, points: Points, raw: RawMesh) -> Ints:
     """Return the rows of the nodes of a group."""
     wanted = np.array(group.members.get(7, ()), dtype=np.int64)
     if not wanted.size:
@@ -243,12 +229,8 @@ def _nodes_of(group: Group, points: Points, raw: RawMesh) -> NDArray[np.int64]:
 
 
 def _lines_of(
-    group: Group,
-    elements: Elements,
-    lines: _Lines,
-    by_number: Mapping[int, NDArray[np.int64]],
-    raw: RawMesh,
-) -> NDArray[np.int64]:
+    group: Group, elements: Elements, lines: _Lines, by_number: Mapping[int, Ints], raw: RawMesh
+) -> Ints:
     """Return the lines of a group."""
     wanted = np.array(sorted(set(group.members.get(8, ()))), dtype=np.int64)
     rows = np.flatnonzero(np.isin(lines.number, wanted)) if wanted.size else np.zeros(0, dtype=np.int64)
@@ -272,9 +254,7 @@ def _lines_of(
     return np.unique(np.concatenate([rows, *traces])) if traces else rows
 
 
-def _free_name(
-    group: Group, sets: Mapping[str, NDArray[np.int64]], rows: NDArray[np.int64], raw: RawMesh
-) -> str:
+def _free_name(group: Group, sets: Mapping[str, Ints], rows: Ints, raw: RawMesh) -> str:
     """Return the group's name, with its number where another set of other lines has the name."""
     name = group.name or f"group {group.number}"
     if name not in sets or np.array_equal(np.sort(sets[name]), rows):

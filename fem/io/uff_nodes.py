@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.io.array_types import Bools, Floats, Ints
+from fem.io.faults import refuse
 from fem.io.uff_format import Block, label_of, parse_label
 from fem.io.uff_numbers import line_of, records, whole_columns
 from fem.io.uff_systems import CARTESIAN, GLOBAL_NUMBERS, Systems
@@ -28,11 +30,11 @@ class Nodes:
     """The nodes of a file as its datasets have them."""
 
     systems: Systems
-    blocks: list[tuple[Block, NDArray[np.int64], NDArray[np.float64]]] = field(default_factory=list)
+    blocks: list[tuple[Block, Ints, Floats]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     _turned: dict[int, int] = field(default_factory=dict)
-    _at: dict[int, NDArray[np.float64]] = field(default_factory=dict)
-    _axes: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    _at: dict[int, Floats] = field(default_factory=dict)
+    _axes: dict[int, Floats] = field(default_factory=dict)
 
     def add(self, block: Block) -> None:
         """Take the nodes of a dataset in."""
@@ -41,8 +43,7 @@ class Nodes:
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
             place = line_of(block, row, len(pattern))
-            msg = f"node {values[row, 0]:g} at {place} has a coordinate that is not a finite number"
-            raise ValueError(msg)
+            refuse(f"node {values[row, 0]:g} at {place} has a coordinate that is not a finite number")
         self.blocks.append((block, whole_columns(block, values, (0, 1, 2), len(pattern)), values[:, 4:]))
 
     def points(self, length: float) -> Points | None:
@@ -68,7 +69,7 @@ class Nodes:
         self._remember_turned(numbers[kept], xyz[kept])
         return Points(labels[kept], xyz[kept] / length)
 
-    def _place(self, numbers: NDArray[np.int64], xyz: NDArray[np.float64]) -> None:
+    def _place(self, numbers: Ints, xyz: Floats) -> None:
         """Turn positions in systems of their own into global ones, in place."""
         own = np.unique(numbers[:, 1])
         for number in own.tolist():
@@ -87,13 +88,7 @@ class Nodes:
                     f"{number} ({system.place}) are turned into global ones{angles}"
                 )
 
-    def _check_repeated(
-        self,
-        numbers: NDArray[np.int64],
-        xyz: NDArray[np.float64],
-        order: NDArray[np.int64],
-        again: NDArray[np.bool_],
-    ) -> None:
+    def _check_repeated(self, numbers: Ints, xyz: Floats, order: Ints, again: Bools) -> None:
         """Refuse a node number with two positions; the same node twice does no harm."""
         sized = max(1e-300, float(np.abs(xyz).max()))
         first = np.maximum.accumulate(np.where(again[order], 0, np.arange(order.size)))
@@ -105,12 +100,11 @@ class Nodes:
             one, two = int(a[other][k]), int(rows[k])
             what = "displacement systems" if np.allclose(xyz[one], xyz[two]) else "positions"
             more = f", and {int(other.sum()) - 1} more nodes likewise" if other.sum() > 1 else ""
-            msg = (
+            refuse(
                 f"node {numbers[one, 0]} is defined at {self._line(one)} and at {self._line(two)} with two "
-                f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of "
-                "its own"
+                f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of its "
+                "own"
             )
-            raise ValueError(msg)
 
     def _line(self, row: int) -> str:
         for block, whole, _ in self.blocks:
@@ -119,7 +113,7 @@ class Nodes:
             row -= len(whole)
         return "an unknown line"
 
-    def _remember_turned(self, numbers: NDArray[np.int64], xyz: NDArray[np.float64]) -> None:
+    def _remember_turned(self, numbers: Ints, xyz: Floats) -> None:
         own = [k for k in np.unique(numbers[:, 2]).tolist() if k not in GLOBAL_NUMBERS or self._defines(k)]
         rows = np.flatnonzero(np.isin(numbers[:, 2], own))
         self._turned = dict(zip(numbers[rows, 0].tolist(), numbers[rows, 2].tolist(), strict=True))
@@ -132,7 +126,7 @@ class Nodes:
             return True
         return not (system.kind == CARTESIAN and np.array_equal(system.axes, np.eye(3)))
 
-    def axes(self, node: int) -> NDArray[np.float64] | None:
+    def axes(self, node: int) -> Floats | None:
         """Return the directions of a node's displacements, a row each; None if they are the global ones.
 
         Raises
@@ -182,5 +176,5 @@ def turn_shape(nodes: Nodes, labels: Sequence[int], values: NDArray[Any]) -> int
     return count
 
 
-def _triple(xyz: NDArray[np.float64]) -> str:
+def _triple(xyz: Floats) -> str:
     return f"({', '.join(f'{x:.6g}' for x in xyz)})"

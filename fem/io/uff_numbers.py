@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats, Ints
+from fem.io.faults import refuse
 from fem.io.uff_format import Block
 
 # Each part can match in one way only, so that a long line of digits takes linear time.
@@ -32,16 +33,14 @@ class Tokens:
     Attributes
     ----------
     values : ndarray (n,)
-    count, start : ndarray of int (n_lines,)
-        How many numbers a line has, and the index of its first.
-    record : ndarray of int (n_lines,)
-        Number of the line in the dataset; line 0 is the one with the type.
+    count, start : ndarray of int (n_lines,), how many numbers a line has, and the index of its first
+    record : ndarray of int (n_lines,), number of the line in the dataset; line 0 is the one with the type
     """
 
-    values: NDArray[np.float64]
-    count: NDArray[np.int64]
-    start: NDArray[np.int64]
-    record: NDArray[np.int64]
+    values: Floats
+    count: Ints
+    start: Ints
+    record: Ints
 
 
 def number_of(text: str) -> float | None:
@@ -68,8 +67,7 @@ def real(block: Block, record: int, text: str) -> float:
     """
     value = number_of(text) if text.strip() else 0.0
     if value is None or not np.isfinite(value):
-        msg = f"{block.at(record)} has {text.strip()[:20]!r} where a number is expected"
-        raise ValueError(msg)
+        refuse(f"{block.at(record)} has {text.strip()[:20]!r} where a number is expected")
     return value
 
 
@@ -77,8 +75,7 @@ def whole(block: Block, record: int, text: str) -> int:
     """Return the whole number in a column, 0 where it is empty; raise as :func:`real`."""
     value = whole_of(text) if text.strip() else 0
     if value is None:
-        msg = f"{block.at(record)} has {text.strip()[:20]!r} where a whole number is expected"
-        raise ValueError(msg)
+        refuse(f"{block.at(record)} has {text.strip()[:20]!r} where a whole number is expected")
     return value
 
 
@@ -98,18 +95,15 @@ def cells(block: Block, record: int, widths: Sequence[int]) -> list[str]:
     if line[edges[-1] :].strip() or not line[edges[-2] :].strip():
         bad = next((word for word in words if number_of(word) is None), None)
         if bad is not None:
-            msg = f"{block.at(record)} has {bad[:20]!r} where a number is expected"
-            raise ValueError(msg)
-        msg = f"{block.at(record)} has {len(words)} numbers where {len(widths)} are expected"
-        raise ValueError(msg)
+            refuse(f"{block.at(record)} has {bad[:20]!r} where a number is expected")
+        refuse(f"{block.at(record)} has {len(words)} numbers where {len(widths)} are expected")
     return [line[a:b] for a, b in pairwise(edges)]
 
 
 def text_at(block: Block, record: int) -> str:
     """Return a line; raise where the dataset has ended before."""
     if record >= block.n_lines:
-        msg = f"it ends after {block.at(block.n_lines - 1)}, within its header or a record"
-        raise ValueError(msg)
+        refuse(f"it ends after {block.at(block.n_lines - 1)}, within its header or a record")
     return block.lines[record]
 
 
@@ -137,7 +131,7 @@ def tokens(block: Block, first: int = 1) -> Tokens | None:
     return Tokens(values, count, np.cumsum(count) - count, full + first)
 
 
-def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> NDArray[np.float64]:
+def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> Floats:
     """Return the numbers of records that all have the same lines, shape (n_records, n_columns).
 
     Parameters
@@ -165,8 +159,7 @@ def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> N
         for position, k in enumerate(full)
     ]
     if len(full) % len(pattern):
-        msg = f"its last record, at {block.at(full[-1])}, has fewer lines than {len(pattern)}"
-        raise ValueError(msg)
+        refuse(f"its last record, at {block.at(full[-1])}, has fewer lines than {len(pattern)}")
     return np.array([x for row in values for x in row]).reshape(-1, columns.sum())
 
 
@@ -176,15 +169,12 @@ def line_of(block: Block, position: int, n_lines: int, first: int = 1) -> str:
     return block.at(full[position * n_lines])
 
 
-def whole_columns(
-    block: Block, values: NDArray[np.float64], columns: Sequence[int], n_lines: int
-) -> NDArray[np.int64]:
+def whole_columns(block: Block, values: Floats, columns: Sequence[int], n_lines: int) -> Ints:
     """Return columns of records as whole numbers; raise with the line where one is none."""
     chosen = values[:, columns]
     good = np.isfinite(chosen) & (np.abs(chosen) <= _LARGEST_WHOLE)
     good &= np.where(good, chosen, 0.5) == np.floor(np.where(good, chosen, 0.0))
     if not good.all():
         row, column = (int(k) for k in np.argwhere(~good)[0])
-        msg = f"{line_of(block, row, n_lines)} has {chosen[row, column]:g} where a whole number is expected"
-        raise ValueError(msg)
+        refuse(f"{line_of(block, row, n_lines)} has {chosen[row, column]:g} where a whole number is expected")
     return chosen.astype(np.int64)

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fem.analysis.frf import FRFKind
+from fem.io.faults import refuse
 from fem.io.uff_elements import GROUP_COLUMNS, HEADS, Elements, Group, elements_of, groups_of, trace_line_of
 from fem.io.uff_format import Block, UffError
 from fem.io.uff_functions import FRF_TYPES, Record, frf_groups, frf_refusal, function_of, turned_records
@@ -135,12 +136,11 @@ class FileReader:
         if self.units is None:
             self.units, self.units_at = units, block.name
         elif (units.length, units.force) != (self.units.length, self.units.force):
-            msg = (
+            refuse(
                 f"its factors are {units.length:g} for lengths and {units.force:g} for forces, beside "
                 f"{self.units.length:g} and {self.units.force:g} of {self.units_at}; a file has one system "
                 "of units: cut it into two"
             )
-            raise ValueError(msg)
 
     def _shape(self, block: Block) -> None:
         shape = read_shape(block)

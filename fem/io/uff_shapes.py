@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
+from fem.io.array_types import Floats, Ints
+from fem.io.faults import refuse
 from fem.io.uff_format import Block, UffError, label_of
 from fem.io.uff_numbers import number_of, real, text_at, tokens, whole
 from fem.io.uff_types import Units
@@ -23,7 +25,7 @@ _VECTORS = (0, 2, 3)
 class Shape:
     """A mode shape as the file has it."""
 
-    nodes: NDArray[np.int64]
+    nodes: Ints
     values: NDArray[Any]  # (n_nodes, 3 or 6)
     frequency: float
     zeta: float
@@ -60,8 +62,7 @@ class _Header:
 def read_shape(block: Block) -> Shape | str:
     """Read a dataset 55 or 2414: a shape, or why it is none."""
     if len(block.lines) < 9:
-        msg = f"it has {len(block.lines)} lines, too few for its header"
-        raise ValueError(msg)
+        refuse(f"it has {len(block.lines)} lines, too few for its header")
     if block.kind == 2414 and (location := _wholes(block, 3, 1)[0]) != 1:
         return f"its values are at location {location}, not at nodes (1)"
     head = _header_of_2414(block) if block.kind == 2414 else _header_of_55(block)
@@ -129,7 +130,7 @@ def _header_of_2414(block: Block) -> _Header | str:
     )  # fmt: skip
 
 
-def _nodal_values(block: Block, count: int, first: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _nodal_values(block: Block, count: int, first: int) -> tuple[Ints, Floats]:
     """Read node numbers and the values that follow each, six to a line."""
     found = tokens(block, first)
     if found is not None and found.count.size and found.values.size % (1 + count) == 0:
@@ -149,17 +150,14 @@ def _nodal_values(block: Block, count: int, first: int) -> tuple[NDArray[np.int6
         node = int(labels[counts > 1][0])
         same = values[nodes == node]
         if not (same == same[0]).all():
-            msg = f"node {node} has values in it {len(same)} times, and they differ"
-            raise ValueError(msg)
+            refuse(f"node {node} has values in it {len(same)} times, and they differ")
         _, kept = np.unique(nodes, return_index=True)
         kept.sort()
         nodes, values = nodes[kept], values[kept]
     return nodes, values
 
 
-def _nodal_values_by_width(
-    block: Block, count: int, first: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _nodal_values_by_width(block: Block, count: int, first: int) -> tuple[Ints, Floats]:
     nodes: list[int] = []
     rows: list[list[float]] = []
     record = first
@@ -177,12 +175,10 @@ def _nodal_values_by_width(
             if not found:
                 break
         if len(row) < count:
-            msg = f"node {nodes[-1]} has {len(row)} value(s), and {count} are expected"
-            raise ValueError(msg)
+            refuse(f"node {nodes[-1]} has {len(row)} value(s), and {count} are expected")
         rows.append(row)
     if not rows:
-        msg = "it has no nodes"
-        raise ValueError(msg)
+        refuse("it has no nodes")
     return np.array(nodes, dtype=np.int64), np.array(rows)
 
 
@@ -207,11 +203,6 @@ def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], lis
 
     A node that one of them lacks is a gap of that one: NaN. Shapes are of one test, and make one group, where
     each shares half of its nodes or more with another of them.
-
-    Raises
-    ------
-    UffError
-        If a natural frequency is no number, or a shape is zero at all nodes.
     """
     notes: list[str] = []
     groups: dict[int, list[Shape]] = {}

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.io.array_types import Floats
+from fem.io.faults import refuse
 from fem.io.uff_format import Block
 from fem.io.uff_numbers import cells, real, text_at, whole
 
@@ -24,19 +25,15 @@ class System:
 
     Attributes
     ----------
-    kind : int
-        0 Cartesian, 1 cylindrical (r, θ, z), 2 spherical (r, θ from z, φ about z); angles in degrees.
-    axes : ndarray (3, 3)
-        Its x, y and z axis in global coordinates, a row each.
-    origin : ndarray (3,)
-        In the file's unit of length.
-    place : str
-        Dataset and line.
+    kind : int, 0 Cartesian, 1 cylindrical (r, θ, z), 2 spherical (r, θ from z, φ about z); angles in degrees
+    axes : ndarray (3, 3), its x, y and z axis in global coordinates, a row each
+    origin : ndarray (3,), in the file's unit of length
+    place : str, dataset and line
     """
 
     kind: int
-    axes: NDArray[np.float64]
-    origin: NDArray[np.float64]
+    axes: Floats
+    origin: Floats
     place: str = ""
 
     @property
@@ -44,7 +41,7 @@ class System:
         """Whether it is the global Cartesian system."""
         return self.kind == CARTESIAN and np.array_equal(self.axes, np.eye(3)) and not self.origin.any()
 
-    def to_global(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_global(self, local: Floats) -> Floats:
         """Return positions (n, 3) in global coordinates."""
         xyz = local
         if self.kind == CYLINDRICAL:
@@ -56,7 +53,7 @@ class System:
             xyz = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), r * np.cos(tilt)])
         return xyz @ self.axes + self.origin
 
-    def directions_at(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def directions_at(self, point: Floats) -> Floats:
         """Return the three directions at a global position (3,), a row each, in global coordinates.
 
         Raises
@@ -69,8 +66,7 @@ class System:
         x, y, z = self.axes @ (point - self.origin)
         flat, size = np.hypot(x, y), np.sqrt(x * x + y * y + z * z)
         if flat <= 1e-9 * max(size, float(np.abs(point).max()), np.finfo(float).tiny):
-            msg = "which has no radial direction on its axis"
-            raise ValueError(msg)
+            refuse("which has no radial direction on its axis")
         c, s = x / flat, y / flat
         if self.kind == CYLINDRICAL:
             local = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
@@ -90,7 +86,7 @@ class _Definition:
     """A system as the file has it: axes and origin (4, 3), or three points (3, 3) in another system."""
 
     kind: int
-    values: NDArray[np.float64]
+    values: Floats
     reference: int | None
     method: int
     place: str
@@ -141,27 +137,22 @@ class Systems:
     def _make(self, number: int, users: tuple[int, ...]) -> System:
         if number not in self._found:
             known = ", ".join(str(k) for k in sorted(self._found)[:10]) or "none"
-            msg = f"which the file does not define (datasets 18 and 2420); it defines {known}"
-            raise ValueError(msg)
+            refuse(f"which the file does not define (datasets 18 and 2420); it defines {known}")
         d = self._found[number]
         if number in self._other:
-            msg = f"which {d.place} and {self._other[number].place} define differently"
-            raise ValueError(msg)
+            refuse(f"which {d.place} and {self._other[number].place} define differently")
         if d.kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
-            msg = (
+            refuse(
                 f"whose type is {d.kind} ({d.place}); 0, 1 and 2 are read (Cartesian, cylindrical, spherical)"
             )
-            raise ValueError(msg)
         if d.reference is None:
             return System(d.kind, _rotation(d.values[:3], d.place), d.values[3], d.place)
         if d.method != 1:
-            msg = (
+            refuse(
                 f"whose method of definition is {d.method} ({d.place}); 1 is read (origin, x axis, xz plane)"
             )
-            raise ValueError(msg)
         if number in users:
-            msg = f"which refers to itself through others ({d.place})"
-            raise ValueError(msg)
+            refuse(f"which refers to itself through others ({d.place})")
         base = self.get(d.reference, (*users, number))
         origin, on_x, on_xz = base.to_global(d.values)
         x = _unit(on_x - origin, d.place)
@@ -169,19 +160,17 @@ class Systems:
         return System(d.kind, np.array([x, np.cross(z, x), z]), origin, d.place)
 
 
-def _unit(vector: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+def _unit(vector: Floats, place: str) -> Floats:
     size = float(np.linalg.norm(vector))
     if not size > 0:
-        msg = f"whose three points lie on one line ({place})"
-        raise ValueError(msg)
+        refuse(f"whose three points lie on one line ({place})")
     return vector / size
 
 
-def _rotation(axes: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+def _rotation(axes: Floats, place: str) -> Floats:
     """Return the rotation nearest to axes that have few digits."""
     if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL_WITHIN or np.linalg.det(axes) < 0:
-        msg = f"whose axes are not three right-handed unit vectors at right angles ({place})"
-        raise ValueError(msg)
+        refuse(f"whose axes are not three right-handed unit vectors at right angles ({place})")
     if np.array_equal(axes, np.eye(3)):
         return axes
     u, _, v = np.linalg.svd(axes)

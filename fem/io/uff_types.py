@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRFKind
+from fem.io.array_types import Bools, Floats, Ints
+from fem.io.faults import refuse
 from fem.io.uff_format import UffError
 
 MOTIONS = {8: FRFKind.RECEPTANCE, 11: FRFKind.MOBILITY, 12: FRFKind.ACCELERANCE}
@@ -110,7 +112,7 @@ class Function:
     reference: str
     response_name: str
     reference_name: str
-    x: NDArray[np.float64]
+    x: Floats
     values: NDArray[Any]
     x_type: int
     ordinate_type: int
@@ -166,10 +168,10 @@ class Points:
         Global coordinates [m].
     """
 
-    labels: NDArray[np.int64]
-    coordinates: NDArray[np.float64]
+    labels: Ints
+    coordinates: Floats
 
-    def rows_of(self, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def rows_of(self, nodes: Ints) -> tuple[Ints, Bools]:
         """Return the rows of nodes, and whether the file has them; the row of others has no meaning."""
         if not self.labels.size:
             return np.zeros(nodes.shape, dtype=np.int64), np.zeros(nodes.shape, dtype=bool)
@@ -178,7 +180,7 @@ class Points:
         at = np.minimum(np.searchsorted(labels, nodes), labels.size - 1)
         return order[at], labels[at] == nodes
 
-    def at(self, node: int) -> NDArray[np.float64]:
+    def at(self, node: int) -> Floats:
         """Return the coordinates of a node, shape (3,) [m].
 
         Raises
@@ -188,8 +190,7 @@ class Points:
         """
         found = np.flatnonzero(self.labels == node)
         if not found.size:
-            msg = f"there is no node {node}; the file has {self.labels.size} nodes"
-            raise UffError(msg)
+            refuse(f"there is no node {node}; the file has {self.labels.size} nodes", UffError)
         return self.coordinates[found[-1]]
 
 

@@ -8,6 +8,7 @@ import re
 import numpy as np
 
 from fem.analysis.frf import FRFKind
+from fem.io.faults import refuse
 from fem.io.uff_format import Block, parse_label
 from fem.io.uff_numbers import real, text_at, whole
 from fem.io.uff_types import MOTIONS, Function, Units
@@ -65,8 +66,7 @@ def units_of(block: Block) -> Units:
     texts = words[:2] if len(words) >= 2 and len(words[0]) < 26 else [line[:25], line[25:50]]
     length, force = (real(block, 2, text) for text in texts)
     if not (length > 0 and force > 0):
-        msg = f"unit factors {length} and {force}; they must be positive"
-        raise ValueError(msg)
+        refuse(f"unit factors {length} and {force}; they must be positive")
     return Units(whole(block, 1, head[:10]), head[10:30].strip(), length, force)
 
 

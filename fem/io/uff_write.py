@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.io.array_types import Floats
 from fem.io.atomic import replacing
+from fem.io.faults import refuse
 from fem.io.uff_format import UffError, label_of, parse_label
 from fem.mesh import Mesh
 
@@ -99,8 +101,7 @@ def write_uff(
     """
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
     if not frfs and modes is None and mesh is None and geometry is None and not functions:
-        msg = "nothing to write: give frf, modes, mesh, geometry or functions"
-        raise UffError(msg)
+        refuse("nothing to write: give frf, modes, mesh, geometry or functions", UffError)
     parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points, geometry, bool(trace_lines)))]
     parts.append(_trace_texts(mesh, geometry, trace_lines).encode())
     if mesh is not None:
@@ -126,11 +127,7 @@ def _by_pyuff(sets: list[dict[str, Any]]) -> bytes:
 
 
 def _leading_sets(
-    header: "Header | None",
-    mesh: Mesh | None,
-    points: int,
-    geometry: "Points | None",
-    traced: bool,
+    header: "Header | None", mesh: Mesh | None, points: int, geometry: "Points | None", traced: bool
 ) -> list[dict[str, Any]]:
     sets: list[dict[str, Any]] = [
         {
@@ -151,11 +148,9 @@ def _leading_sets(
         },
     ]
     if points not in (15, 2411):
-        msg = f"points are written as dataset 15 or 2411, not {points}"
-        raise UffError(msg)
+        refuse(f"points are written as dataset 15 or 2411, not {points}", UffError)
     if mesh is not None and (geometry is not None or traced):
-        msg = "a mesh and a geometry are given; the nodes of a file are those of one of them"
-        raise UffError(msg)
+        refuse("a mesh and a geometry are given; the nodes of a file are those of one of them", UffError)
     if mesh is not None:
         sets.append(_point_set(points, np.arange(1, mesh.n_points + 1), mesh.points))
     if geometry is not None:
@@ -203,7 +198,7 @@ def _formatted(numbers: Sequence[float], cells: list[str], per_line: int) -> str
     return "".join([*out, (line * n_lines + last) % rest])
 
 
-def _point_set(kind: int, nodes: NDArray[Any], coordinates: NDArray[np.float64]) -> dict[str, Any]:
+def _point_set(kind: int, nodes: NDArray[Any], coordinates: Floats) -> dict[str, Any]:
     nothing = np.zeros(len(nodes), dtype=int)
     x, y, z = coordinates.T
     return {"type": kind, "node_nums": nodes, "def_cs": nothing, "disp_cs": nothing, "color": nothing} | {
@@ -227,13 +222,7 @@ def _title(text: str) -> str:
 
 
 def _field(text: str, width: int, what: str) -> str:
-    """Return a name or label for a field of the format; an empty one is NONE.
-
-    Raises
-    ------
-    UffError
-        If the field does not keep it: it is longer, has a line end, or blanks at its ends, or reads NONE.
-    """
+    """Return a name or label for a field of the format; an empty one is NONE."""
     reason = (
         f"longer than the {width} characters of the format"
         if len(text) > width
@@ -246,8 +235,7 @@ def _field(text: str, width: int, what: str) -> str:
         else ""
     )
     if reason:
-        msg = f"{what} {text[:100]!r} cannot be written: it is {reason}; give it another name"
-        raise UffError(msg)
+        refuse(f"{what} {text[:100]!r} cannot be written: it is {reason}; give it another name", UffError)
     return text or "NONE"
 
 
@@ -311,8 +299,7 @@ def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
     is_complex = np.iscomplexobj(f.values)
     start, step = _even_spacing(f.x, least=0.0)
     if not step and (np.diff(f.x) <= 0).any():
-        msg = f"the abscissa of {f.type_name} {f.response} does not rise"
-        raise UffError(msg)
+        refuse(f"the abscissa of {f.type_name} {f.response} does not rise", UffError)
     if not step:
         _check_told_apart(f.x, binary, double)
     columns = [np.real(f.values), np.imag(f.values)] if is_complex else [f.values]
@@ -350,7 +337,7 @@ def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
         raise UffError(msg) from None
 
 
-def _even_spacing(frequency: NDArray[np.float64], least: float = -np.inf) -> tuple[float, float]:
+def _even_spacing(frequency: Floats, least: float = -np.inf) -> tuple[float, float]:
     """Return start and step if the header can hold them to 1e-12; else zeros, to write them out."""
     if frequency.size < 2:
         return 0.0, 0.0
@@ -362,7 +349,7 @@ def _even_spacing(frequency: NDArray[np.float64], least: float = -np.inf) -> tup
     return (start, step) if good else (0.0, 0.0)
 
 
-def _check_told_apart(frequency: NDArray[np.float64], binary: bool, double: bool) -> None:
+def _check_told_apart(frequency: Floats, binary: bool, double: bool) -> None:
     if binary and double:
         return
     kept = frequency.astype(np.float32) if binary else np.array([float(f"{f:.6e}") for f in frequency])
@@ -375,13 +362,13 @@ def _check_told_apart(frequency: NDArray[np.float64], binary: bool, double: bool
         raise UffError(msg)
 
 
-def _columns(frf: FRF, i: int, j: int, even: bool) -> NDArray[np.float64]:
+def _columns(frf: FRF, i: int, j: int, even: bool) -> Floats:
     h = frf.H[:, i, j]
     columns = [h.real, h.imag]
     return np.column_stack(columns if even else [frf.frequency, *columns])
 
 
-def _payload(values: NDArray[np.float64], binary: bool, double: bool, even: bool) -> bytes:
+def _payload(values: Floats, binary: bool, double: bool, even: bool) -> bytes:
     if binary:
         return values.astype("<f8" if double else "<f4").tobytes()
     if double and not even:  # E13.5, 2E20.12, or 2(E13.5, E20.12) of real values
@@ -441,17 +428,14 @@ def _shape_texts(modes: Modes, dofs: Mapping[str, str], modal_a: ArrayLike | str
     zeta = np.zeros(modes.n_modes) if modes.zeta is None else modes.zeta
     poles = pole_of(modes.frequency, zeta)
     if modal_a is not None and not np.iscomplexobj(modes.shapes):
-        msg = "modal A is given for real mode shapes, which have a modal mass instead: 1 kg"
-        raise UffError(msg)
+        refuse("modal A is given for real mode shapes, which have a modal mass instead: 1 kg", UffError)
     if isinstance(modal_a, str) and modal_a != "unit":
-        msg = f"modal_a is '{modal_a}'; allowed are 'unit' and one complex number for each mode"
-        raise UffError(msg)
+        refuse(f"modal_a is '{modal_a}'; allowed are 'unit' and one complex number for each mode", UffError)
     a = np.zeros(modes.n_modes, dtype=complex) if modal_a is None else 2j * poles.imag
     if modal_a is not None and not isinstance(modal_a, str):
         a = np.asarray(modal_a, dtype=complex)
         if a.shape != (modes.n_modes,) or not np.isfinite(a).all():
-            msg = f"modal_a has shape {a.shape}; ({modes.n_modes},) finite numbers are expected"
-            raise UffError(msg)
+            refuse(f"modal_a has shape {a.shape}; ({modes.n_modes},) finite numbers are expected", UffError)
     return [
         _shape_text(nodes, table[:, :, k], k + 1, float(modes.frequency[k]), float(zeta[k]), complex(a[k]))
         for k in range(modes.n_modes)
@@ -473,8 +457,7 @@ def _nodal_table(modes: Modes, dofs: Mapping[str, str]) -> tuple[list[int], NDAr
         label_of(p + 1, d) for p in range(modes.shapes.shape[0] // 6) for d in range(1, 7)
     )
     if len(labels) != modes.shapes.shape[0]:
-        msg = f"the shapes have {modes.shapes.shape[0]} rows and {len(labels)} labels"
-        raise UffError(msg)
+        refuse(f"the shapes have {modes.shapes.shape[0]} rows and {len(labels)} labels", UffError)
     ends = [_dof(label, dofs) for label in labels]
     if any(direction == 0 for _, direction in ends):
         msg = (

@@ -128,7 +128,7 @@ def test_scales_go_before_units_and_channels_without_units_are_said(tmp_path, ca
         (["--hits", "10"], "no hit has 10240 samples after it"),
         (["--window", "hamming"], "invalid choice"),
         (["--rename", "motion"], "CHANNEL=LABEL is needed"),
-        (["--picture", "p.jpg"], "the picture is written as .png"),
+        (["--picture", "p.jpg"], "is written as .png, not"),
     ],
 )
 def test_bad_requests_are_one_line(tmp_path, capsys, more, words):

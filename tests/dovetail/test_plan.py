@@ -15,7 +15,7 @@ from dovetail.file.table import StudyError
 from dovetail.plan import check_plan, plan_study
 from dovetail.report import missing, planning
 from dovetail.report.figures import Figures, packed, sizes
-from dovetail.report.page import page
+from dovetail.report.page import join, page
 from dovetail.report.pictures import Album
 from dovetail.report.shown import Shown
 from dovetail.result import excluded_dict
@@ -122,13 +122,14 @@ def test_a_notebook_shows_shares_rows_and_pairs(file):
     assert shown.twins == [planning.twin_text(*pair) for pair in shown.plan.twins]
     html = shown._repr_html_()
     assert "<table" in html
-    assert all(cell in html for cell in planning.HEAD)
+    assert all(cell in html for cell in planning.table_of_kinds(shown.rows).texts()[0])
 
 
 # The command ----------------------------------------------------------------------------------------------
 
 KEYS = {
     "study", "measured", "noise_db", "left_db", "relevant_sizes", "coverage", "kinds", "effects", "warnings",
+    "mesh_notes", "measured_notes", "assumptions",
 }  # fmt: skip
 
 
@@ -211,7 +212,7 @@ def test_checked_data_are_counted_beside_what_the_map_says(file, tmp_path, capsy
     words = ["plan", str(file), "--noise", "0.003", "--check", "5", "--seed", "3", "--json", str(out)]
     assert main(words) == 0
     printed = capsys.readouterr().out
-    rows = re.findall(r"^(\S+) +1 +(\d+) % +0 % \(0-79\) +(\d+) % +0 % \(0-79\)$", printed, re.M)
+    rows = re.findall(r"^ *(\S+) +1 +(\d+) % +0 % \(0-79\) +(\d+) % +0 % \(0-79\)$", printed, re.M)
     assert [row[0] for row in rows] == ["0.5", "0.75", "1", "1.5", "2"]
     assert [int(row[1]) >= int(row[2]) for row in rows] == [True] * 5
     assert rows[2][2] == "90"
@@ -268,8 +269,9 @@ def test_a_map_without_relevant_sizes_is_not_drawn(planned, tmp_path):
 
 def test_sizes_at_which_nothing_is_named_have_words(planned):
     row = planning.kind_rows(planned)[0]
-    nowhere = planning.cells_of(replace(row, smallest="", largest="", blind=row.n))
-    partly = planning.cells_of(replace(row, smallest="mass 1 kg", largest="", blind=3))
+    sizes = (("", row.n), ("mass 1 kg", 3))
+    rows = [replace(row, smallest=smallest, largest="", blind=blind) for smallest, blind in sizes]
+    nowhere, partly = planning.table_of_kinds(rows).texts()[1]
     assert nowhere[-2:] == ("none", "")
     assert partly[-2:] == ("mass 1 kg", "not at 3")
 
@@ -343,11 +345,12 @@ def test_what_is_excluded_is_judged_by_the_data_and_the_studys_sizes(sound):
 def test_the_report_has_a_table_of_what_is_excluded(sound, tmp_path):
     study, diagnosis = sound
     plan = pipeline.excluded(study, diagnosis)
-    html = "".join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
+    html = join(missing._excluded(SimpleNamespace(excluded=plan), Shown(Album(tmp_path))))
     assert "<figure" not in html  # without a figure the table stands alone
     assert planning.EXCLUDED in html
-    assert all(head in html for head in planning.EXCLUDED_HEAD)
-    (row,) = (r for r in planning.excluded_rows(plan) if r[0] == "point mass")
+    head, rows = planning.table_of_excluded(plan).texts()
+    assert all(text in html for text in head)
+    (row,) = (r for r in rows if r[0] == "point mass")
     assert row[1].startswith("mass ")
     assert re.sub(r"\s", " ", row[1]) in re.sub(r"\s|&nbsp;", " ", html)
     assert missing._excluded(SimpleNamespace(excluded=None), Shown(Album(tmp_path))) == []

@@ -14,8 +14,9 @@ from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines
 from dovetail.report import probable, words
+from dovetail.report.blocks import TableBlock
 from dovetail.report.drawn import marked_places
-from dovetail.report.page import Markup, esc, table, tag
+from dovetail.report.page import Markup, html, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
@@ -279,7 +280,7 @@ def test_a_compliance_is_told_as_a_stiffness():
 
 def test_long_lists_are_folded():
     rows = [[f"candidate {k}", k] for k in range(100)]
-    shown, folded = table(["name", "x [-]"], rows, numbers=[1], marked=[30]).split("<details>")
+    shown, folded = html(TableBlock(["name", "x [-]"], rows, numbers=[1], marked=[30])).split("<details>")
     assert shown.count("<tr") == 21
     assert folded.count("<tr") == 81
     assert "80 more" in folded
@@ -289,7 +290,7 @@ def test_long_lists_are_folded():
 def test_markup_is_escaped_once():
     assert tag("p", "a < b", Markup("<b>"), class_=None, title='"') == '<p title="&quot;">a &lt; b<b></p>'
     assert Markup("<i>") + "&" == "<i>&amp;"
-    assert esc(esc("&")) == "&amp;"
+    assert html(html("&")) == "&amp;"
 
 
 def test_every_threshold_says_what_it_means():
@@ -401,8 +402,8 @@ def test_the_form_of_a_connection_is_named_by_its_place(found):
 def test_warnings_stand_below_the_verdict(found, album):
     words = "study.toml, line 3, materials.steel.E: E = 210e3 Pa is implausible"
     doubted = replace(found, study=replace(found.study, warnings=(words,)))
-    html = report_html(doubted, album)
-    assert html.index("Verdict: ") < html.index("Check first") < html.index(str(esc(words)))
+    page = report_html(doubted, album)
+    assert page.index("Verdict: ") < page.index("Check first") < page.index(html(words))
     assert result_dict(doubted)["warnings"] == [words]
     assert "Implausible values" not in report_html(found, album)
 

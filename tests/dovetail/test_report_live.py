@@ -16,9 +16,10 @@ from plotly.offline import get_plotlyjs
 from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.cli import main
-from dovetail.report import figures, probable, words
+from dovetail.report import blocks, figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
-from dovetail.report.outline import Picture, Table, read_outline
+from dovetail.report.outline import Picture, TableBlock, read_outline
+from dovetail.report.page import report_page
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
 from fem.analysis.frf import FRF
@@ -442,7 +443,7 @@ def test_the_outline_tells_the_page(folder, found):
     assert outline.texts("sentence") == (words.headline(found),)
     headings = [p.heading for p in outline.parts if p.level == 1]
     assert headings[:4] == ["How sure", "Compared data", "Checks of the measurement", "Where it fails"]
-    steps = next(b for b in outline.blocks() if isinstance(b, Table) and b.head[0] == "step")
+    steps = next(b for b in outline.blocks() if isinstance(b, TableBlock) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
     pictures = [b for b in outline.blocks() if isinstance(b, Picture)]
@@ -513,6 +514,23 @@ def test_a_report_that_cannot_be_written_is_refused(folder, arguments, said, cap
 def test_a_folder_without_a_report_is_refused(tmp_path, capsys):
     assert main(["report", str(tmp_path), "--docx", str(tmp_path / "a.docx")]) == 2
     assert "has no report.html; give a folder that 'dovetail run" in capsys.readouterr().err
+
+
+def test_a_page_without_an_outline_is_refused_with_what_to_do(folder, tmp_path, capsys):
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    older = re.sub(r"<template.*?</template>", "", page)
+    assert len(older) < len(page)
+    (tmp_path / "report.html").write_text(older, encoding="utf-8")
+    assert main(["report", str(tmp_path), "--docx", str(tmp_path / "a.docx")]) == 2
+    assert "has no outline for other programs; write it again" in capsys.readouterr().err
+
+
+def test_blocks_without_content_are_shown_nowhere():
+    empty = blocks.Section("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
+    report = blocks.Report("a", "nothing", [blocks.Text("first <b>", "kind")], [empty])
+    text = report_page(report)
+    assert "Notes" not in text
+    assert '<p class="kind">first &lt;b&gt;</p>' in text
 
 
 @pytest.mark.parametrize(("option", "package"), [("--docx", "python-docx"), ("--pptx", "python-pptx")])

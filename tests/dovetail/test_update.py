@@ -222,6 +222,7 @@ def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to
         ratios = {float(p["name"].split()[2]): p["value"] for p in data["parameters"][1:]}
         assert new.model.damping.ratio_at(list(ratios)) == pytest.approx(list(ratios.values()), rel=1e-3)
     html = (out / "report.html").read_text(encoding="utf-8")
+    assert main(["report", str(out), "--docx", str(tmp_path / "updated.docx")]) == 0
     assert all(word in html for word in ("frame E:steel", "95 % interval", "most correlated with"))
     assert {p.name for p in (out / "pictures").iterdir()} >= {"convergence.png", "parameters.png"}
 

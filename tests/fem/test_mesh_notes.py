@@ -10,6 +10,7 @@ import pytest
 
 from dovetail.cli import main
 from dovetail.report.figures import Figures
+from dovetail.report.page import html
 from dovetail.report.shown import Shown
 from dovetail.report.small_print import notes
 from fem.io import read_mesh
@@ -99,8 +100,8 @@ def test_the_report_has_the_notes(file):
         mesh = read_mesh(file)
     study = SimpleNamespace(model=SimpleNamespace(mesh=mesh), measured_notes=("of m.uff",))
     shown = Shown(SimpleNamespace(failures=()), Figures())
-    html = str(notes(SimpleNamespace(study=study, notes=("of the run",)), shown))
-    assert all(f"<li>{text}</li>" in html for text in (*NOTES, "of m.uff", "of the run"))
+    text = html(notes(SimpleNamespace(study=study, notes=("of the run",)), shown))
+    assert all(f"<li>{note}</li>" in text for note in (*NOTES, "of m.uff", "of the run"))
 
 
 # Sets and names that meet -------------------------------------------------------------------------------

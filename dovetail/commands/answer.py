@@ -1,0 +1,81 @@
+"""The result of a command as a value, and its printing and writing."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dovetail.commands.common import Options
+from dovetail.disk.output import write_json
+from dovetail.file.contents import Study
+from dovetail.report.table import Column, Table, write_csv, write_xlsx
+from fem.io.atomic import goes_to_stdout
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """The result of a command.
+
+    Attributes
+    ----------
+    study : Study or None
+        JSON has its name, notes, assumptions and warnings.
+    printed : sequence of str or Table
+        Lines and tables in their order.
+    fields : mapping
+        The other values of JSON.
+    nulls : mapping, optional
+        Why numbers may be missing, by their key in JSON.
+    full : Table, optional
+        The table that is too large to print: of ``--out`` where that is CSV. In Excel it takes the place of a
+        printed table with its title.
+    sheets : sequence of Table
+        Others for Excel.
+    refusal : Exception, optional
+        Raised when all is printed and written.
+    """
+
+    study: Study | None
+    printed: Sequence[str | Table]
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    nulls: Mapping[str, str] | None = None
+    full: Table | None = None
+    sheets: Sequence[Table] = ()
+    refusal: Exception | None = None
+
+    def give(self, options: Options) -> None:
+        """Write the files that the options ask for, and print, unless that is not wanted."""
+        out = getattr(options, "out", None)
+        if self.full is not None and out is not None and out.suffix.lower() == ".csv":
+            write_csv(out, self.full)
+        json = getattr(options, "json", None)
+        write_json(json, self._as_json(), self.nulls)
+        write_xlsx(getattr(options, "xlsx", None), self._tables())
+        if not options.quiet and (json is None or not (str(json) == "-" or goes_to_stdout(json))):
+            lines = (p.lines() if isinstance(p, Table) else [p] for p in self.printed)
+            sys.stdout.write("".join(f"{line}\n" for part in lines for line in part))
+        if self.refusal is not None:
+            raise self.refusal
+
+    def _as_json(self) -> dict[str, Any]:
+        study = self.study
+        if study is None:
+            return dict(self.fields)
+        notes = {
+            "mesh_notes": study.model.mesh.notes,
+            "measured_notes": study.measured_notes,
+            "assumptions": study.assumptions,
+            "warnings": study.warnings,
+        }
+        return {
+            "study": study.name,
+            **self.fields,
+            **{k: v for k, v in notes.items() if k not in self.fields},
+        }
+
+    def _tables(self) -> list[Table]:
+        """Return all tables, large ones in the place of printed ones; without any, the lines."""
+        large = {t.title: t for t in (self.full, *self.sheets) if t is not None}
+        shown = [large.pop(p.title, p) for p in self.printed if isinstance(p, Table)]
+        lines = [p for p in self.printed if isinstance(p, str)]
+        return [*shown, *large.values()] or [Table.of("result", Column("result", lines))]
