@@ -47,7 +47,7 @@ class _Columns:
         self.widths = (n_integer, n_real)
 
     def extend(self, integers: Ints, reals: Floats | None = None) -> None:
-        """Append arrays (n, n_whole) and (n, n_real)."""
+        """Append arrays (n, n_integer) and (n, n_real)."""
         self._flush()
         self.parts[0].append(integers)
         self.parts[1].append(np.empty((len(integers), 0)) if reals is None else reals)

@@ -445,7 +445,7 @@ def _together(
     channels, curves, units : sequences
     starts : sequence of float, optional
         Times of their first samples [s].
-    own_rate : float, optional
+    file_rate : float, optional
         That of the starts, where another one is asked for [Hz].
     """
     shift = np.zeros(len(curves)) if starts is None else np.asarray(starts, dtype=float)
