@@ -2,11 +2,17 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dovetail.commands.argument_types import count, positive
 from dovetail.commands.common import Options, check_places, loaded, say
 from dovetail.disk.output import Output, Progress, write_json
 from dovetail.file.table import StudyError
+
+if TYPE_CHECKING:
+    from dovetail.file.contents import Study
+    from updating.plan.check import FailedTrial, Trial
+    from updating.plan.plan import Plan
 
 HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
@@ -71,7 +77,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> None:
     """Print which relevant effects a test sees and names."""
     from dovetail.plan import (
-        check_plan,
         choose_channels,
         plan_study,
         require_planned,
@@ -98,7 +103,6 @@ def run(options: Options, progress: Progress) -> None:
         )
         study = with_channels(study, chosen)
     plan = plan_study(study, options.noise, options.left, progress)
-    checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
     apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
     quieter = None
     if options.averages:
@@ -108,7 +112,6 @@ def run(options: Options, progress: Progress) -> None:
 
         progress("drawing", 0.99)
         render_plan(plan, options.picture, study.name)
-    progress.close()
     result = {"study": study.name, **planning.plan_dict(plan), "warnings": study.warnings}
     if quieter:
         result["more_averages"] = planning.averages_dict(quieter, *options.averages)
@@ -116,7 +119,9 @@ def run(options: Options, progress: Progress) -> None:
         result["second_test"] = planning.separation_dicts(apart)
     if chosen:
         result["chosen"] = planning.chosen_dict(chosen)
-    write_json(options.json, result | ({"check": planning.check_dicts(checked)} if checked else {}))
+    checked = _checked(options, study, plan, result, progress) if options.check else []
+    progress.close()
+    write_json(options.json, result | (planning.check_dicts(checked) if checked else {}))
     lines = [
         *(planning.chosen_lines(chosen) if chosen else ()),
         f"{study.name}: {planning.title(plan)}",
@@ -136,3 +141,26 @@ def run(options: Options, progress: Progress) -> None:
     if checked:
         lines += ["", *planning.check_lines(checked)]
     say(options, *lines)
+
+
+def _checked(
+    options: Options, study: "Study", plan: "Plan", result: dict[str, Any], progress: Progress
+) -> list["Trial | FailedTrial"]:
+    """Return the trials of ``--check``; the JSON file has those that ended, also if the check is stopped."""
+    from dovetail.plan import check_plan
+    from dovetail.report import planning
+
+    checked: list[Trial | FailedTrial] = []
+    file = None if str(options.json) == "-" else options.json
+
+    def keep(trial: "Trial | FailedTrial") -> None:
+        checked.append(trial)
+        write_json(file, result | planning.check_dicts(checked))
+
+    try:
+        check_plan(study, plan, options.check, options.seed, progress, keep)
+    except KeyboardInterrupt:
+        kept = f"; {file} has them" if file is not None and checked else ""
+        msg = f"{len(checked)} of {options.check} sets of data are diagnosed{kept}"
+        raise KeyboardInterrupt(msg) from None
+    return checked

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from dovetail.report import words
+from dovetail.units.outcome import failed
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
-from updating.plan.check import Trial
+from updating.plan.check import FailedTrial, Trial
 from updating.plan.choose import Chosen
 from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
@@ -250,11 +251,14 @@ def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def check_lines(checked: Sequence[Trial]) -> list[str]:
-    """Return what drawn data showed beside what the map predicts, by multiples of the size that is named."""
-    rows = []
-    for multiple in sorted({t.multiple for t in checked}):
-        some = [t for t in checked if t.multiple == multiple]
+def check_lines(checked: Sequence[Trial | FailedTrial]) -> list[str]:
+    """Return what drawn data showed beside what the map predicts, by multiples of the size that is named.
+
+    Sets whose diagnosis failed do not count; they follow the table with the reason.
+    """
+    rows, diagnosed = [], [t for t in checked if isinstance(t, Trial)]
+    for multiple in sorted({t.multiple for t in diagnosed}):
+        some = [t for t in diagnosed if t.multiple == multiple]
         chances = np.mean([t.chances for t in some], axis=0)
         counts = (sum(getattr(t, what) for t in some) for what in ("seen", "named"))
         rows.append(
@@ -268,7 +272,18 @@ def check_lines(checked: Sequence[Trial]) -> list[str]:
             )
         )  # fmt: skip
     head = ("size / named", "n", "seen: map", "drawn (95 %)", "named: map", "drawn (95 %)")
-    return words.columns(head, rows)
+    lines = words.columns(head, rows) if rows else []
+    failures = [t for t in checked if isinstance(t, FailedTrial)]
+    if failures:
+        lines.append(f"{len(failures)} of {len(checked)} sets could not be diagnosed:")
+    return lines + [
+        f"  {words.effect_label(t.effect.kind, t.effect.where)}, size {t.multiple:g}: {_reason(t)}"
+        for t in failures
+    ]
+
+
+def _reason(trial: FailedTrial) -> str:
+    return failed(None, trial.error).failure
 
 
 def _with_interval(count: int, n: int) -> str:
@@ -279,14 +294,23 @@ def _with_interval(count: int, n: int) -> str:
     return f"{100 * p:.0f} % ({max(low, 0):.0f}-{min(high, 100):.0f})"
 
 
-def check_dicts(checked: Sequence[Trial]) -> list[dict[str, Any]]:
-    """Return drawn data and their diagnoses for JSON."""
-    return [
-        {
-            "kind": t.effect.kind, "where": t.effect.where,
-            "values": {p.name: float(p.value) for p in t.effect.parameters()}, "size": t.multiple,
-            "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen, "named": t.named,
-            "probability_of_nothing": t.nothing, "probability": t.right, "found": t.best,
-        }
-        for t in checked
-    ]  # fmt: skip
+def check_dicts(checked: Sequence[Trial | FailedTrial]) -> dict[str, Any]:
+    """Return drawn data and their diagnoses for JSON, and the sets whose diagnosis failed."""
+    return {
+        "check": [
+            {
+                **_drawn(t), "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen,
+                "named": t.named, "probability_of_nothing": t.nothing, "probability": t.right,
+                "found": t.best,
+            }
+            for t in checked
+            if isinstance(t, Trial)
+        ],
+        "check_failures": [_drawn(t) | {"reason": _reason(t)} for t in checked if isinstance(t, FailedTrial)],
+    }  # fmt: skip
+
+
+def _drawn(trial: Trial | FailedTrial) -> dict[str, Any]:
+    effect = trial.effect
+    values = {p.name: float(p.value) for p in effect.parameters()}
+    return {"kind": effect.kind, "where": effect.where, "values": values, "size": trial.multiple}
