@@ -176,7 +176,7 @@ def receptances(effect: Effect, structure: Structure, axes: dict[str, Floats]) -
         every = [s for k, s in enumerate(every) if not k or s - every[k - 1] > 1e-6]
         for s, t in pairwise(every):
             i, j = node(at(m, s)), node(at(m, t))
-            if hinged and m == member:
+            if cut is not None and hinged and m == member:
                 # the element on the far side of the hinge has a node of its own there
                 if abs(s - cut) < 1e-6 and cut < 1:
                     pair = i, node(at(m, s), "hinge")
