@@ -161,6 +161,7 @@ class ParametricFRF:
         # A step that is tried without derivatives is often asked for them next.
         self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[Term]] | None
         self._last = None
+        self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[Term]] | None = None
 
     def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
@@ -178,7 +179,7 @@ class ParametricFRF:
         self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
     ) -> _Scaled | None:
         """Return an effect whose matrices are only multiplied by parameters of others; None for another."""
-        known, nominal = [], self.reduced.model.values()
+        known, nominal = [], self.reduced.nominal
         for i in foreign:
             exponents = self.reduced.scaling_of(effect, self.refs[i])
             if exponents is None:
@@ -260,17 +261,49 @@ class ParametricFRF:
             for e, rows, others in self._nonlinear
         ]
 
+    def anchor(self, values: NDArray[np.float64]) -> None:
+        """Keep the sums of all matrices at some values: near them only the terms that differ are added.
+
+        For sweeps of one parameter after another. The sums differ from those without it by rounding.
+        """
+        self._anchor = None
+        values = np.array(values, dtype=float)
+        self._anchor = (values, *ParametricFRF.matrices(self, values))
+
+    def _matrices_near(
+        self, values: NDArray[np.float64], there: NDArray[np.float64], sums: dict[str, Any], known: list[Term]
+    ) -> tuple[dict[str, Any], list[Term]]:
+        """Return the results of :meth:`matrices` from those ``there``, where no effect is ``_nonlinear``."""
+        total, alone, moved = dict(sums), list(known), values != there
+        for rows, _, terms in self._together:
+            if moved[rows].any():
+                self.add(total, combined(terms, values[rows] - there[rows]), 1.0)
+        for k, scaled in enumerate(self._scaled):
+            if not moved[[i for i, *_ in (*scaled.parameters, *scaled.foreign)]].any():
+                continue
+            alone[k] = self._term_of(scaled, values)
+            for term, at, sign in ((known[k], there, -1.0), (alone[k], values, 1.0)):
+                self.add(total, term.scaled(scaled.factors(at)) if scaled.foreign else term, sign)
+        return total, alone
+
+    def _term_of(self, scaled: _Scaled, values: NDArray[np.float64]) -> Term:
+        """Return the term of an effect before parameters of others multiply it."""
+        term = scaled.start
+        if term is None:
+            return self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
+        for (i, begin), slope in zip(scaled.parameters, scaled.slopes or (), strict=False):
+            term = term.plus(slope, values[i] - begin)
+        return term
+
     def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
+        if self._anchor is not None and not self._nonlinear:
+            return self._matrices_near(values, *self._anchor)
         total, alone = dict(self._fixed), []
         for rows, starts, terms in self._together:
             self.add(total, combined(terms, values[rows] - starts), 1.0)
         for scaled in self._scaled:
-            term = scaled.start
-            if term is None:
-                term = self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
-            for (i, begin), slope in zip(scaled.parameters, scaled.slopes or (), strict=False):
-                term = term.plus(slope, values[i] - begin)
+            term = self._term_of(scaled, values)
             self.add(total, term.scaled(scaled.factors(values)) if scaled.foreign else term, 1.0)
             alone.append(term)
         for now, model, _, _ in self._following(values):

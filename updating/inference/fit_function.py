@@ -174,6 +174,11 @@ class FitFunction:
         H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
         return H
 
+    def anchor(self, x: NDArray[np.float64]) -> None:
+        """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
+        own, _, scatter = self._parts
+        self._engine.anchor(np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter]))
+
     @property
     def _scatter_std(self) -> NDArray[np.float64]:
         return np.zeros(0) if self.scatter is None else self.scatter.std
