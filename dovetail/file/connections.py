@@ -19,6 +19,7 @@ from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
+from fem.elements.frame import Frame
 from fem.elements.part_ties import TIES, Attachment
 from fem.io.abaqus import read_node_sets
 from fem.io.matrices import read_matrices
@@ -278,6 +279,8 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
     for t in top.tables("superelements"):
         path = folder / t.text("file")
         name = t.text("name", path.stem)
+        if name == Frame.kind:
+            t.refuse("name", f"'{name}' stands for the members; give the part another name")
         units = t.get("units", "SI")
         sets, deck = t.text("node_sets", ""), t.text("deck", "")
         for key, other in (("deck", deck), ("node_sets", sets)):

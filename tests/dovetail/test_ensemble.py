@@ -153,7 +153,8 @@ def test_the_command_writes_bands(tmp_path, capsys):
     assert "reduced basis against 2 full solutions" in said
     found = json.loads(file.read_text())
     assert len(found["basis"]["checks"]) == 2
-    bands = np.load(folder / "bands.npz")
+    with np.load(folder / "bands.npz") as arrays:
+        bands = dict(arrays)
     assert bands["amplitude"].shape == (3, 60, 2, 1)
     assert (np.diff(bands["amplitude"], axis=0) >= 0).all()
     table = np.loadtxt(folder / "frequencies.csv", delimiter=",", skiprows=1)
