@@ -14,7 +14,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is own_o + slope_o · covariance · slope_oᵀ.
+    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is conditional_o + slope_o · covariance · slope_oᵀ.
 
     Attributes
     ----------

@@ -45,9 +45,9 @@ def gains_without(
         every = [i for i, v in enumerate(function.variables) if v.ref[0] in names]
         way = np.array([_way(function, by_name, i, float(x[i])) for i in rows])
         known = -0.5 * (off / std)[every] ** 2 - np.log(std[every])
-        sized, whole_group = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
+        sized, of_group = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
         evidence = (
-            -0.5 * way @ np.linalg.solve(sized, way) - 0.5 * np.linalg.slogdet(whole_group)[1] - known.sum()
+            -0.5 * way @ np.linalg.solve(sized, way) - 0.5 * np.linalg.slogdet(of_group)[1] - known.sum()
         )
         rest = [e for e in effects if e.name not in names]
         out[k] = evidence + odds.prior(rest) - odds.prior(effects)
