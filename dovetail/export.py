@@ -141,7 +141,7 @@ def _titled(deck: ModelDeck, found: Mapping[str, Found]) -> ModelDeck:
 
 
 def _result(study: Study) -> dict[str, Any]:
-    """Return the result beside a study, empty without one."""
+    """Return the result in a study's folder, empty without one."""
     path = study.path.parent / RESULT
     try:
         found = json.loads(path.read_text("utf-8")) if path.is_file() else {}

@@ -266,10 +266,10 @@ class ForeignPart:
                 n_modes=self.n_modes, max_frequency=top,
                 residual=self.n_modes is None,
             )  # fmt: skip
-        said = [str(w.message) for w in caught]
+        messages = [str(w.message) for w in caught]
         if key:
-            store(file, key, out, said)
-        notes.extend(said)
+            store(file, key, out, messages)
+        notes.extend(messages)
         return out
 
 
@@ -296,7 +296,7 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
         for k, a in enumerate(t.tables("attach"), start=1):
             attachments.append(_attachment(a, geometry, part, known, f"{name}.{k}", joints))
         n_modes, max_frequency = (
-            t.whole("modes", None, 0),
+            t.integer("modes", None, 0),
             t.number("max_frequency", None, above=0, unit="Hz"),
         )
         held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
@@ -332,16 +332,16 @@ def _attachment(
     else:
         xyz = geometry.mesh.points[place]
     geometry.mesh = geometry.mesh.with_point(xyz, name)
-    own = geometry.mesh.point_names[name]
+    end = geometry.mesh.point_names[name]
     if place is not None:
         matrices: dict[str, Any] = dict(_joint_matrices(t))
         rigid = t.directions("rigid", "" if "K" in matrices else "all")
         eta, axes = t.number("eta", 0.0, least=0), read_axes(t)
         with t.at():
             joint = Joint(
-                name=name, point1=place, point2=own, location=xyz, axes=axes, eta=eta, rigid=rigid, **matrices
+                name=name, point1=place, point2=end, location=xyz, axes=axes, eta=eta, rigid=rigid, **matrices
             )
         joints.append(joint)
     t.finish()
     with t.at():
-        return Attachment(own, nodes, tie)
+        return Attachment(end, nodes, tie)

@@ -45,8 +45,9 @@ def step_errors(d: ModeDiagnosis) -> list[tuple[str, float, float | None]]:
     added = f"+ {each[0]}" if len(each) == 1 else f"+ {len(each)} effects"
     out = []
     for label, f in mode_steps(d).items():
-        fit, held = (100 * d.modes.errors(f, k) for k in (False, True))
-        out.append((added if label.startswith("with ") else label, fit, held if np.isfinite(held) else None))
+        fit, held_out = (100 * d.modes.errors(f, k) for k in (False, True))
+        name = added if label.startswith("with ") else label
+        out.append((name, fit, held_out if np.isfinite(held_out) else None))
     return out
 
 

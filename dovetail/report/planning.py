@@ -52,8 +52,8 @@ class KindRow:
 
 def size_text(effect: Effect) -> str:
     """Return the size of an effect in words of the field, or its first parameter."""
-    if said := effect.size_in_words():
-        return said
+    if size := effect.size_in_words():
+        return size
     p = effect.parameters()[0]
     shown = words.as_stiffness(EffectParameter(p.name, float(p.value), p.unit, np.nan))
     return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
@@ -93,7 +93,7 @@ def table_of_excluded(plan: Plan) -> Table:
 
 PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
-"""At most so many pairs that a test does not tell apart are printed."""
+"""Largest number of indistinguishable pairs that are printed."""
 SHARES = ("seen", "located", "named")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
@@ -110,13 +110,13 @@ def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
     f = data.frequency
-    left = plan.visibility.left
-    said = (
+    error = plan.visibility.left
+    text = (
         "with the residuals of the measured FRFs"
-        if left is None
-        else f"noise {data.noise_db:.2g} dB, and {left * DB_PER_NEPER:.2g} dB of error of a right model"
+        if error is None
+        else f"noise {data.noise_db:.2g} dB, and {error * DB_PER_NEPER:.2g} dB of error of a right model"
     )
-    return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {said}"
+    return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {text}"
 
 
 def table_of_kinds(rows: Sequence[KindRow]) -> Table:

@@ -257,7 +257,7 @@ class Comparison:
 
 
 def rms_db(log_ratio: NDArray[np.complex128]) -> float:
-    """Return the root mean square of the real part in dB, without NaN; NaN if nothing is left."""
+    """Return the root mean square of the real part in dB, without NaN; NaN if no value remains."""
     x = log_ratio.real[np.isfinite(log_ratio.real)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")
 
@@ -336,7 +336,7 @@ the mean cosine of its phase error is below minus this [-]."""
 
 
 def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Return sentences on responses that look exchanged, or of the wrong sign, beside those of a model.
+    """Return sentences on responses that look exchanged, or of wrong sign, compared with those of a model.
 
     Two sensors are enough, unlike for :func:`updating.quality.faults.find_faults`. Arguments are those of
     :func:`compare`.
