@@ -1,8 +1,12 @@
-"""Natural frequencies of a cantilever, against the closed form and the predicted error of its elements."""
+"""Natural frequencies of a cantilever: the closed form, and the predicted error of the elements."""
+
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
+from viz.style import GREY, VERMILION, look, new_figure, save
 
 steel = Material("steel", E=210e9, rho=7850.0)
 bar = Section.rectangle(b=0.030, h=0.012)  # m
@@ -22,6 +26,13 @@ error = modes.frequency[computed] / closed_form - 1
 
 # Cubic elements of length h with consistent mass are too stiff by (βh)⁴/1440, to leading order.
 predicted = np.tile((beta * length / n) ** 4 / 1440, (2, 1)).T
+with look():
+    ax = new_figure(height=3.2).add_subplot(xlabel="elements in a wave, 2π/βh", ylabel="error [-]")
+    per_wave = 2 * np.pi * n / (beta * length)
+    ax.loglog(per_wave, predicted[:, 0], color=GREY, label="predicted, (βh)⁴/1440")
+    ax.loglog(per_wave, error, "o", color=VERMILION, label=["computed", "_"])
+    ax.legend()
+print(f"picture in {save(ax.figure, Path(tempfile.mkdtemp()) / 'error.png')}")
 for row, f, e, p in zip(("1st", "2nd", "3rd"), closed_form, error, predicted, strict=True):
     print(f"{row} bending: {f[0]:8.3f} and {f[1]:8.3f} Hz, error {e[0]:.2e}, predicted {p[0]:.2e}")
 

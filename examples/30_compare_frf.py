@@ -1,11 +1,15 @@
 """Compare FRFs of a free beam with others whose difference is known: 4 % stiffer, or a wrong gain."""
 
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble, compute_frf
 from updating import compare
+from viz.curves import plot_frf
+from viz.style import save
 
 flat = Section.rectangle(b=0.040, h=0.010)  # m
 mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"beam": [0]}).refined(counts={"beam": 40})
@@ -22,7 +26,11 @@ def accelerance(frequency, E=70e9):
 frequency = np.arange(20.0, 1000.0, 1.0)
 measured = accelerance(frequency)
 
-stiffer = compare(measured, accelerance(frequency, E=1.04 * 70e9), bands=4)
+wrong = accelerance(frequency, E=1.04 * 70e9)
+figure = plot_frf(measured, {"E 4 % high": wrong}, [(measured.outputs[0], measured.inputs[0])])
+print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'frf.png')}")
+
+stiffer = compare(measured, wrong, bands=4)
 print(f"E 4 % high:    {stiffer.total_db:.2f} dB, least FRAC {stiffer.frac.min():.3f}")
 worst = np.nanmax(stiffer.error_db, axis=(1, 2))
 for low, high, db in zip(stiffer.bands[:-1], stiffer.bands[1:], worst, strict=True):

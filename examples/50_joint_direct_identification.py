@@ -4,18 +4,14 @@ Two rigid blocks hang in springs. A massless 6x6 joint, off both centres, ties t
 of the free blocks and those of the assembly at one node of each block give the joint back.
 """
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 
-from joint import (
-    Interface,
-    coordinates_of,
-    couple,
-    identify_joint,
-    joint_impedance,
-    partition_frf,
-    relative_joint,
-    stack_substructures,
-)
+import joint
+from viz.joints import plot_joint_stiffness
+from viz.style import save
 
 frequency = np.linspace(20.0, 800.0, 40)  # Hz
 omega = 2 * np.pi * frequency[:, None, None]
@@ -27,26 +23,35 @@ def hanging_block(name, mass, stiffness):
     spring = np.diag([1, 1, 1, 4e-4, 4e-4, 4e-4]) * stiffness  # N/m, N m/rad
     K = np.block([[1.01 * spring, -spring], [-spring, 1.01 * spring]])
     M = mass * np.kron(np.eye(2), inertia)
-    every = coordinates_of([f"{name}1", f"{name}2"])
-    free, tied = coordinates_of([f"{name}1"]), coordinates_of([f"{name}2"])
+    every = joint.coordinates_of([f"{name}1", f"{name}2"])
+    free, tied = joint.coordinates_of([f"{name}1"]), joint.coordinates_of([f"{name}2"])
     H = np.linalg.inv(K * (1 + 0.02j) - omega**2 * M)
-    return partition_frf(frequency, H, every, every, Interface(joint=tied, outputs=free, inputs=free))
+    return joint.partition_frf(
+        frequency, H, every, every, joint.Interface(joint=tied, outputs=free, inputs=free)
+    )
 
 
-blocks = stack_substructures(hanging_block("U", 2.0, 4e6), hanging_block("D", 3.0, 9e6))
+blocks = joint.stack_substructures(hanging_block("U", 2.0, 4e6), hanging_block("D", 3.0, 9e6))
 
-bolt = relative_joint(
+bolt = joint.relative_joint(
     K=np.diag([2e7, 2e7, 8e7, 4e3, 4e3, 2e3]),  # N/m, N m/rad
     D=np.diag([6e5, 6e5, 2e6, 100.0, 100.0, 50.0]),
     lever_1=[0.0, 0.010, -0.005],  # m, from U2 to the bolt
     lever_2=[0.0, -0.015, 0.005],  # m, from D2 to the bolt
 )
-Z_bolt = joint_impedance(frequency, bolt.K, D=bolt.D)
-assembly = couple(blocks, Z_bolt)  # stands for what a test would measure
+Z_bolt = joint.joint_impedance(frequency, bolt.K, D=bolt.D)
+assembly = joint.couple(blocks, Z_bolt)  # stands for what a test would measure
 
-found = identify_joint(blocks, assembly.frequency, assembly.H_nn, basis=bolt.B.T)
+found = joint.identify_joint(blocks, assembly.frequency, assembly.H_nn, basis=bolt.B.T)
 stiffness = np.real(found.z[found.regular]).mean(axis=0)  # 6x6, relative coordinates
-rebuilt = couple(blocks, found.Z)
+rebuilt = joint.couple(blocks, found.Z)
+
+hidden = np.diag(bolt.K + 1j * bolt.D)[:3]
+figure = plot_joint_stiffness(
+    frequency, found.z[:, :3, :3], ["x", "y", "z"], {"hidden": np.tile(hidden, (len(frequency), 1))}
+)
+print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'stiffness.png')}")
+print(f"stiffness along z {stiffness[2, 2] / 1e6:.6f} kN/mm, hidden {bolt.K[2, 2] / 1e6:g} kN/mm")
 
 assert found.regular.all()
 assert np.allclose(np.diag(stiffness), [2e7, 2e7, 8e7, 4e3, 4e3, 2e3], rtol=1e-8)

@@ -3,11 +3,16 @@
 The measurement comes from a model with a finer mesh, other stiffnesses, and 1 % of noise.
 """
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 
 import fem
 from fem.effects import MemberStiffness
 from updating.inference.update import update
+from viz.style import save
+from viz.updating import plot_parameters
 
 names = ["left", "right", "beam"]
 points = [[0, 0, 0], [0, 0, 0.5], [0.6, 0, 0], [0.6, 0, 0.5]]  # m
@@ -40,6 +45,8 @@ updated = update(model, priors, frf=H, lines=lines, outputs=sensors, inputs=hamm
 print(updated.table())
 for step in updated.path:
     print(f"{step.stage:14} {step.errors.frf_db:7.3f} dB  {np.round(step.values[:4], 3)}")
+picture = save(plot_parameters(updated), Path(tempfile.mkdtemp()) / "parameters.png")
+print(f"picture in {picture}")
 error = (updated.values[:4] - list(truth.values())) / updated.std[:4]
 print("errors in standard deviations:", error.round(1))
 

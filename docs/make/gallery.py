@@ -14,16 +14,34 @@ from docs.make.pages import PageError, environment_of
 from docs.make.stored import NO_STORE, Result, Store, contents, digest, first_package, program
 
 HEAD = """\
+---
+hide:
+  - toc # more room for the cards
+---
+
 # Gallery
 
-Each example is a script of fewer than 60 lines, or a notebook, and ends in an assertion on a number. Outputs
-and pictures are those of this build.
-
-| | example | shows |
-|---|---|---|
+Each example is a script of fewer than 60 lines, or a notebook, and ends in an assertion on a number: a closed
+form, a published value, or the truth that was hidden. Its last line of output is below its title. Outputs and
+pictures are those of this build.
 """
 
+GROUPS = {
+    "Frames": range(10, 20),
+    "FRFs and modes": (*range(20, 30), *range(60, 80)),
+    "Joints": range(50, 60),
+    "Compare and find": (*range(30, 50), *range(80, 90)),
+    "Update": range(90, 95),
+    "Many structures": range(95, 100),
+}
+"""Headings of the index, and the first two digits of the examples below each."""
+
+PICTURE = 'loading="lazy" style="width: 100%; height: 12em; object-fit: contain; background: white"'
+"""Attributes that make pictures of all shapes equally large on the cards."""
+
 STUDIES = """
+## Studies
+
 The folder `examples` has larger studies as well:
 
 | folder | shows |
@@ -140,12 +158,24 @@ def _write_index(examples: list[Example], out: Path) -> None:
 
 
 def index(examples: list[Example]) -> str:
-    """Return the table of all examples."""
-    rows = []
-    for e in sorted(examples, key=lambda e: e.name):
-        picture = f"[![]({e.pictures[0]}){{ width=160 }}]({e.name}.md)" if e.pictures else ""
-        rows.append(f"| {picture} | [{e.name}]({e.name}.md) | {e.title} |\n")
-    return HEAD + "".join(rows) + STUDIES
+    """Return the page of all examples: a card for each, with its picture first, below the headings."""
+    text = HEAD
+    for heading, numbers in GROUPS.items():
+        cards = [card(e) for e in sorted(examples, key=lambda e: e.name) if int(e.name[:2]) in numbers]
+        if cards:
+            text += f'\n## {heading}\n\n<div class="grid cards" markdown>\n\n{"".join(cards)}</div>\n'
+    return text + STUDIES
+
+
+def card(example: Example) -> str:
+    """Return the card of an example: its picture, its title up to a colon and the last line of its output."""
+    link = f"{example.name}.md"
+    parts = [f"**[{example.title.partition(':')[0]}]({link})**"]
+    if example.pictures:
+        parts.insert(0, f"[![]({example.pictures[0]}){{ {PICTURE} }}]({link})")
+    if example.output:
+        parts.append(f"`{example.output.splitlines()[-1]}`")
+    return "-   " + "\n\n    ".join(parts) + "\n\n"
 
 
 def _words(picture: str, example: Example) -> str:

@@ -55,6 +55,8 @@ def with_site_links(text: str, page: Path, root: Path, examples: Collection[str]
             where = path.relative_to("docs").as_posix()
         elif str(path) in AT_ROOT:
             where = AT_ROOT[str(path)]
+        elif str(path) == "examples":
+            where = "gallery/index.md"
         elif path.parts[0] == "examples" and path.stem in examples:
             where = f"gallery/{path.stem}.md"
         else:

@@ -22,6 +22,7 @@ TUTORIAL = ROOT / "docs" / "first-frame.md"
         ("docs/index.md", "[a](files.md#units)", "[a](files.md#units)"),
         ("docs/index.md", "[a](../CONTRIBUTING.md)", "[a](contributing.md)"),
         ("docs/index.md", "[a](../examples/10_x.py)", "[a](gallery/10_x.md)"),
+        ("docs/index.md", "[a](../examples)", "[a](gallery/index.md)"),
         ("docs/index.md", "[`t`](../tests/t.md)", "`t`"),
         ("docs/index.md", "[the study](../examples/y/study.toml)", "the study"),
         ("docs/index.md", "[a](https://a.org)", "[a](https://a.org)"),
@@ -70,6 +71,22 @@ def test_an_example_has_its_output_and_pictures(tmp_path):
     page = gallery.page(gallery.run(tmp_path / "10_draw.py", tmp_path))
     assert page.startswith("# Draw\n\nMore.\n\n![a](10_draw-a.png)\n\n```text\n7\n```\n")
     assert (tmp_path / "10_draw-a.png").exists()
+
+
+def test_the_index_of_the_gallery_has_a_card_with_picture_title_and_number():
+    example = gallery.Example("16_x", "A crack: how deep", "", "", "path\n90 %", ("16_x-a.png",))
+    notebook = gallery.Example("45_y", "By hand", "", "", "", ())
+    text = gallery.index([notebook, example])
+    assert "## Update" not in text
+    frames, compare = text.split("## Compare and find")
+    assert frames.index("16_x-a.png") < frames.index("**[A crack](16_x.md)**") < frames.index("`90 %`")
+    assert "-   **[By hand](45_y.md)**\n" in compare
+
+
+def test_every_example_is_below_one_heading_of_the_gallery():
+    listed = [n for numbers in gallery.GROUPS.values() for n in numbers]
+    assert len(listed) == len(set(listed))
+    assert {int(p.name[:2]) for p in gallery.sources(ROOT / "examples")} <= set(listed)
 
 
 @pytest.mark.parametrize(
