@@ -58,7 +58,7 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     )
 
 
-def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
+def frf(desk: Desk, pair: tuple[str, str], height: float, *, log: bool = False) -> Figure:
     """Return amplitude and phase of one FRF: measured, nominal, this hypothesis and the second one."""
     second = desk.second()
     models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
@@ -67,11 +67,13 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
     held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
     f = desk.shown.frf.frequency
     bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.data_of(desk.now.hypothesis))
-    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, title="", height=height)
+    figure = frf_figure(
+        desk.shown.measured, models, pair, held_out=bands, log_frequency=log, title="", height=height
+    )
     for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
         if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
             phase = _cut(_decibels(desk.shown.frf, pair)[1])
-            trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=_sent(phase, 1))
+            trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=sent(phase, 1))
     return figure  # without a title: the fields above name the pair
 
 
@@ -105,14 +107,10 @@ def held_out_bands(data: FitData) -> list[tuple[float, float]]:
     return [(float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2)]
 
 
-def moved_curve(
-    figure: Figure, shown: Evaluation, pair: tuple[str, str]
-) -> tuple[list[dict[str, Any]], list[int]]:
-    """Return the changes of an FRF's figure with a slider: new ordinates, and the traces that get them."""
-    at = {t.meta["quantity"]: n for n, t in enumerate(figure.data) if t.meta and t.meta["series"] == HERE}
+def curve_changes(shown: Evaluation, pair: tuple[str, str]) -> dict[str, dict[str, Any]]:
+    """Return the new ordinates of an FRF's amplitude and phase."""
     magnitude, phase = _decibels(shown.frf, pair)
-    new = {MAGNITUDE: {"y": _sent(magnitude, 2)}, PHASE: {"y": _sent(_cut(phase), 1)}}
-    return [new[key] for key in new if key in at], [at[key] for key in new if key in at]
+    return {MAGNITUDE: {"y": sent(magnitude, 2)}, PHASE: {"y": sent(_cut(phase), 1)}}
 
 
 def nearest_mark(
@@ -143,10 +141,10 @@ def nearest_mark(
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:
     """Return the changes of the error map with a slider."""
-    return {"z": [_sent(shown.by_band(), 3)]}
+    return {"z": [sent(shown.by_band(), 3)]}
 
 
-def _sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:
+def sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:
     """Return values in the form that goes to the page, with the digits that a picture shows."""
     return np.ascontiguousarray(np.round(values, digits), dtype=np.float32)
 

@@ -32,6 +32,7 @@ from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import Promise, rank
+from updating.live.sensitivity import Sensitivity, sensitivities
 from updating.live.weighing import Weighed, weigh
 from updating.plan.plan import Plan
 from updating.quality.corrections import Fault
@@ -184,6 +185,10 @@ class Desk:
         spot = min(self.spots.values(), key=lambda s: float(np.linalg.norm(np.subtract(s.point, point))))
         off = float(np.linalg.norm(np.subtract(spot.point, point)))
         return spot.name if off < 2 * SAME_SPOT * self.study.model.mesh.size else ""
+
+    def sensitivities(self, pair: tuple[str, str]) -> tuple[Sensitivity, ...]:
+        """Return the change of an FRF by each parameter of the present hypothesis, the largest first."""
+        return sensitivities(self.live, self.now.hypothesis, pair)
 
     def second(self) -> Evaluation | None:
         """Return the evaluation of the second hypothesis, where there is one."""

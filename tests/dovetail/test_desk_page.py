@@ -222,10 +222,10 @@ def chromium(browser):
 class Tab:
     """A tab with the desk, which notes what must not happen."""
 
-    def __init__(self, chromium, address):
+    def __init__(self, chromium, address, *, patience=60_000):
         self.faults = []
         self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(patience)
         page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda e: self.faults.append(str(e)))
         page.on("request", lambda r: self._asked(r.url))

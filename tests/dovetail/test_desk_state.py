@@ -24,6 +24,7 @@ from dovetail.desk.journal import JournalError, journal_of, read_journal, write_
 from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
+from dovetail.desk.views import VIEWS, Chosen
 from dovetail.disk.output import OutputError
 from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
@@ -356,6 +357,31 @@ def test_a_band_is_held_out_and_written(desk, tmp_path):
     desk.hold_out("band 100-250 Hz")
     assert desk.now.label == "fit band 100-250 Hz"
     assert desk.shown.result.held_out_db == before.held_out_db
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_a_view_that_follows_a_slider_is_the_one_that_is_drawn_after_it(desk, name):
+    view, chosen = VIEWS[name], Chosen(("U3z", "D3z"), True, (60.0, 90.0))
+    desk.add(MASS, mass=0.1)
+    before = view.draw(desk, chosen)
+    frames, traces = view.moved(before, desk.preview(MASS, "mass", 0.2), chosen)
+    after = view.draw(desk, chosen)
+    assert len(traces) == {"Amplitude and phase": 2, "CMIF": 2, "Sensitivity": 0}.get(name, 1)
+    for k, trace in enumerate(after.data):
+        moved = frames[traces.index(k)] if k in traces else {}
+        was = before.data[k]
+        for key in ("x", "y"):
+            drawn, shown = (np.asarray(v, dtype=float) for v in (trace[key], moved.get(key, was[key])))
+            if name != "Sensitivity":
+                np.testing.assert_allclose(shown, drawn, atol=0.051 if name != "FRAC" else 1e-4)
+    if name == "Nyquist":
+        assert [t.x.size for t in after.data] == [16, 16, 16]  # lines of the band, 2 Hz apart
+    scale = after.layout.xaxis.type
+    assert (scale == "log") == view.over_frequency
+
+
+def test_views_leave_out_what_amplitudes_do_not_tell():
+    assert {n for n, v in VIEWS.items() if not v.needs_phase} == {"Amplitude and phase", "Sensitivity"}
 
 
 def test_a_click_finds_its_spot(desk):
