@@ -17,6 +17,7 @@ from dovetail.desk.effects import EffectList, Move
 from dovetail.desk.frf_panel import FrfPanel
 from dovetail.desk.job_bar import JobBar
 from dovetail.desk.jobs import Job, Newest
+from dovetail.desk.modes import ModePanel
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
 from dovetail.desk.visible import PlanView
@@ -98,6 +99,7 @@ class Page:
                 self._model_card()
                 self.candidates = CandidateList(desk, self.act, self._rank, self._show_model)
                 self._staircase_card()
+                self.modes = ModePanel(desk, self.searches.start)
             with ui.element("div").classes("desk-column"):
                 self.frfs = FrfPanel(desk, self.act)
                 self.effects = EffectList(
@@ -233,6 +235,7 @@ class Page:
         self.sensors.refresh()
         self.candidates.refresh()
         self.plan_view.refresh()
+        self.modes.refresh()
         self.refresh_buttons()
         self._tell_notes()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.desk.compared_modes import ComparedModes, compared_modes
 from dovetail.desk.jobs import Job
 from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
 from dovetail.desk.saving import (
@@ -85,6 +86,7 @@ class Desk:
         self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.mapped: tuple[Hypothesis, Plan] | None = None
+        self.compared_modes: ComparedModes | None = None
         self.weighed: dict[str, Weighed] = {}
         self.fits_form = self.varies_form
         self.shown = live.evaluate(self.now.hypothesis)
@@ -391,6 +393,11 @@ class Desk:
             return h, plan_study(study_with(self.study, self.live, h), noise, progress=say)
 
         return Job("Map of the test", mapped).start()
+
+    def compare_modes(self) -> Job:
+        """Compute the modes of the present hypothesis, and compare them with the measured ones."""
+        h, known = self.now.hypothesis, self.compared_modes
+        return Job("Compare modes", lambda say: compared_modes(self.study, self.live, h, known, say)).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""

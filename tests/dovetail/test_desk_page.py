@@ -384,7 +384,7 @@ def test_two_tabs_share_a_desk_that_answers(example, chromium):
         one = Tab(chromium, server.address)
         two = Tab(chromium, server.address)
         one.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
-        # The first frame of a canvas takes seconds without a graphics card; clicks before it are answered late.
+        # without a graphics card the first frame takes seconds; clicks before it are answered late
         _, sensor = settled(lambda: near_the_joint(one, (0, 0)))
         near = [near_the_joint(one, off) for off in ((0, 0), (4, 2), (2, 6))]
         assert near == [["joint J", sensor]] * 3  # and no sensor above it

@@ -21,20 +21,24 @@ from dovetail.cli import main
 from dovetail.desk import figures
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
+from dovetail.desk.modes import mode_rows, shapes_figure
 from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.desk.views import VIEWS, Chosen
 from dovetail.disk.output import OutputError
+from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
+from fem.analysis.modes import Modes
 from tests.frames import write_study
+from updating.diagnosis.fitted_modes import damped_modes
 from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import MeasurementError
+from updating.measurement.measurement import MeasurementError, sensor_rows
 from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
@@ -382,6 +386,44 @@ def test_a_view_that_follows_a_slider_is_the_one_that_is_drawn_after_it(desk, na
 
 def test_views_leave_out_what_amplitudes_do_not_tell():
     assert {n for n, v in VIEWS.items() if not v.needs_phase} == {"Amplitude and phase", "Sensitivity"}
+
+
+def as_if_measured(desk, modes):
+    """Return computed modes as measured ones at the sensors, with a frequency that is 2 % higher."""
+    sensors = desk.live.problem.data.measurement.sensors
+    shapes = sensor_rows(desk.study.model, sensors) @ modes.shapes[:, modes.n_rigid :]
+    f, zeta = 1.02 * modes.frequency[modes.n_rigid :], modes.zeta[modes.n_rigid :]
+    n = np.ones(len(f))
+    names = tuple(s.name for s in sensors)
+    return MeasuredModes(Modes(f, -3.0 * shapes, zeta, labels=names), sensors, 1e-3 * n, 0.01 * n, "test")
+
+
+def test_modes_of_the_model_itself_have_a_mac_of_one(desk):
+    h = desk.now.hypothesis
+    modes = damped_modes(desk.study.model, desk.live.problem.damping, h.zeta, 300.0)
+    desk.study = replace(desk.study, modes=as_if_measured(desk, modes))
+    job = desk.compare_modes()
+    assert job.wait(60)
+    found = desk.compared_modes = job.result
+    assert found.hypothesis is h
+    elastic = modes.n_modes - modes.n_rigid
+    seen = [k for k in range(elastic) if np.linalg.norm(found.measured.modes.shapes[:, k]) > 1e-3]
+    assert len(seen) >= 4
+    for k in seen:
+        assert found.mac[k, k] == pytest.approx(1.0, abs=1e-9)
+        row = mode_rows(found)[k]
+        if found.partner.get(k) == k:
+            assert (row["mode"], row["Δf [%]"], row["MAC"], row["partner"]) == (k + 1, "-1.96", "1.000", k)
+    figure = shapes_figure(found, seen[0], seen[0])
+    assert len(figure.frames) == 7
+    tips = [t for t in figure.data if t.meta and t.meta.get("moves") in ("measured", "computed")]
+    measured, computed = (np.array([t.x, t.y, t.z]).T.reshape(-1, 3, 3)[:, 1] for t in tips)
+    np.testing.assert_allclose(measured, computed, atol=1e-6)  # scaled to the mode, and alike
+    desk.add(MASS, mass=0.1)
+    again = desk.compare_modes()
+    assert again.wait(60)
+    assert again.result.measured is found.measured  # not identified again
+    assert again.result.frequencies()[1][0] < found.frequencies()[1][0]
 
 
 def test_a_click_finds_its_spot(desk):
