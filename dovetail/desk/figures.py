@@ -1,6 +1,6 @@
 """The desk's figures, and their changes while a slider moves."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -21,8 +21,8 @@ from viz.interactive.solids import Place
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
 AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration": 0}, "mode": "immediate"}
 """Options of plotly's ``animate``: a frame at once, and no other part of the figure drawn anew."""
-NEAR, MARK = 24.0, 5.0
-"""A click picks a mark so near, and is on a mark that is so near [pixel]."""
+NEAR, MARK, JOINT_MARK = 24.0, 5.0, 8.0
+"""A click picks a mark so near, and is on a mark, or on that of a joint, that is so near [pixel]."""
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
 
@@ -114,9 +114,15 @@ def curve_changes(shown: Evaluation, pair: tuple[str, str]) -> dict[str, dict[st
 
 
 def nearest_mark(
-    marks: Sequence[Mapping[str, Any]], touched: Mapping[str, Any], reach: float
+    marks: Sequence[Mapping[str, Any]],
+    touched: Mapping[str, Any],
+    reach: float,
+    joints: Collection[str] = (),
 ) -> Mapping[str, Any] | None:
-    """Return the mark that a click in the model means: the foremost under the mouse, else the nearest to it.
+    """Return the mark that a click in the model means.
+
+    That is a joint whose mark is under the mouse, whatever lies over it: a list has the sensors, too. Else it
+    is the foremost mark under the mouse, or the nearest to it.
 
     Parameters
     ----------
@@ -126,6 +132,8 @@ def nearest_mark(
         The foremost thing under the mouse, with ``point`` and ``depth``.
     reach : float
         Marks behind it by more are hidden [m]; nearer ones lie inside it, as joints do in their members.
+    joints : collection of str
+        Names of the marks at joints.
     """
 
     def hidden(m: Mapping[str, Any]) -> bool:
@@ -133,6 +141,9 @@ def nearest_mark(
         return m["depth"] > touched["depth"] and off >= reach
 
     shown = [m for m in marks if m["off"] <= NEAR and not hidden(m)]
+    at_joint = [m for m in shown if m["name"] in joints and m["off"] <= JOINT_MARK]
+    if at_joint:
+        return min(at_joint, key=lambda m: m["off"])
     under = [m for m in shown if m["off"] <= MARK]
     if under:
         return min(under, key=lambda m: m["depth"])

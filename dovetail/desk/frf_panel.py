@@ -9,7 +9,7 @@ from plotly.graph_objects import Figure
 from dovetail.desk.bands import BandList
 from dovetail.desk.session import Desk
 from dovetail.desk.views import VIEWS, Chosen, View
-from dovetail.desk.widgets import Act, as_dict, card, check, choice, labelled, plot
+from dovetail.desk.widgets import Act, card, check, choice, labelled, plot, show
 from updating.live.engine import Evaluation
 from updating.measurement.held_out import Band
 
@@ -52,7 +52,7 @@ class FrfPanel:
     def refresh(self) -> None:
         """Show the present state."""
         self._figure = self._drawn()
-        self.plot.update_figure(as_dict(self._figure))
+        show(self.plot, self._figure)
         self.bands.refresh()
 
     def moved(self, shown: Evaluation) -> tuple[list[Any], list[int]]:

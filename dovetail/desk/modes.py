@@ -10,7 +10,7 @@ from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
-from dovetail.desk.widgets import as_dict, button, card, labelled, plot
+from dovetail.desk.widgets import button, card, labelled, plot, show
 from dovetail.report.mode_drawn import shape_at
 from viz.interactive.frequencies import mac_figure
 from viz.interactive.modes import modes_figure
@@ -122,7 +122,7 @@ class ModePanel:
                     button("Play", lambda: self._play("play"), "play_arrow", label="Play the shapes")
                     button("Stop", lambda: self._play("stop"), "stop", label="Stop the shapes")
         else:
-            self._shape.update_figure(as_dict(figure))
+            show(self._shape, figure)
             labelled(self._shape, words)
         self._title.set_text(shapes_title(found, i, j))
         self._play("play", asked=False)

@@ -15,13 +15,15 @@ from dovetail.desk import figures
 from dovetail.desk.candidates import CandidateList
 from dovetail.desk.effects import EffectList, Move
 from dovetail.desk.frf_panel import FrfPanel
+from dovetail.desk.help import Help
 from dovetail.desk.job_bar import JobBar
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.modes import ModePanel
+from dovetail.desk.scheme import FOLLOW, is_dark
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
 from dovetail.desk.visible import PlanView
-from dovetail.desk.widgets import Keys, Numbers, as_dict, button, card, plot
+from dovetail.desk.widgets import Keys, Numbers, button, card, plot, show
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
 
@@ -35,6 +37,9 @@ MAP_SHARE = 0.25
 IN_SIGHT = """((box) => box.bottom > 0 && box.top < innerHeight && {call}.then(
   () => new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)))))({box})"""
 """Calls a method of a figure that is in sight; ends when the browser has painted it."""
+DAY = {"primary": "#0068a3", "positive": "#1a7f37", "negative": "#b3001b", "warning": "#f2c037"}
+NIGHT = {**DAY, "primary": "#56b4e9", "dark_page": "#161b22", "dark": "#0d1117"}
+"""Colours of controls and notices, which text on them and beside them can be read with (WCAG AA)."""
 NUMBERS = {
     "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
     "left": "left beyond the noise", "apart": "held-out channels",
@@ -42,6 +47,20 @@ NUMBERS = {
 ROLES = ("sensor", "excitation")
 """Marks of the model that choose the FRF shown."""
 PRESSED = "(e) => { e.currentTarget.pressedAt = [e.clientX, e.clientY]; }"
+TURN = """(e) => {
+  const scene = e.currentTarget._fullLayout?.scene, zoom = {'+': 1 / 1.15, '-': 1.15}[e.key] ?? 1;
+  const turn = {ArrowLeft: -0.15, ArrowRight: 0.15}[e.key] ?? 0;
+  const tilt = {ArrowUp: 0.1, ArrowDown: -0.1}[e.key] ?? 0;
+  if (!scene || (zoom === 1 && !turn && !tilt)) return;
+  e.preventDefault();
+  const camera = scene._scene.getCamera(), {x, y, z} = camera.eye, far = Math.hypot(x, y, z) * zoom;
+  const azimuth = Math.atan2(y, x) + turn;
+  const height = Math.max(-1.5, Math.min(1.5, Math.atan2(z, Math.hypot(x, y)) + tilt));
+  camera.eye = {x: far * Math.cos(height) * Math.cos(azimuth), y: far * Math.cos(height) * Math.sin(azimuth),
+    z: far * Math.sin(height)};
+  runMethod(%d, 'run_plot_method', ['relayout', {'scene.camera': camera}]);
+}"""
+"""Arrow keys turn the model, + and - zoom it."""
 CLICKED = """(e) => {
   const gd = document.querySelector('[aria-label^="The model"]'), scene = gd._fullLayout.scene._scene;
   const camera = scene.glplot.cameraParams;
@@ -93,6 +112,11 @@ class Page:
         """Lay the page out."""
         desk = self.desk
         ui.add_css(STYLE)
+        ui.add_head_html(FOLLOW)
+        dark = is_dark(self._client)
+        ui.dark_mode(dark)
+        ui.colors(**(NIGHT if dark else DAY))
+        self.help = Help()
         self._header()
         with ui.element("main").classes("desk-grid"):
             with ui.element("div").classes("desk-column"):
@@ -132,6 +156,7 @@ class Page:
                 button("Diagnose", self._diagnose, "troubleshoot")
                 button("Save study", self._save_dialog, "save", hint="Ctrl+S")
                 button("Export report", self._report_dialog, "description")
+                button("Help", self.help.open, "help_outline")
             with ui.element("div").classes("desk-row desk-errors"):
                 self._numbers = Numbers(NUMBERS, _texts(self.desk.shown))
                 ui.space()
@@ -147,6 +172,7 @@ class Page:
             self.model = plot(
                 figure, "The model with sensors coloured by their error; click a place to list its candidates"
             )
+            self.model.props("role=application tabindex=0").on("keydown", js_handler=TURN % self.model.id)
             self.model.on("mousedown", js_handler=PRESSED)
             self.model.on("plotly_click", self._clicked_model, js_handler=CLICKED)
 
@@ -227,8 +253,8 @@ class Page:
         desk = self.desk
         self._seen = desk.history
         self.frfs.refresh()
-        self.map.update_figure(as_dict(figures.error_map(desk)))
-        self.stairs.update_figure(as_dict(figures.staircase(desk)))
+        show(self.map, figures.error_map(desk))
+        show(self.stairs, figures.staircase(desk))
         self._show_model()
         self._show_numbers(desk.shown)
         self.effects.refresh()
@@ -271,7 +297,7 @@ class Page:
 
     def _clicked_model(self, e: GenericEventArguments) -> None:
         touched, reach = e.args["touched"], 2 * SAME_SPOT * self.desk.study.model.mesh.size
-        mark = figures.nearest_mark(e.args["marks"], touched, reach)
+        mark = figures.nearest_mark(e.args["marks"], touched, reach, self.desk.joints)
         role, name = (mark["role"], mark["name"]) if mark else ("", touched["name"])
         if role in ROLES:
             self.frfs.open(role, name)
@@ -280,7 +306,7 @@ class Page:
             self.candidates.choose(near or self.desk.spot_of(str(name)))
 
     def _show_model(self) -> None:
-        self.model.update_figure(as_dict(figures.model(self.desk, self.candidates.spot, MODEL_HEIGHT)))
+        show(self.model, figures.model(self.desk, self.candidates.spot, MODEL_HEIGHT))
 
     # Jobs ---------------------------------------------------------------------------------------------------
 
@@ -355,7 +381,7 @@ def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> Non
         with ui.element("div").classes("desk-row"):
             ui.space()
             ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-            ui.button("Write", on_click=write).props("no-caps")
+            ui.button("Write", on_click=write).props("flat no-caps")
     dialog.on("hide", dialog.delete)
     dialog.open()
 

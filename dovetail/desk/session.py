@@ -164,6 +164,12 @@ class Desk:
                 out[name] = Spot(name, (x, y, z), own)
         return out
 
+    @cached_property
+    def joints(self) -> frozenset[str]:
+        """Names of the spots at joints."""
+        at = (place_of(e) for e in self.candidates.values())
+        return frozenset(name for kind, name in at if kind == "joint" and name in self.spots)
+
     def spot_of(self, name: str) -> str:
         """Return the spot of a place, a member, a joint or an added effect that a click names; or nothing."""
         for spot in self.spots.values():

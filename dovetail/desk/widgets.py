@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from nicegui import ui
+from nicegui import Client, ui
+from plotly.graph_objects import Figure
 
-from viz.interactive.theme import CONFIG
+from dovetail.desk.scheme import is_dark
+from viz.interactive.theme import CONFIG, at_night
 
 E = TypeVar("E", bound=ui.element)
 Act = Callable[[Callable[[], None]], None]
@@ -55,15 +57,21 @@ def button(
     return labelled(made, label or text)
 
 
-def plot(figure: Any, label: str) -> ui.plotly:
+def plot(figure: Figure, label: str) -> ui.plotly:
     """Return a figure in the page, with words for screen readers."""
-    made = ui.plotly(as_dict(figure)).classes("desk-plot").props("role=img")
+    made = ui.plotly(_dressed(figure, ui.context.client)).classes("desk-plot").props("role=img")
     return labelled(made, label)
 
 
-def as_dict(figure: Any) -> dict[str, Any]:
-    """Return a figure as the page takes it."""
-    return {**figure.to_plotly_json(), "config": CONFIG}
+def show(made: ui.plotly, figure: Figure) -> None:
+    """Show another figure in its place."""
+    made.update_figure(_dressed(figure, made.client))
+
+
+def _dressed(figure: Figure, client: Client) -> dict[str, Any]:
+    """Return a figure as the page takes it, in the colours of the page."""
+    coloured = at_night(figure) if is_dark(client) else figure
+    return {**coloured.to_plotly_json(), "config": CONFIG}
 
 
 class Keys(ui.element, component="keys.js"):

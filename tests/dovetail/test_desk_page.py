@@ -19,6 +19,7 @@ import pytest
 from dovetail import load_study
 from dovetail.cli import main
 from dovetail.desk.guard import Guard
+from dovetail.desk.help import COOKIE
 from dovetail.desk.scale import Scale
 from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
 from dovetail.pipeline import measured
@@ -56,6 +57,54 @@ MOVED = """(slider, x) => new Promise((done) => {
   slider.dispatchEvent(new Event('input'));
 })"""
 """Moves a slider; the time until the FRF is drawn again [ms]."""
+
+
+FAINT = """() => {
+  const rgba = (text) => [...text.match(/[\\d.]+/g).map(Number), 1].slice(0, 4);
+  const over = (top, below) => [0, 1, 2].map((k) => top[3] * top[k] + (1 - top[3]) * below[k]);
+  const light = (c) => {
+    const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    const [r, g, b] = c.map((v) => linear(v / 255));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const ratio = (a, b) => {
+    const [low, high] = [light(a), light(b)].sort((x, y) => x - y);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const paper = (e) => {
+    if (!e) return [255, 255, 255];
+    const colour = rgba(getComputedStyle(e).backgroundColor);
+    return colour[3] === 1 ? colour.slice(0, 3) : over(colour, paper(e.parentElement));
+  };
+  const out = [];
+  const judge = (e, words, colour, least) => {
+    const below = paper(e), got = ratio(over(rgba(colour), below), below);
+    if (got < least) out.push(`${words}: ${colour} on ${below} has ${got.toFixed(2)}`);
+  };
+  for (const e of document.querySelectorAll('body *')) {
+    const text = [...e.childNodes].filter((n) => n.nodeType === 3 && n.data.trim());
+    const style = getComputedStyle(e);
+    const unread = '[disabled], .disabled, [aria-disabled=true], .heatmap-label, .hoverlayer';
+    if (!text.length || e.closest(unread) || !e.checkVisibility({visibilityProperty: true})) continue;
+    if (!['SCRIPT', 'STYLE', 'NOSCRIPT'].includes(e.tagName))
+      judge(e, text[0].data.trim(), e.closest('svg') ? style.fill : style.color, 4.5);
+  }
+  for (const e of document.querySelectorAll('.q-field--outlined .q-field__control'))
+    judge(e.parentElement, 'field', getComputedStyle(e, ':before').borderTopColor, 3);
+  return [...new Set(out)];
+}"""
+"""Texts, but for those on coloured cells, with a contrast below 4.5, and edges of fields with one below 3.
+
+As WCAG 2.2 computes it (1.4.3, 1.4.11).
+"""
+NAMELESS = """() => {
+  const named = (e) => e.ariaLabel || e.labels?.length || e.innerText || e.closest('[aria-label]');
+  const controls = 'button, input, textarea, [role=combobox], [role=application]';
+  return [...document.querySelectorAll(controls)]
+    .filter((e) => e.checkVisibility() && !e.disabled && (e.tabIndex < 0 || !named(e)))
+    .map((e) => e.outerHTML.slice(0, 200));
+}"""
+"""Controls that Tab does not reach, or that have no name."""
 
 
 # Who may reach it -------------------------------------------------------------------------------------------
@@ -222,9 +271,12 @@ def chromium(browser):
 class Tab:
     """A tab with the desk, which notes what must not happen."""
 
-    def __init__(self, chromium, address, *, patience=60_000):
+    def __init__(self, chromium, address, *, patience=60_000, first_time=False, **more):
         self.faults = []
-        self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900})
+        self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900}, **more)
+        if not first_time:  # the help is open then
+            url = address.partition("?")[0]
+            page.context.add_cookies([{"name": COOKIE, "value": "closed", "url": url}])
         page.set_default_timeout(patience)
         page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda e: self.faults.append(str(e)))
@@ -450,6 +502,63 @@ def test_the_map_of_the_test_is_shown_for_a_kind_and_a_question(tmp_path, chromi
         tab.press("Fit uncertain parameters")
         page.get_by_text("Beside an earlier hypothesis").wait_for()
         assert tab.faults == []
+    finally:
+        errors = server.close()
+    assert errors == ""
+
+
+def by_key(tab, role, name, key):
+    """Press a key on a control."""
+    control = tab.page.get_by_role(role, name=name, exact=True)
+    control.focus()
+    control.press(key)
+
+
+def test_a_desk_by_keys_in_both_colours(tmp_path, chromium):
+    server = Server(write_study(tmp_path))
+    try:
+        tab = Tab(chromium, server.address, first_time=True)
+        page, opened = tab.page, tab.page.get_by_text("How the desk works")
+        opened.wait_for()
+        page.keyboard.press("Escape")
+        opened.wait_for(state="hidden")
+        assert page.evaluate(NAMELESS) == []
+        by_key(tab, "checkbox", "Logarithmic frequency", "Space")
+        frf = "document.querySelector('[aria-label^=\"Amplitude and phase\"]')"
+        page.wait_for_function(f"() => {frf}._fullLayout.xaxis.type === 'log'")
+        by_key(tab, "combobox", "View", "Enter")
+        page.get_by_role("option", name="CMIF", exact=True).wait_for()
+        for key in ("ArrowDown", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+        page.get_by_label("Complex mode indication function").wait_for()
+        model = "document.querySelector('[aria-label^=\"The model\"]')"
+        eye = f"{model}._fullLayout.scene?._scene?.getCamera().eye.x"
+        page.wait_for_function(f"() => {eye} !== undefined")
+        before = page.evaluate(eye)
+        page.get_by_role("application", name="The model").press("ArrowLeft")
+        page.wait_for_function(f"(was) => {eye} !== was", arg=before)
+        by_key(tab, "button", "Compare modes", "Enter")
+        by_key(tab, "button", "Show mode 2", "Enter")
+        shapes = "document.querySelector('[aria-label^=\"Shapes of measured mode\"]')"
+        page.wait_for_function(f"() => {shapes}?._transitionData?._frames?.length === 7")
+        page.get_by_text("Measured mode 2, ").wait_for()
+        cell = page.locator('[aria-label^="MAC of measured"] .nsewdrag').first
+        cell.scroll_into_view_if_needed()
+        box = cell.bounding_box()
+        page.mouse.move(box["x"] + 2, box["y"] + 3)
+        page.mouse.click(box["x"] + 4, box["y"] + 4)
+        page.get_by_text("Measured mode 1, ").wait_for()
+        assert page.evaluate(FAINT) == []
+        night = Tab(chromium, server.address, first_time=True, color_scheme="dark")
+        night.page.locator("body.body--dark").wait_for()
+        night.page.get_by_label("count sensor").first.wait_for(state="attached")
+        night.page.get_by_text("How the desk works").wait_for()
+        assert night.page.evaluate(FAINT) == []
+        page.goto(server.address)  # closed once, the help is closed
+        page.get_by_role("button", name="Help", exact=True).wait_for()
+        page.wait_for_function("() => window.did_handshake")
+        assert opened.count() == 0
+        assert tab.faults == night.faults == []
     finally:
         errors = server.close()
     assert errors == ""

@@ -447,6 +447,9 @@ def test_a_click_means_the_nearest_mark():
     assert figures.nearest_mark([above, joint, beyond], beam, 0.1) is joint  # one is farther, one hidden
     front = mark("U5z", 5.0, 0.3)
     assert figures.nearest_mark([joint, front], beam, 0.1) is front  # over each other: the foremost
+    assert figures.nearest_mark([joint, front], beam, 0.1, {"joint J"}) is joint  # but the joint wins
+    aside = {**joint, "off": 9.0}
+    assert figures.nearest_mark([aside, front], beam, 0.1, {"joint J"}) is front  # the click is not on it
     assert figures.nearest_mark([mark("far", 40.0, 0.1)], beam, 0.1) is None
 
 
