@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.session import Desk
 from dovetail.report import words
+from dovetail.report.mode_drawn import shape_at
 from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation
 from viz.interactive.error import error_map_figure, staircase_figure
 from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure
 from viz.interactive.model import model_figure
+from viz.interactive.modes import modes_figure
 from viz.interactive.solids import Place
 
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
@@ -23,6 +26,10 @@ AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration":
 """Options of plotly's ``animate``: a frame at once, and no other part of the figure drawn anew."""
 NEAR, MARK, JOINT_MARK = 24.0, 5.0, 8.0
 """A click picks a mark so near, and is on a mark, or on that of a joint, that is so near [pixel]."""
+MODE_HEAD = ("mode", "measured [Hz]", "computed [Hz]", "Δf [%]", "MAC", "ζ [%]")
+"""Columns of the table of modes."""
+SHAPE_HEIGHT = 420
+"""Height of a figure of shapes [pixel]."""
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
 
@@ -175,3 +182,37 @@ def _decibels(frf: FRF, pair: tuple[str, str]) -> tuple[NDArray[np.float64], NDA
 
 def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+def mode_rows(found: ComparedModes) -> list[dict[str, Any]]:
+    """Return a row of the table for each measured mode, with the number of its partner, from 0, or None."""
+    measured, computed = found.frequencies()
+    zeta = found.measured.modes.zeta
+    out = []
+    for i, f in enumerate(measured):
+        j = found.partner.get(i)
+        cells = (
+            ("–", "–", "–")
+            if j is None
+            else (f"{computed[j]:.5g}", f"{100 * (computed[j] / f - 1):+.2f}", f"{found.mac[i, j]:.3f}")
+        )
+        damping = f"{100 * zeta[i]:.2g}" if zeta is not None and np.isfinite(zeta[i]) else "–"
+        out.append({**dict(zip(MODE_HEAD, (i + 1, f"{f:.5g}", *cells, damping), strict=True)), "partner": j})
+    return out
+
+
+def shapes_title(found: ComparedModes, i: int, j: int) -> str:
+    """Return which modes are shown, with their frequencies and MAC."""
+    measured, computed = found.frequencies()
+    return (
+        f"Measured mode {i + 1}, {measured[i]:.4g} Hz (lines at the sensors); computed mode {j + 1}, "
+        f"{computed[j]:.4g} Hz (surface); MAC {found.mac[i, j]:.3f}"
+    )
+
+
+def shapes_figure(found: ComparedModes, i: int, j: int) -> Figure:
+    """Return the structure in a computed shape, with a measured one at the sensors, scaled to it."""
+    k = found.computed.n_rigid + j
+    shape = shape_at(found.measured.sensors, found.measured.modes.shapes[:, i])
+    measured = {} if shape is None else {k: shape}
+    return modes_figure(found.model, found.computed, [k], measured=measured, height=SHAPE_HEIGHT)

@@ -2,24 +2,18 @@
 
 from typing import Any
 
-import numpy as np
 from nicegui import json, run, ui
-from plotly.graph_objects import Figure
 
 from dovetail.desk.compared_modes import ComparedModes
+from dovetail.desk.figures import MODE_HEAD, mode_rows, shapes_figure, shapes_title
 from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
 from dovetail.desk.widgets import button, card, labelled, plot, show
-from dovetail.report.mode_drawn import shape_at
 from viz.interactive.frequencies import mac_figure
-from viz.interactive.modes import modes_figure
 
 HIGHEST_MATRIX = 460
 """Most height of the MAC matrix [pixel]."""
-HEIGHT = 420
-"""Of the shape [pixel]."""
-HEAD = ("mode", "measured [Hz]", "computed [Hz]", "Δf [%]", "MAC", "ζ [%]")
 SHOW = """
 <q-td :props="props"><q-btn flat dense size="sm" icon="play_arrow" :disable="props.row.partner === null"
   :aria-label="'Show mode ' + props.row.mode" @click="$parent.$emit('show', props.row)" /></q-td>
@@ -85,7 +79,7 @@ class ModePanel:
         ui.label(words + when).classes("desk-note")
         for note in found.notes:
             ui.label(note).classes("desk-note")
-        columns = [{"name": head, "label": head, "field": head, "align": "right"} for head in HEAD]
+        columns = [{"name": head, "label": head, "field": head, "align": "right"} for head in MODE_HEAD]
         table = ui.table(
             rows=mode_rows(found), columns=[*columns, {"name": "show", "label": "", "field": "mode"}]
         )
@@ -131,37 +125,3 @@ class ModePanel:
         assert self._shape is not None
         call = {"id": self._shape.id, "shown": self._shown, "args": self._menus[which], "asked": asked}
         self._shape.client.run_javascript(f"{PLAY}({json.dumps(call)})")
-
-
-def mode_rows(found: ComparedModes) -> list[dict[str, Any]]:
-    """Return a row of the table for each measured mode, with the number of its partner, from 0, or None."""
-    measured, computed = found.frequencies()
-    zeta = found.measured.modes.zeta
-    out = []
-    for i, f in enumerate(measured):
-        j = found.partner.get(i)
-        cells = (
-            ("–", "–", "–")
-            if j is None
-            else (f"{computed[j]:.5g}", f"{100 * (computed[j] / f - 1):+.2f}", f"{found.mac[i, j]:.3f}")
-        )
-        damping = f"{100 * zeta[i]:.2g}" if zeta is not None and np.isfinite(zeta[i]) else "–"
-        out.append({**dict(zip(HEAD, (i + 1, f"{f:.5g}", *cells, damping), strict=True)), "partner": j})
-    return out
-
-
-def shapes_title(found: ComparedModes, i: int, j: int) -> str:
-    """Return which modes are shown, with their frequencies and MAC."""
-    measured, computed = found.frequencies()
-    return (
-        f"Measured mode {i + 1}, {measured[i]:.4g} Hz (lines at the sensors); computed mode {j + 1}, "
-        f"{computed[j]:.4g} Hz (surface); MAC {found.mac[i, j]:.3f}"
-    )
-
-
-def shapes_figure(found: ComparedModes, i: int, j: int) -> Figure:
-    """Return the structure in a computed shape, with a measured one at the sensors, scaled to it."""
-    k = found.computed.n_rigid + j
-    shape = shape_at(found.measured.sensors, found.measured.modes.shapes[:, i])
-    measured = {} if shape is None else {k: shape}
-    return modes_figure(found.model, found.computed, [k], measured=measured, height=HEIGHT)

@@ -19,7 +19,6 @@ import pytest
 from dovetail import load_study
 from dovetail.cli import main
 from dovetail.desk.guard import Guard
-from dovetail.desk.help import COOKIE
 from dovetail.desk.scale import Scale
 from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
 from dovetail.pipeline import measured
@@ -276,7 +275,7 @@ class Tab:
         self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900}, **more)
         if not first_time:  # the help is open then
             url = address.partition("?")[0]
-            page.context.add_cookies([{"name": COOKIE, "value": "closed", "url": url}])
+            page.context.add_cookies([{"name": "dovetail-desk-help", "value": "closed", "url": url}])
         page.set_default_timeout(patience)
         page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda e: self.faults.append(str(e)))
@@ -303,20 +302,23 @@ class Tab:
     def press(self, name):
         self.page.get_by_role("button", name=name, exact=True).click()
 
-    def pick(self, name):
-        """Click a mark in the model."""
-        self.page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
+    def pick(self, name, box="Place"):
+        """Click a mark in the model until a list shows it."""
+        model = self.page.locator('[aria-label^="The model"]')
+        model.scroll_into_view_if_needed()
         self.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
-        place = self.page.get_by_role("combobox", name="Place", exact=True)
-        for _ in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
+        shown = self.page.get_by_role("combobox", name=box, exact=True)
+        for k in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
+            pause = 200 * (1 + k / 3)  # longer each time, as a loaded machine needs it
+            model.scroll_into_view_if_needed()
             x, y = self.page.evaluate(PROJECTED, name)
             self.page.mouse.move(x - 3, y)
-            self.page.wait_for_timeout(200)
+            self.page.wait_for_timeout(pause)
             self.page.mouse.move(x, y)
-            self.page.wait_for_timeout(400)
+            self.page.wait_for_timeout(2 * pause)
             self.page.mouse.click(x, y, delay=150)
-            self.page.wait_for_timeout(500)
-            if place.input_value() == name:
+            self.page.wait_for_timeout(2 * pause)
+            if shown.input_value() == name:
                 return
         msg = f"{name} was not picked"
         raise AssertionError(msg)
@@ -408,11 +410,11 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
         again.close()
 
 
-def near_the_joint(tab, off):
-    """Click beside the mark of joint J, and return the place and the sensor that the page shows then."""
+def near(tab, name, off):
+    """Click beside a mark of the model, and return the place and the sensor that the page shows then."""
     page = tab.page
     page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
-    x, y = page.evaluate(PROJECTED, "joint J")
+    x, y = page.evaluate(PROJECTED, name)
     for step in (3, 0):
         page.mouse.move(x + off[0] - step, y + off[1])
         page.wait_for_timeout(300)
@@ -437,9 +439,16 @@ def test_two_tabs_share_a_desk_that_answers(example, chromium):
         two = Tab(chromium, server.address)
         one.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
         # without a graphics card the first frame takes seconds; clicks before it are answered late
-        _, sensor = settled(lambda: near_the_joint(one, (0, 0)))
-        near = [near_the_joint(one, off) for off in ((0, 0), (4, 2), (2, 6))]
-        assert near == [["joint J", sensor]] * 3  # and no sensor above it
+        one.pick("joint J")
+        _, sensor = settled(lambda: near(one, "joint J", (0, 0)))
+        clicked = [near(one, "joint J", off) for off in ((0, 0), (4, 2), (2, 6))]
+        assert clicked == [["joint J", sensor]] * 3  # and no sensor above it
+        one.page.get_by_role("combobox", name="View", exact=True).click()
+        one.page.get_by_role("option", name="CMIF", exact=True).click()
+        one.page.get_by_label("Complex mode indication function").wait_for()
+        one.pick("D9z", "Sensor")
+        one.page.get_by_label("Amplitude and phase of one FRF").wait_for()  # of the sensor, in sight
+        assert one.page.locator('[aria-label^="Amplitude and phase"] .nsewdrag').first.is_visible()
         nominal, kz = one.error(), "joint_stiffness:J.z"
         one.press(f"Add {TURNING}")
         one.page.get_by_label(f"stiffness of {TURNING}, N·m/rad").wait_for()  # lists are drawn anew

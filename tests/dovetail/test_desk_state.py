@@ -21,7 +21,6 @@ from dovetail.cli import main
 from dovetail.desk import figures
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
-from dovetail.desk.modes import mode_rows, shapes_figure
 from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
@@ -411,10 +410,10 @@ def test_modes_of_the_model_itself_have_a_mac_of_one(desk):
     assert len(seen) >= 4
     for k in seen:
         assert found.mac[k, k] == pytest.approx(1.0, abs=1e-9)
-        row = mode_rows(found)[k]
+        row = figures.mode_rows(found)[k]
         if found.partner.get(k) == k:
             assert (row["mode"], row["Δf [%]"], row["MAC"], row["partner"]) == (k + 1, "-1.96", "1.000", k)
-    figure = shapes_figure(found, seen[0], seen[0])
+    figure = figures.shapes_figure(found, seen[0], seen[0])
     assert len(figure.frames) == 7
     tips = [t for t in figure.data if t.meta and t.meta.get("moves") in ("measured", "computed")]
     measured, computed = (np.array([t.x, t.y, t.z]).T.reshape(-1, 3, 3)[:, 1] for t in tips)
