@@ -1,4 +1,4 @@
-"""How alike FRFs are: FRAC, SAC, FDAC, CSAC, CSF, and errors by band, sensor and force.
+"""How alike FRFs are: FRAC, SAC, FDAC, CSAC, CSF, CMIF, and errors by band, sensor and force.
 
 Along frequency one number for each FRF (`frac`, `signature_assurance`), along the sensors one number for each
 line (`cross_signature_assurance`, `cross_signature_scale`) or pair of lines (`fdac`).
@@ -162,6 +162,28 @@ def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(msg)
     cross = np.stack([x[:, :, j].conj() @ a[:, :, j].T for j in range(x.shape[2])], axis=-1)
     return _alike(cross, _square(x).sum(axis=1)[:, None], _square(a).sum(axis=1)[None])
+
+
+def cmif(H: ArrayLike) -> NDArray[np.float64]:
+    """Compute the complex mode indication function: the singular values of H at each line.
+
+    Shih, Tsuei, Allemang and Brown, *Mech. Syst. Signal Process.* 2, 1988, 367, whose function is their
+    square. The first peaks at every natural frequency; at one line, as many are large as there are modes
+    close to each other. Outputs should have the same unit.
+
+    Parameters
+    ----------
+    H : array_like (n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_freq, min(n_out, n_in))
+        Falling [unit of H]; NaN at lines with a value that is not finite.
+    """
+    values = np.asarray(H, dtype=complex)
+    known = np.isfinite(values).all(axis=(1, 2))
+    found = np.linalg.svd(np.where(known[:, None, None], values, 0.0), compute_uv=False)
+    return np.where(known[:, None], found, np.nan)
 
 
 def _same_shape(H_x: ArrayLike, H_a: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -134,7 +134,7 @@ def staircase_figure(
             "marker": {"color": colour, "symbol": symbol, "size": 9},
             "text": [number(v, digits) if np.isfinite(v) else "" for v in values],
             "textposition": ["top center" if up else "bottom center" for up in over],
-            "textfont": {"color": colour, "size": 13}, "cliponaxis": False,
+            "textfont": {"color": style.INK, "size": 13}, "cliponaxis": False,
             "hoverinfo": "text",
             "hovertext": [
                 f"{label}<br>{number(v, digits)} {unit} {name}"
