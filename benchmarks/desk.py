@@ -19,7 +19,7 @@ from nicegui import json
 
 from benchmarks.diagnosis import STUDY, tower
 from dovetail import load_study
-from dovetail.desk.figures import moved_curve, moved_map
+from dovetail.desk.figures import curve_changes, moved_map
 from dovetail.pipeline import fit_problem
 from fem.model import Effect
 from updating.diagnosis.begin import begin
@@ -27,7 +27,6 @@ from updating.diagnosis.candidates import propose
 from updating.inference.parameters import Nuisance
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from viz.interactive.frf import frf_figure
 
 MOVES = 100
 HOUR = 20_000
@@ -39,14 +38,13 @@ def line(name: str, live: LiveModel, effect: Effect, parameter: str, low: float,
     h = Hypothesis.nominal(live.problem).with_effect(effect)
     shown = live.evaluate(h)
     pair = (shown.frf.outputs[0], shown.frf.inputs[0])
-    figure = frf_figure(shown.measured, {"nominal": shown.frf, "this hypothesis": shown.frf}, pair)
 
     def errors(value: float) -> None:
         live.evaluate(h.with_value(effect.name, parameter, value))
 
     def page(value: float) -> None:
         now = live.evaluate(h.with_value(effect.name, parameter, value))
-        json.dumps([moved_curve(figure, now, pair), moved_map(now)])
+        json.dumps([curve_changes(now, pair), moved_map(now)])
 
     n, m = live.problem.data.H.shape[0], live.problem.reduced.basis.T.shape[1]
     one, two = (_times(work, np.linspace(low, high, MOVES)) for work in (errors, page))

@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return its exit code: 0, 2 for bad input, 1 for anything else."""
     try:
         options = build_parser().parse_args(argv)
-    except SystemExit as stop:  # argparse has said why
+    except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
     progress = Progress(getattr(options, "quiet", False))
     try:
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             progress.close()
             if answer is not None:
                 answer.give(options)
-        sys.stdout.flush()  # while an error of it can still be said
+        sys.stdout.flush()  # while an error of it can still be reported
     except KeyboardInterrupt as reason:
         progress.close()
         sys.stderr.write(f"dovetail: interrupted{f': {reason}' if reason.args else ''}\n")
@@ -134,7 +134,7 @@ def _is_of_stdout(reason: BaseException) -> bool:
 
 
 def _without_stdout(reason: BaseException) -> int:
-    """Say why nothing more can be printed, unless the reader has gone as ``head`` does; return 1."""
+    """Report why output failed, unless its reader closed the pipe as ``head`` does; return 1."""
     with open(os.devnull, "wb") as nowhere:  # the rest of the buffer has nowhere to go
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     if not isinstance(reason, BrokenPipeError):

@@ -99,7 +99,10 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     }
     model = study.model.without_effect(*out)
     fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
-    moved = {ref: each for ref, each in fitted.items() if each.sure}
+    # a part has its model in the other program: change that, rather than add thousands of entries to it
+    parts = {e.name for e in model.effects if e.reduced_part}
+    sure = {ref: each for ref, each in fitted.items() if each.sure}
+    moved = {ref: each for ref, each in sure.items() if ref[0] not in parts}
     model = model.with_values({ref: each.nominal for ref, each in fitted.items() if ref not in moved})
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
         {ref: each.nominal for ref, each in moved.items()}
@@ -110,8 +113,13 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
         for why in dict.fromkeys(out.values())
     ]
-    if len(moved) < len(fitted):
-        names = ", ".join(f"{e} {p}" for e, p in fitted if (e, p) not in moved)
+    notes += [
+        f"not in this file, change the part's own model: {ref[0]}: {each.text}"
+        for ref, each in sure.items()
+        if ref not in moved
+    ]
+    if len(sure) < len(fitted):
+        names = ", ".join(f"{e} {p}" for e, p in fitted if (e, p) not in sure)
         notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return replace(deck, notes=(*notes, *deck.notes)), lines
@@ -133,7 +141,7 @@ def _titled(deck: ModelDeck, found: Mapping[str, Found]) -> ModelDeck:
 
 
 def _result(study: Study) -> dict[str, Any]:
-    """Return the result beside a study, empty without one."""
+    """Return the result in a study's folder, empty without one."""
     path = study.path.parent / RESULT
     try:
         found = json.loads(path.read_text("utf-8")) if path.is_file() else {}
@@ -174,7 +182,8 @@ def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitt
     out = {}
     for u in result.get("uncertain", []):
         ref = refs.get(u["name"])
-        if ref is None or u["nominal"] is None or u["nominal"] == u["fitted"]:
+        # not fitted: an effect that was found replaces it
+        if ref is None or u["nominal"] is None or u["fitted"] in (None, u["nominal"]):
             continue
         value = parameter_values(model.effect(ref[0]))[ref[1]]
         std = math.nan if u["std"] is None else u["std"]

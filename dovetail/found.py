@@ -204,8 +204,8 @@ def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
     if reported.study.baseline_frfs is not None:
         return values_in(reported.study, reported.model)
-    own = reported.study.model.values()
-    values = {ref: float(v) for ref, v in reported.result.values.items() if ref in own}
+    known = reported.study.model.values()
+    values = {ref: float(v) for ref, v in reported.result.values.items() if ref in known}
     return values | rebased_values(reported.model, reported.study.model.effects)
 
 
@@ -218,5 +218,5 @@ def patches(result: RunResult) -> tuple[Spread, ...]:
 def form(result: RunResult) -> tuple[Effect, ...]:
     """Return the uncertain form of sections and connections of the fitted model that the study has not."""
     d, model = result.diagnosis, result.diagnosis.model
-    told = {e.name for e in (*result.study.model.effects, *patches(result), *(f.effect for f in d.findings))}
-    return tuple(e for e in model.effects if e.is_form and e.name not in told)
+    known = (*result.study.model.effects, *patches(result), *(f.effect for f in d.findings))
+    return tuple(e for e in model.effects if e.is_form and e.name not in {k.name for k in known})

@@ -104,7 +104,7 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
             for e in d.explanations
         ],
         "credible": [_explanation(e) for e in d.credible],
-        "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "places": [{"place": name, "misfit_left": share} for name, share in d.places],
         "bad_readings": [
             {
                 "mode": b.reading.mode + 1,

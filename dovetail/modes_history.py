@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StateChange:
-    """A state beside the baseline.
+    """A state compared with the baseline.
 
     Attributes
     ----------
@@ -82,11 +82,11 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
     before, out = targets_of(study.baseline), list[StateChange]()
     for k, state in enumerate(study.states):
 
-        def told(text: str, done: float, first: int = k, name: str = state.name) -> None:
+        def report(text: str, done: float, first: int = k, name: str = state.name) -> None:
             say(f"{name}: {text}", (first + done) / len(study.states))
 
         judged = out[-1].diagnosis.judged if out else None
-        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), told, judged)
+        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), report, judged)
         out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
     return tuple(out)
 

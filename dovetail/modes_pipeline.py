@@ -33,7 +33,7 @@ from updating.measurement.measurement import Measurement
 Progress = Callable[[str, float], None]
 NAMES = (REPORT, JSON, PICTURES, FOUND)
 """What the folder of a run on modes holds."""
-MOST_SAID = 12
+MOST_PRINTED = 12
 """Explanations that are printed."""
 
 
@@ -56,21 +56,21 @@ def by_modes(study: Study) -> Study:
     """
     if study.baseline is None and study.baseline_frfs is not None and not study.measurements:
         later = study.modes or (study.states[0].modes if study.states else None)
-        modes, said = _identified(study, study.baseline_frfs, later)
+        modes, warnings = _identified(study, study.baseline_frfs, later)
         study = replace(study, baseline=modes, baseline_frfs=None)
     elif study.baseline is not None and study.modes is None and study.measurements and not study.states:
-        modes, said = _identified(study, study.measurements[0], study.baseline)
+        modes, warnings = _identified(study, study.measurements[0], study.baseline)
         study = replace(study, modes=modes, measurements=())
     else:
         return study
-    return replace(study, measured_notes=(*study.measured_notes, *said))
+    return replace(study, measured_notes=(*study.measured_notes, *warnings))
 
 
 def _identified(
     study: Study, data: Measurement, other: MeasuredModes | None
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Return the modes in the FRFs of one state, and sentences on them."""
-    found, said = modes_in(data, study.band, study.shape_limits)
+    found, warnings = modes_in(data, study.band, study.shape_limits)
     modes = as_measured(found, data)
     repeatability = float(np.median(other.frequency_std)) if other is not None else 0.0
     f = modes.modes.frequency
@@ -78,7 +78,7 @@ def _identified(
         f"{data.name}: {len(f)} modes from {f[0]:.4g} to {f[-1]:.4g} Hz were identified in its FRFs, because "
         "the other state has modes"
     )
-    return replace(modes, frequency_std=np.hypot(modes.frequency_std, repeatability)), (text, *said)
+    return replace(modes, frequency_std=np.hypot(modes.frequency_std, repeatability)), (text, *warnings)
 
 
 def targets_of(modes: MeasuredModes) -> ModeTargets:
@@ -184,7 +184,7 @@ def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
 
 def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
     """Return a diagnosis from modes as printed lines and tables."""
-    m, few, rest = d.modes, d.credible[:MOST_SAID], len(d.credible) - MOST_SAID
+    m, few, rest = d.modes, d.credible[:MOST_PRINTED], len(d.credible) - MOST_PRINTED
     explanations = Table.of(
         "explanations",
         Column("probability", [e.probability for e in few], show=".2f"),

@@ -1,4 +1,4 @@
-"""The whole loop: load, compare, diagnose, locate, draw, write. The place to begin reading."""
+"""The pipeline: load, compare, diagnose, locate, draw, write. The place to begin reading."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from dovetail.file.contents import Study
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
 from dovetail.found import found_text
-from dovetail.modes_beside import modes_beside
+from dovetail.mode_partners import mode_partners
 from dovetail.modes_pipeline import first_state, targets_of
 from dovetail.result import (
     FOUND,
@@ -74,7 +74,7 @@ def run(
     force : bool
         Whether to write into a folder that holds other files.
     processes : int
-        So many fit side by side.
+        Number of processes that fit in parallel.
 
     Raises
     ------
@@ -94,14 +94,14 @@ def run(
 
 def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult:
     """Compare, diagnose and locate; nothing is drawn or written."""
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     diagnosis = diagnose_study(study, _part(say, 0.0, 0.9), processes)
     say("comparing", 0.9)
-    return analysed(study, diagnosis, folder, begun, _part(say, 0.9, 1.0))
+    return analysed(study, diagnosis, folder, start_time, _part(say, 0.9, 1.0))
 
 
 def analysed(
-    study: Study, diagnosis: Diagnosis, folder: Path, begun: float, progress: Progress | None = None
+    study: Study, diagnosis: Diagnosis, folder: Path, start_time: float, progress: Progress | None = None
 ) -> RunResult:
     """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
 
@@ -111,7 +111,7 @@ def analysed(
     diagnosis : Diagnosis
     folder : Path
         Where the report will be.
-    begun : float
+    start_time : float
         ``time.perf_counter()`` when the work began [s].
     progress : callable, optional
         Called with a text and the fraction done.
@@ -130,9 +130,9 @@ def analysed(
         uncertain_parameters(diagnosis),
         diagnosis.notes,
         datetime.now().astimezone(),
-        time.perf_counter() - begun,
+        time.perf_counter() - start_time,
         folder,
-        modes_beside(diagnosis),
+        mode_partners(diagnosis),
         excluded(study, diagnosis, progress),
     )
 
@@ -276,14 +276,14 @@ def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
 
     A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.
     """
-    whole = measured(study, phases=False)[0]
-    fitted = without_held_out(study, whole).frf
-    parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in whole.frf.inputs}
-    sensors = [n for n in study.held_out_sensors if n in whole.frf.outputs]
+    full = measured(study, phases=False)[0]
+    fitted = without_held_out(study, full).frf
+    parts = {f"excitation {n}": (fitted.outputs, [n]) for n in study.held_out if n in full.frf.inputs}
+    sensors = [n for n in study.held_out_sensors if n in full.frf.outputs]
     parts |= {f"sensor {n}": ([n], fitted.inputs) for n in sensors}
     out = {}
     for label, (outputs, inputs) in parts.items():
-        kept = whole.with_frf(whole.frf.select(outputs, inputs))
+        kept = full.with_frf(full.frf.select(outputs, inputs))
         data = corrected(prepared_like(d.problem, kept, study.band), d.faults)
         if d.baseline is not None and study.baseline_frfs is not None:
             data = carried_over(d.baseline.at(study.baseline_frfs, outputs, inputs), data)

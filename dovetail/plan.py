@@ -1,5 +1,6 @@
 """What a study's test could see and name, planned or measured."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from updating.diagnosis.evidence.diagnosis import begin_search
 from updating.diagnosis.separation import places_along
 from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
-from updating.plan.check import Trial, trials
+from updating.plan.check import FailedTrial, Trial, trials
 from updating.plan.choose import Chosen, choose
 from updating.plan.perturbed import Separation, perturbed, with_masses, without_supports
 from updating.plan.plan import Plan, plan_beside, plan_test
@@ -175,8 +176,13 @@ def require_planned(study: Study, noise: float | None, left_db: float | None) ->
 
 
 def check_plan(
-    study: Study, plan: Plan, n: int, seed: int = 1, progress: Progress | None = None
-) -> tuple[Trial, ...]:
+    study: Study,
+    plan: Plan,
+    n: int,
+    seed: int = 1,
+    progress: Progress | None = None,
+    keep: Callable[[Trial | FailedTrial], None] = lambda trial: None,
+) -> tuple[Trial | FailedTrial, ...]:
     """Return diagnoses of data drawn with effects of known sizes, to compare with a map.
 
     Parameters
@@ -185,10 +191,12 @@ def check_plan(
     plan : Plan
         Of a planned test.
     n : int
-        So many sets of data.
+        Number of sets of data.
     seed : int
     progress : callable, optional
         Called with a text and the fraction done.
+    keep : callable
+        Called with each diagnosis as it ends, so that a check that is stopped loses none.
     """
     say, found = progress or (lambda text, done: None), []
 
@@ -202,4 +210,5 @@ def check_plan(
 
     for trial in trials(plan, n, np.random.default_rng(seed), diagnosed):
         found.append(trial)
+        keep(trial)
     return tuple(found)

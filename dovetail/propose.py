@@ -65,12 +65,12 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
             if (value := known["C"]) is not None and value > 0:
                 C[i, i] = max(value - damping.beta * K[i, i], 0.0)
         for law in LAWS:
-            own = [n for n in fit.form.names if n.startswith(f"{law} {d} {d}")]
-            if not own or not all(found.determined(n) for n in own):
+            names = [n for n in fit.form.names if n.startswith(f"{law} {d} {d}")]
+            if not names or not all(found.determined(n) for n in names):
                 continue
             stiffness = np.zeros((6, 6))
-            stiffness[i, i] = values[own[0]]
-            inner = {n.rpartition(" ")[2]: values[n] for n in own[1:]}
+            stiffness[i, i] = values[names[0]]
+            inner = {n.rpartition(" ")[2]: values[n] for n in names[1:]}
             out.append(
                 Viscoelastic(
                     name=f"{joint.name}.{d}", K=stiffness, law=LAWS[law](**inner), point1=joint.point1,
@@ -136,12 +136,12 @@ def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, .
 
 def _without_known(text: str, model: Model) -> str:
     """Return a text without the known effects whose stiffness the joint has by now, as comments."""
-    gone = [
+    obsolete = [
         ("effects", i)
         for i, one in enumerate(tomllib.loads(text).get("effects", []))
         if one.get("name", f"known {one['candidate']}") not in {e.name for e in model.effects}
     ]
-    return without(text, *reversed(gone))
+    return without(text, *reversed(obsolete))
 
 
 def _joint_index(study: Study, name: str) -> int:

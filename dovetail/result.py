@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
-from dovetail.modes_beside import ModesBeside, beside_dict
+from dovetail.mode_partners import ModePartners, partners_dict
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -131,7 +131,7 @@ class RunResult:
     seconds : float
     folder : Path
         Where the files are.
-    measured_modes : ModesBeside or None
+    measured_modes : ModePartners or None
         Measured modes that were fitted beside the FRFs or held out, and those of each step.
     excluded : Plan or None
         What data in which nothing is missing would have shown.
@@ -148,7 +148,7 @@ class RunResult:
     finished: datetime
     seconds: float
     folder: Path
-    measured_modes: ModesBeside | None = None
+    measured_modes: ModePartners | None = None
     excluded: Plan | None = None
 
     @property
@@ -294,8 +294,8 @@ def effect_dict(effect: Effect, fit: FitResult | None) -> dict[str, Any]:
 
 def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, Any]:
     members, *connections = np.atleast_2d(curve.ratio(curve.knots, unknowns))
-    own = {"connections_ratio": connections[0]} if connections else {}
-    return {"frequency_Hz": curve.knots, "ratio": members, **own}
+    connected = {"connections_ratio": connections[0]} if connections else {}
+    return {"frequency_Hz": curve.knots, "ratio": members, **connected}
 
 
 def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
@@ -313,7 +313,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
-        "places": [{"place": name, "misfit_left": left} for name, left in d.places],
+        "places": [{"place": name, "misfit_left": share} for name, share in d.places],
         "form": [_departure(f) for f in d.departures],
         "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
     }
@@ -370,7 +370,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
             }
             for m in result.modes
         ],
-        **({"measured_modes": beside_dict(result.measured_modes)} if result.measured_modes else {}),
+        **({"measured_modes": partners_dict(result.measured_modes)} if result.measured_modes else {}),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
         "assumptions": list(study.assumptions),
         "mesh_notes": list(study.model.mesh.notes),

@@ -295,7 +295,7 @@ class Study(config.Study):
         progress : callable, optional
             Called with a text and the fraction done; an exception from it ends the search.
         processes : int
-            So many processes fit side by side, with the same result. With more than one, a script must guard
+            Number of parallel processes; the result is the same. With more than one, a script must guard
             its own work by ``if __name__ == "__main__":``.
         budget : str
             How much is tried with FRFs: ``"quick"`` for a first answer, ``"normal"`` or ``"thorough"``.
@@ -464,8 +464,8 @@ class Study(config.Study):
             values = {ref: now[ref] for ref, value in before.items() if ref in now and now[ref] != value}
             values |= rebased_values(self.model, self.start.effects)
             damping = self.model.damping, _connections_of(self.model)
-        own = {e.name for e in (*(self.start or self.model).effects, *self.added)}
-        forms = [e for e in self.model.effects if e.is_form and e.name not in own]
+        known = {e.name for e in (*(self.start or self.model).effects, *self.added)}
+        forms = [e for e in self.model.effects if e.is_form and e.name not in known]
         changes = [e.rebased(self.model) for e in self.added if e.name in self.changes]
         effects = [*forms, *(e for e in self.added if e.name not in self.changes)]
         text = text_with_model(
@@ -492,8 +492,8 @@ class Study(config.Study):
         same = next((e for e in every if e.name == effect.name), None)
         if same is None:
             return effect
-        own = {"amplitude": effect.amplitude} if isinstance(effect, AmplitudeDependent) else {}
-        return replace(same.with_values(**parameter_values(effect)), **own)
+        amplitude = {"amplitude": effect.amplitude} if isinstance(effect, AmplitudeDependent) else {}
+        return replace(same.with_values(**parameter_values(effect)), **amplitude)
 
     def _candidate_names(self, kind: str) -> set[str]:
         model = self.start or self.model.without_effect(*(e.name for e in self.added))
@@ -535,5 +535,5 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
 
 def _connections_of(model: Model) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return frequencies [Hz] and damping ratios [-] of connections, where they have their own."""
-    own = model.of_kind(ConnectionDamping)
-    return (own[0].frequency, own[0].ratio) if own else None
+    known = model.of_kind(ConnectionDamping)
+    return (known[0].frequency, known[0].ratio) if known else None

@@ -96,8 +96,8 @@ def identify_study(
         msg = f"{study.path}: there is no measurement '{measurement}'; {suggest(measurement, by_name)}"
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
-    found, said = modes_in(data, band or study.band, limits or study.shape_limits)
-    return found, data, (*_beyond(data, band), *said)
+    found, warnings = modes_in(data, band or study.band, limits or study.shape_limits)
+    return found, data, (*_beyond(data, band), *warnings)
 
 
 def _beyond(data: Measurement, band: tuple[float, float] | None) -> tuple[str, ...]:
@@ -138,8 +138,8 @@ def update_study(study: Study) -> StudyUpdate:
     identified, notes = None, []
     modes = given
     if given is None and ("modes" in to or "frequencies" in to):
-        identified, data, said = identify_study(study)
-        notes += said
+        identified, data, warnings = identify_study(study)
+        notes += warnings
         modes = as_measured(identified, data)
     shaped = "modes" in to
     targets = None
@@ -154,18 +154,18 @@ def update_study(study: Study) -> StudyUpdate:
                 "well it predicts them"
             )
     asked = {ref for u in plan.unknowns for ref in u.refs}
-    beside = tuple(n for n in plan.beside if not asked.intersection(n.refs))
-    own = replace(
+    others = tuple(n for n in plan.nuisances if not asked.intersection(n.refs))
+    adapted = replace(
         study, baseline=None, baseline_frfs=None, model=study.model.with_effect(*plan.effects),
-        nuisances=(*plan.unknowns, *beside), damping_std=study.damping_std if plan.damping else 0.0,
+        nuisances=(*plan.unknowns, *others), damping_std=study.damping_std if plan.damping else 0.0,
     )  # fmt: skip
     data = None
     if "frf" in to:
         data = without_held_out(study, measured(study, phases=False)[0])
-        problem, model = formed_problem_and_model(own)
+        problem, model = formed_problem_and_model(adapted)
         problem = replace(problem, modes=targets)
     else:
-        problem, model = mode_problem_and_model(replace(own, modes=modes, measurements=()))
+        problem, model = mode_problem_and_model(replace(adapted, modes=modes, measurements=()))
     updated = update_fitted(problem, model, plan.unknowns, plan.settings)
     updated = replace(updated, model=with_resting_base(updated.model))
     before = after = None
@@ -204,8 +204,8 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
         Parts of the update that the text does not hold.
     """
     added = {e.name for e in study.update_plan.effects}
-    own = {e.name for e in study.model.effects} | added
-    new = [e for e in updated.model.effects if e.name in added or (e.is_form and e.name not in own)]
+    known = {e.name for e in study.model.effects} | added
+    new = [e for e in updated.model.effects if e.name in added or (e.is_form and e.name not in known)]
     values = values_in(study, updated.model)
     damping = None
     if any(not p.refs for p in updated.parameters):
@@ -216,14 +216,14 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     )
     if isinstance(updated.problem, FitProblem):
         there = with_test(there, test_of(updated.problem, updated.fitted))
-    return there, tuple(_left_unsaid(here, study, updated, values | _values_of(effects), damping is not None))
+    return there, tuple(_omitted(here, study, updated, values | _values_of(effects), damping is not None))
 
 
 def _values_of(effects: Sequence[Effect]) -> dict[ParameterRef, float]:
     return {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
 
 
-def _left_unsaid(
+def _omitted(
     text: str, study: Study, updated: Updated, values: dict[ParameterRef, float], damping: bool
 ) -> list[str]:
     """Return the parts of its model that a text does not give, found by reading it."""

@@ -1,6 +1,6 @@
 """Defects of a mesh or a model, with their points and lines.
 
-A mesh from a drawing may look whole and be in pieces: lines that end beside one another, cross without a
+A mesh from a drawing may look connected and be in pieces: lines that end near one another, cross without a
 common point, or lie twice in the same place. :func:`check_mesh` finds these from the geometry;
 :func:`check_model` also knows the connections of joints and other effects, and finds motions that nothing
 opposes.
@@ -23,7 +23,7 @@ from fem.plausibility import suspicions
 from fem.system import assemble
 
 SHORT = 1 / 100
-"""A line shorter than this, beside a longer one, is worth a word: it may be a gap that was closed by hand."""
+"""A line shorter than this part of a neighbour is reported: it may be a gap that was closed by hand [-]."""
 
 Pairs = NDArray[np.int64]
 
@@ -162,15 +162,15 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]
     for k in numbers[np.argsort(-count, kind="stable")][1:]:
         rows = np.flatnonzero(of_line == k)
         rest = np.isin(np.arange(mesh.n_points), mesh.lines[of_line != k])
-        own = np.unique(mesh.lines[rows])
-        gap, at = cKDTree(mesh.points[rest]).query(mesh.points[own])
-        a, b = own[int(np.argmin(gap))], np.flatnonzero(rest)[at[int(np.argmin(gap))]]
+        in_part = np.unique(mesh.lines[rows])
+        gap, at = cKDTree(mesh.points[rest]).query(mesh.points[in_part])
+        a, b = in_part[int(np.argmin(gap))], np.flatnonzero(rest)[at[int(np.argmin(gap))]]
         yield Defect(
             "loose part",
             f"{_lines(mesh, rows)} {'is' if rows.size == 1 else 'are'} connected to nothing else; the "
             f"nearest points are {a} and {b}, {gap.min():.3g} m apart; add a joint, or points that "
             "the members share",
-            own,
+            in_part,
             rows,
         )
 
@@ -192,13 +192,13 @@ def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
 
 
 def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
-    """Points beside the inner part of a line."""
+    """Points near the inner part of a line."""
     ends = mesh.points[mesh.lines]
     p, row = _candidates(mesh, near)
     a, t = ends[row, 0], ends[row, 1] - ends[row, 0]
     xi = np.einsum("ij,ij->i", mesh.points[p] - a, t) / np.einsum("ij,ij->i", t, t)
     gap = np.linalg.norm(a + xi[:, None] * t - mesh.points[p], axis=1)
-    margin = near / np.linalg.norm(t, axis=1)  # nearer to an end, the two points are a defect of their own
+    margin = near / np.linalg.norm(t, axis=1)  # nearer to an end, the two points are another defect
     hit = (gap <= near) & (xi > margin) & (xi < 1 - margin) & np.isin(p, mesh.lines)
     hit &= ~tied.any(p, mesh.lines[row, 0]) & ~tied.any(p, mesh.lines[row, 1])
     for k in np.flatnonzero(hit):
@@ -214,7 +214,7 @@ def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
 
 
 def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return points and lines whose enclosing balls meet, without the lines' own ends."""
+    """Return points and lines whose enclosing balls meet, without the lines' ends."""
     middle, radius = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2 + near
     if not mesh.n_lines:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -288,12 +288,12 @@ def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Defect]:
     longest = np.zeros(mesh.n_points)
     for end in range(2):
         np.maximum.at(longest, mesh.lines[:, end], length)
-    beside = longest[mesh.lines].max(axis=1)
-    for row in np.flatnonzero(length < SHORT * beside):
+    neighbour = longest[mesh.lines].max(axis=1)
+    for row in np.flatnonzero(length < SHORT * neighbour):
         yield Defect(
             "short line",
-            f"line {row} of member '{mesh.member_of_line()[row]}' is {length[row]:.2g} m long beside one "
-            f"of {beside[row]:.2g} m; is this intended, or should points {mesh.lines[row, 0]} and "
+            f"line {row} of member '{mesh.member_of_line()[row]}' is {length[row]:.2g} m long next to one "
+            f"of {neighbour[row]:.2g} m; is this intended, or should points {mesh.lines[row, 0]} and "
             f"{mesh.lines[row, 1]} be one point?",
             mesh.lines[row].copy(),
             np.array([row]),

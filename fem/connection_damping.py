@@ -13,7 +13,7 @@ from fem.model import Array, Contribution, Damping, Effect, Model, Parameter, Pa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MoreLoss:
-    """The loss by which a ratio is more than that of the whole structure: 2 (ζ_c(ω) - ζ(ω)).
+    """The loss by which a ratio exceeds that of the structure: 2 (ζ_c(ω) - ζ(ω)).
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class MoreLoss:
 class ConnectionDamping(Effect):
     """A modal damping ratio of joints, mounts and supports, in place of the structure's.
 
-    Structural damping of each connection's stiffness, D(ω) = 2 (ζ_c(ω) - ζ(ω)) K, beside that of the
+    Structural damping of each connection's stiffness, D(ω) = 2 (ζ_c(ω) - ζ(ω)) K, in addition to that of the
     structure's ratio ζ. No candidate, but an uncertain parameter, as the damping of the structure is.
 
     Attributes
@@ -64,7 +64,7 @@ class ConnectionDamping(Effect):
         return "connections"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return none: a fit has a curve of its own for it."""
+        """Return none: a fit has a separate curve for it."""
         return ()
 
     def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
@@ -91,5 +91,5 @@ class ConnectionDamping(Effect):
 
 
 def _stiffness(c: Contribution) -> Any:
-    """Return a contribution's part of K, as the damping of whole structures takes it."""
+    """Return a contribution's part of K for structural damping."""
     return c.static

@@ -1,4 +1,4 @@
-"""Grounds that move: supports and springs to the ground resist the motion beside that of a moving base.
+"""Grounds that move: supports and springs to the ground resist the motion relative to a moving base.
 
 An effect with ``ground_motions`` has a coordinate w for each of them, and the ground moves by d w along the
 direction d. Motions of the mesh stay absolute. So a constraint Σ c u = 0 becomes Σ c (u - d w) = 0, and
@@ -54,7 +54,7 @@ class MovingGround:
         return np.linalg.pinv(self.directions.T) @ motions
 
     def constrained(self, constraint: Any) -> Any:
-        """Return a constraint beside the ground's motion."""
+        """Return a constraint on the motion relative to the ground."""
         moved = constraint.coefficients @ self.motions(constraint.dofs)
         if np.abs(moved).max() <= _ROUNDING * np.abs(constraint.coefficients).sum():
             return constraint
@@ -62,8 +62,8 @@ class MovingGround:
         return replace(constraint, dofs=dofs, coefficients=np.concatenate([constraint.coefficients, -moved]))
 
     def resisted(self, part: Any) -> Any:
-        """Return element matrices whose stiffness and damping act beside the ground's motion."""
-        if part.lines is not None:  # a member resists none of its own translation
+        """Return element matrices whose stiffness and damping act on the motion relative to the ground."""
+        if part.lines is not None:  # a member does not resist its translation
             return part
         r = self.motions(part.dofs)
         if not any(_strained(X, r) for X in (part.K, part.C, part.D) if X is not None):

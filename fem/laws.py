@@ -16,7 +16,7 @@ from fem.model import Array, ModelError
 
 @dataclass(frozen=True, slots=True)
 class Zener:
-    """Standard linear solid: a spring beside a spring and a dashpot in series.
+    """Standard linear solid: a spring parallel to a spring and a dashpot in series.
 
     1 + r iωτ / (1 + iωτ) [Lakes, Viscoelastic Materials, Cambridge 2009, sec. 2.6]. The loss factor is
     highest, r / (2 √(1 + r)), at ω = 1 / (τ √(1 + r)).
@@ -42,7 +42,7 @@ class Zener:
 class Maxwell:
     """A spring and a dashpot in series: iωτ / (1 + iωτ), 0 at ω = 0 and 1 at high frequency.
 
-    Beside a spring it makes :class:`Zener`.
+    In parallel with a spring it makes :class:`Zener`.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Maxwell:
 class SpringPot:
     """Between a spring (α = 0) and a dashpot (α = 1): (iωτ)^α, whose loss factor is tan(πα/2) everywhere.
 
-    Beside a spring it makes :class:`FractionalKelvinVoigt`.
+    In parallel with a spring it makes :class:`FractionalKelvinVoigt`.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class SpringPot:
 
 @dataclass(frozen=True, slots=True)
 class FractionalKelvinVoigt:
-    """A spring beside a spring-pot: 1 + (iωτ)^α [Bagley & Torvik, J. Rheology 27, 1983].
+    """A spring parallel to a spring-pot: 1 + (iωτ)^α [Bagley & Torvik, J. Rheology 27, 1983].
 
     α = 1 is Kelvin and Voigt's dashpot, α towards 0 a constant loss factor.
 

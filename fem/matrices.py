@@ -152,8 +152,8 @@ class Matrices:
             raise MatricesError(msg)
         for array in (node, direction, numbers, places):
             array.flags.writeable = False
-        whole = None if Q is None else sp.csr_array(Q)
-        return cls(found["K"], found["M"], found["C"], found["D"], node, direction, numbers, places, whole)
+        basis = None if Q is None else sp.csr_array(Q)
+        return cls(found["K"], found["M"], found["C"], found["D"], node, direction, numbers, places, basis)
 
     @property
     def n(self) -> int:
@@ -208,7 +208,7 @@ class Matrices:
         """Return the six rigid-body motions of the rows, shape (n, 6) [m and rad per m and rad].
 
         Rotations are about a point, the mean of the nodes' places unless given. Coordinates that are no
-        motion of one node are taken through Q. Without Q they are amplitudes of modes with the nodes held,
+        motion of one node are taken through Q. Without Q they are amplitudes of modes with the nodes fixed,
         which are zero in a rigid-body motion; that K costs it no energy then shows whether they are.
 
         Raises
@@ -217,10 +217,10 @@ class Matrices:
             If the place of a node is not known.
         """
         if self.Q is not None:
-            whole = np.zeros((self.Q.shape[0], 6))
+            of_nodes = np.zeros((self.Q.shape[0], 6))
             centre = self.points.mean(axis=0) if about is None else np.asarray(about, dtype=float)
-            whole[: 6 * len(self.points)] = lever_matrix(self.points - centre).reshape(-1, 6)
-            return np.asarray(self.Q.T @ whole)
+            of_nodes[: 6 * len(self.points)] = lever_matrix(self.points - centre).reshape(-1, 6)
+            return np.asarray(self.Q.T @ of_nodes)
         order = np.argsort(self.nodes)
         at = np.searchsorted(self.nodes, self.node, sorter=order)
         at = order[np.minimum(at, max(order.size - 1, 0))] if order.size else np.zeros(self.n, int)

@@ -145,7 +145,7 @@ class Constraint:
     releasable : bool
         Whether another effect may replace it by a spring.
     everywhere : bool
-        Whether it takes a motion away from the whole structure, as that out of the plane of a planar model:
+        Whether it takes a motion away from all of the structure, as that out of the plane of a planar model:
         it is no support, and its force no reaction.
     """
 
@@ -258,7 +258,7 @@ class Effect(ABC):
 
     @property
     def n_internal(self) -> int:
-        """Number of coordinates that it has beside the points' (modes of a reduced part, for example)."""
+        """Number of coordinates in addition to the points' (modes of a reduced part, for example)."""
         return 0
 
     @property
@@ -291,7 +291,7 @@ class Effect(ABC):
         return ()
 
     def body_motion(self, model: "Model") -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
-        """Return DOFs, and by them the translation (3, n) of a body of its own that sensors may be on."""
+        """Return DOFs, and by them the translation (3, n) of its body, on which sensors may be."""
         return None
 
     def tabulated(self, model: "Model") -> Any:
@@ -299,7 +299,7 @@ class Effect(ABC):
         return None
 
     def released(self) -> tuple[tuple[str, str], ...]:
-        """Return the keys of other effects' constraints that it replaces by springs of its own."""
+        """Return the keys of other effects' constraints that it replaces by springs."""
         return ()
 
     def replaces(self) -> tuple[ParameterRef, ...]:
@@ -346,13 +346,13 @@ class Effect(ABC):
     def relevant(
         self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
     ) -> float | None:
-        """Return the value of the first parameter that a user calls relevant; None where nobody has said so.
+        """Return the value of the first parameter that a user calls relevant; None where none is stated.
 
         Parameters
         ----------
         sizes : Relevant
         mass : float
-            Of the whole structure [kg].
+            Of the structure [kg].
         scale : callable
             As of :meth:`starts`.
         """
@@ -370,8 +370,8 @@ class Effect(ABC):
 
     def within(self, other: "Effect") -> dict[str, float]:
         """Return the values at which an effect that it :meth:`covers` does most of the same."""
-        own = parameter_values(self)
-        return {name: own.get(name, value) for name, value in parameter_values(other).items()}
+        values = parameter_values(self)
+        return {name: values.get(name, value) for name, value in parameter_values(other).items()}
 
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
@@ -394,8 +394,8 @@ class Effect(ABC):
 
     def acts_along(self, model: "Model", direction: str) -> bool:
         """Whether it acts in a direction of the model's, x … rz; also one that names no direction does."""
-        own = getattr(self, "direction", None)
-        return not isinstance(own, str) or own.lstrip("+-") == direction
+        along = getattr(self, "direction", None)
+        return not isinstance(along, str) or along.lstrip("+-") == direction
 
     def alters(self, model: "Model", member: str, line: int | None = None) -> bool:
         """Whether it changes elements of a member, or that on one of its lines.
@@ -438,7 +438,7 @@ def parameter_values(effect: Effect) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Damping:
-    """Damping of the whole structure; local dampers are effects.
+    """Damping of the structure; local dampers are effects.
 
     Attributes
     ----------
@@ -538,7 +538,7 @@ class Model:
     effects : tuple of Effect
         Frame, supports, joints, masses, …
     damping : Damping
-        Damping of the whole structure.
+        Damping of the structure.
     environment : frozenset of Environment
         Situation of the structure, as far as it is stated: which effects it may lack.
     ground : MovingGround or None
@@ -575,9 +575,9 @@ class Model:
         ModelError
             If there is no such effect.
         """
-        own, start = self.effect(name), 6 * self.mesh.n_points
-        start += sum(e.n_internal for e in self.effects[: self.effects.index(own)])
-        return np.arange(start, start + own.n_internal)
+        effect, start = self.effect(name), 6 * self.mesh.n_points
+        start += sum(e.n_internal for e in self.effects[: self.effects.index(effect)])
+        return np.arange(start, start + effect.n_internal)
 
     def effect(self, name: str) -> Effect:
         """Return the effect with a name.
@@ -663,9 +663,9 @@ class Model:
     def constraints(self) -> tuple[Constraint, ...]:
         """Return the constraints of all effects, without those that an effect has released."""
         released = {key for effect in self.effects for key in effect.released()}
-        own = (c for e in self.effects for c in e.constraints(self) if c.key not in released)
+        active = (c for e in self.effects for c in e.constraints(self) if c.key not in released)
         ground = self.ground
-        return tuple(own) if ground is None else tuple(ground.constrained(c) for c in own)
+        return tuple(active) if ground is None else tuple(ground.constrained(c) for c in active)
 
 
 def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:

@@ -50,10 +50,10 @@ MOST_DAMPING = 0.3
 """Damping ratio above which no structure vibrates long enough to be tested [-]."""
 
 RIGID_RATIO = 1e6
-"""Stiffness of a connection, beside that of a cube of the stiffest member, above which it is rigid [-]."""
+"""Stiffness of a connection relative to a cube of the stiffest member, above which it is rigid [-]."""
 
 LOOSE_RATIO = 1e-9
-"""Stiffness of a connection, beside the softest member's EI/L³, below which it does nothing [-]."""
+"""Stiffness of a connection relative to the softest member's EI/L³, below which it does nothing [-]."""
 
 MOST_PRESTRAIN = 0.02
 """Strain of a pretension above that at which steel wire breaks [-]."""
@@ -235,9 +235,9 @@ class _Alike:
 
     @property
     def most_mass(self) -> float:
-        """Mass that bends the longest, held at both ends, by its length, or breaks a hanging bar [kg].
+        """Mass that bends the longest, simply supported, by its length, or breaks a hanging bar [kg].
 
-        The members' own mass is no measure: columns of measured frames carry 100 times as much.
+        The members' mass is no measure: columns of measured frames carry 100 times as much.
         """
         E, s = self.material.E, self.sections[0]
         if self.p.theory == "bar":
@@ -262,7 +262,7 @@ def _alike(frame: Frame, mesh: Mesh) -> list[_Alike]:
 
 
 def _material_now(frame: Frame, m: Material) -> Material:
-    """Return a material with the values of a frame that replace its own."""
+    """Return a material with the values of a frame in place of the nominal ones."""
     E, rho = (float(np.real(frame.values.get(f"{key}:{m.name}", getattr(m, key)))) for key in ("E", "rho"))
     return Material(m.name, E, rho, m.nu, m.loss_factor) if E > 0 and rho > 0 else m
 
@@ -275,7 +275,7 @@ def _depth(s: Section) -> float:
 
 
 def _sag(m: _Alike) -> NDArray[np.float64]:
-    """Return by which parts of their lengths members, held at both ends, sag under their own weight [-]."""
+    """Return the sag of simply supported members under their weight, relative to their length [-]."""
     s = m.sections[0]
     load = _GRAVITY * m.material.rho * s.A
     return 5 * load * m.lengths**3 / (384 * m.material.E * max(s.Iy, s.Iz))
@@ -330,7 +330,7 @@ def _contradictions(s: Section) -> Iterator[str]:
 
 
 def _of_sizes(mesh: Mesh, members: Sequence[_Alike], trusted: bool) -> Iterator[Suspicion]:
-    """Yield members that are thicker than long or bend under their own weight, and structures too large."""
+    """Yield members that are thicker than long or bend under their weight, and structures too large."""
     size = mesh.size
     if size > LARGEST_STRUCTURE:
         yield Suspicion(
@@ -445,7 +445,7 @@ class _Structure:
 
 
 def _of_effects(model: Model, members: Sequence[_Alike], carriers: Sequence[_Alike]) -> Iterator[Suspicion]:
-    """Yield what effects doubt; masses beside ``carriers``, the members whose values are plausible."""
+    """Yield what effects doubt; masses relative to ``carriers``, members whose values are plausible."""
     # a reduced part may carry more than the members
     unknown = not carriers or any(e.reduced_part for e in model.effects)
     most = np.inf if unknown else max(m.most_mass for m in carriers)

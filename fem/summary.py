@@ -33,7 +33,7 @@ def span(values: Any, unit: str = "-") -> str:
 
 
 def percent(probability: float) -> str:
-    """Return a probability in whole per cent, with a space that does not break; never 0 or 100.
+    """Return a probability in per cent without decimals, with a no-break space; never 0 or 100.
 
     Data and priors are not known well enough to tell one in a hundred from one in a million.
     """
@@ -82,8 +82,8 @@ def _short(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping | tuple | list):
-        whole = _whole(value)
-        return whole if len(whole) <= _LONGEST else f"{type(value).__name__} of {len(value)}"
+        contents = _contents(value)
+        return contents if len(contents) <= _LONGEST else f"{type(value).__name__} of {len(value)}"
     shape = getattr(value, "shape", None)
     if isinstance(shape, tuple):
         return f"{type(value).__name__} {shape}"
@@ -91,7 +91,7 @@ def _short(value: Any) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 2]} …"
 
 
-def _whole(value: Mapping[Any, Any] | tuple[Any, ...] | list[Any]) -> str:
+def _contents(value: Mapping[Any, Any] | tuple[Any, ...] | list[Any]) -> str:
     """Return all of a small collection; of a large one only enough to see that it is large."""
     if len(value) > _LONGEST // 3:
         return " " * (_LONGEST + 1)

@@ -35,7 +35,7 @@ class System:
     rigid : ndarray (n_free, n_rigid)
         Rigid-body motions that constraints and springs allow, not normalised.
     model : Model
-        Where they come from; its ``damping`` is that of the whole structure and not in C and D.
+        Where they come from; its ``damping`` is that of the structure and not in C and D.
     laws : tuple of (Law, sparse (n_free, n_free))
         Frequency-dependent elements: each law and the K_law that it multiplies.
     """
@@ -145,7 +145,7 @@ def refuse_unsymmetric(model: Model) -> None:
 
 
 def reassemble(system: System, model: Model) -> System:
-    """Assemble a model that shares most effects with the system's own, faster than :func:`assemble`.
+    """Assemble a model that shares most effects with the system's model, faster than :func:`assemble`.
 
     Effects that are the same objects are not formed again where nothing else is new. New moduli and
     densities of a frame scale its matrices, if all its lines have the same factor, or form those lines again
@@ -160,11 +160,11 @@ def reassemble(system: System, model: Model) -> System:
         On the same mesh as ``system.model``; made from it by `with_values`, `with_effect`, ….
     """
     was, kept = system.model, {id(e) for e in model.effects} & {id(e) for e in system.model.effects}
-    gone = [e for e in was.effects if id(e) not in kept]
+    removed = [e for e in was.effects if id(e) not in kept]
     new = [e for e in model.effects if id(e) not in kept]
-    frames = [e for e in (*gone, *new) if isinstance(e, Frame)]
+    frames = [e for e in (*removed, *new) if isinstance(e, Frame)]
     change = frames[0].change_to(frames[1], model.mesh) if len(frames) == 2 else None
-    others = [e for e in (*gone, *new) if not isinstance(e, Frame)]
+    others = [e for e in (*removed, *new) if not isinstance(e, Frame)]
     if (
         model.mesh is not was.mesh
         or system.laws
@@ -177,11 +177,11 @@ def reassemble(system: System, model: Model) -> System:
     lines: Iterable[Contribution] = ()
     if change is not None:
         # effects on a frame may depend on it: all of them are formed anew
-        gone, new = ([e for e in m.effects if not isinstance(e, Frame)] for m in (was, model))
+        removed, new = ([e for e in m.effects if not isinstance(e, Frame)] for m in (was, model))
         scale |= change.scale
         lines = change.batches
     else:
-        changed = {e.name for e in (*gone, *new)}
+        changed = {e.name for e in (*removed, *new)}
         # what gives way refers to all that alters its element, and may refer to more or less than before
         follow = {
             e.name
@@ -189,12 +189,12 @@ def reassemble(system: System, model: Model) -> System:
             for e in m.effects
             if any(name in changed for name, _ in e.refers_to(m))
         }
-        gone, new = ([e for e in m.effects if id(e) not in kept or e.name in follow] for m in (was, model))
-    before = [c for e in gone for c in was.parts_of(e)]
+        removed, new = ([e for e in m.effects if id(e) not in kept or e.name in follow] for m in (was, model))
+    before = [c for e in removed for c in was.parts_of(e)]
     after = [c for e in new for c in model.parts_of(e)]
     constraints = model.constraints()
-    left_out = _left_out(system.Q, constraints)
-    if any(c.law is not None or left_out[c.dofs].any() for c in after):
+    dropped = _dropped_dofs(system.Q, constraints)
+    if any(c.law is not None or dropped[c.dofs].any() for c in after):
         return assemble(model)
     if change is not None:
         before += change.constant
@@ -220,7 +220,7 @@ def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
     return replace(part, **{key: None if X is None else factor[key] * X for key, X in scaled.items()})
 
 
-def _left_out(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_]:
+def _dropped_dofs(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_]:
     """Return the DOFs that Q leaves out, wholly or in part, though no constraint holds them, (n_dof,)."""
     idle = np.diff(Q.indptr) == 0
     if _selection(Q) is None:
@@ -325,8 +325,8 @@ def resistance(
 
     The motions (n_dof, n) are those of a structure of a size [m]. The forces of an element are judged by
     themselves, against the forces that its entries would give one by one in a motion of 1 and a rotation of
-    1/size, and left out below ``rounding`` of these: a spring to ground counts, however soft it is beside
-    the members.
+    1/size, and left out below ``rounding`` of these: a spring to ground counts, however soft it is
+    relative to the members.
     """
     rows = [np.zeros((0, motions.shape[1]))]
     amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)
@@ -356,7 +356,7 @@ def reproduced(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArr
     """
     motions = rigid_motions(model)
     missed = motions - Q @ (Q.T @ motions)
-    idle = _left_out(Q, constraints)
+    idle = _dropped_dofs(Q, constraints)
     missed[idle] = 0.0
     missed[: 6 * model.mesh.n_points].reshape(-1, 6, 6)[:, 3:] *= model.mesh.size
     found = unopposed(missed[np.abs(missed).max(axis=1) > _ROUNDING], 10 * _ROUNDING)
@@ -382,7 +382,7 @@ class _Pattern:
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
-    own: NDArray[np.int64]  # (n_points,): the block of a point with itself
+    diagonal: NDArray[np.int64]  # (n_points,): the block of a point with itself
     other: NDArray[np.int64]  # (2, n_lines): those of a line's first point with its second, and back
     once: bool  # no two lines join the same two points
 
@@ -414,11 +414,11 @@ def stiffness_pattern(system: System) -> sp.csc_array:
     """
     mesh, n = system.model.mesh, system.Q.shape[0]
     pattern = mesh.kept.get("pattern", lambda: _pattern(mesh))
-    whole = np.ones((len(pattern.indices), 6, 6))
-    X = sp.bsr_array((whole, pattern.indices, pattern.indptr)).tocsr()
+    ones = np.ones((len(pattern.indices), 6, 6))
+    X = sp.bsr_array((ones, pattern.indices, pattern.indptr)).tocsr()
     X.resize((n, n))
-    own = sp.csc_array((np.ones(system.K.nnz), system.K.indices, system.K.indptr), shape=system.K.shape)
-    out = sp.csc_array(_on_q(X, abs(system.Q), _selection(system.Q)) + own)
+    of_K = sp.csc_array((np.ones(system.K.nnz), system.K.indices, system.K.indptr), shape=system.K.shape)
+    out = sp.csc_array(_on_q(X, abs(system.Q), _selection(system.Q)) + of_K)
     out.sort_indices()
     out.data[:] = 1.0
     return out
@@ -477,7 +477,7 @@ def _add_blocks(
     """Add element matrices (b, 12, 12) on lines with these ends (b, 2) to blocks (n_blocks, 36)."""
     points, row = np.unique(ends, return_inverse=True)
     gather = sp.csr_array((np.ones(ends.size), (row.ravel(), np.arange(ends.size))))
-    own, other = pattern.own[points], pattern.other[:, part.lines]
+    diagonal, other = pattern.diagonal[points], pattern.other[:, part.lines]
     for key in "KMCD":
         X = getattr(part, key)
         if X is None:
@@ -493,7 +493,7 @@ def _add_blocks(
                 out[place] += block
             else:
                 np.add.at(out, place, block)
-        out[own] += gather @ quarters[[0, 1], [0, 1]].transpose(1, 0, 2).reshape(-1, 36)
+        out[diagonal] += gather @ quarters[[0, 1], [0, 1]].transpose(1, 0, 2).reshape(-1, 36)
 
 
 def _selection(Q: Any) -> NDArray[np.int64] | None:
@@ -547,7 +547,7 @@ def connection_stiffness(system: System) -> sp.csc_array:
 def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     """Return an orthonormal basis Q (n_dof, n_free) of the motions that meet all constraints."""
     taken = np.zeros(n_dof, dtype=bool)
-    held = np.zeros(n_dof, dtype=bool)
+    fixed = np.zeros(n_dof, dtype=bool)
     joint = [c for c in constraints if len(c.dofs) != 1]
     linked = np.zeros(n_dof, dtype=bool)
     for c in joint:
@@ -557,7 +557,7 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
             if linked[c.dofs[0]]:
                 joint.append(c)
             else:
-                held[c.dofs[0]] = True
+                fixed[c.dofs[0]] = True
     rows, cols, data = [], [], []
     for group in constraint_groups(tuple(joint)):
         dofs = np.unique(np.concatenate([c.dofs for c in group]))
@@ -567,7 +567,7 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
             rows.append(dofs)
             cols.append(np.full(len(dofs), len(cols)))
             data.append(N[:, j])
-    free = np.flatnonzero(~(taken | held))
+    free = np.flatnonzero(~(taken | fixed))
     n_groups = len(cols)
     rows.append(free)
     cols.append(n_groups + np.arange(len(free)))

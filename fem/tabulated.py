@@ -110,16 +110,16 @@ class Tabulated:
             return None
         dofs = np.unique(np.concatenate([c.dofs.ravel() for c in (first, *masses.values())]))
 
-        def whole(c: Contribution, X: Any) -> Floats:
+        def assembled(c: Contribution, X: Any) -> Floats:
             out, at = np.zeros((len(dofs), len(dofs))), np.searchsorted(dofs, c.dofs)
             np.add.at(out, (at[:, :, None], at[:, None, :]), X)
             return out
 
         def K(u: float, v: float) -> Floats:
             c = stiffness(u, v)
-            return whole(c, c.K)
+            return assembled(c, c.K)
 
-        M, none = {name: whole(c, c.M) for name, c in masses.items()}, K(0.0, 0.0)
+        M, none = {name: assembled(c, c.M) for name, c in masses.items()}, K(0.0, 0.0)
         if not planar:
             return cls(dofs, Table.of(low, high, lambda s: K(s, 0.0)), None, M)
         plane = Table.of(low, high, lambda s: K(0.0, s) - none)

@@ -116,7 +116,7 @@ def check_finite(
 
 
 def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
-    """Return a real finite matrix (n, n); None stands for zero."""
+    """Return a real finite matrix (n, n); None means zero."""
     if values is None:
         return np.zeros((n, n))
     array = np.asarray(values, dtype=float)

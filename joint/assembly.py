@@ -22,7 +22,7 @@ from updating.measurement.measurement import Measurement, sensor_rows
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTask:
-    """The task of identifying a joint of a model that was measured as a whole.
+    """The task of identifying a joint of a model whose assembly was measured.
 
     Attributes
     ----------
@@ -66,10 +66,10 @@ class JointTask:
 
     @property
     def springs(self) -> NDArray[np.float64]:
-        """Springs that hold the directions: the model's, or as stiff as the members themselves, (p,)."""
-        own = np.diag(np.asarray(self.joint.K, dtype=float))[self.index]
-        held = [d in self.joint.rigid for d in self.directions]
-        return np.where((own > 0) & ~np.array(held), own, _typical(self.model, self.directions))
+        """Springs of the directions: the model's, or as stiff as the members themselves, (p,)."""
+        stiffness = np.diag(np.asarray(self.joint.K, dtype=float))[self.index]
+        rigid = [d in self.joint.rigid for d in self.directions]
+        return np.where((stiffness > 0) & ~np.array(rigid), stiffness, _typical(self.model, self.directions))
 
     def tied(self) -> Model:
         """Return the model with elastic springs, and nothing else, in the directions of the joint."""
@@ -82,9 +82,9 @@ class JointTask:
         D = D + joint.eta * K
         K[index, index] = self.springs
         rigid = tuple(d for d in joint.rigid if d not in self.directions)
-        held = replace(joint, K=K, C=C, D=D, eta=0.0, rigid=rigid)
+        elastic = replace(joint, K=K, C=C, D=D, eta=0.0, rigid=rigid)
         model = self.model
-        return replace(model, effects=tuple(held if e.name == joint.name else e for e in model.effects))
+        return replace(model, effects=tuple(elastic if e.name == joint.name else e for e in model.effects))
 
     def vectors(self) -> tuple[NDArray[np.float64], ...]:
         """Responses, inputs and relative motions as rows of combinations of degrees of freedom."""

@@ -98,9 +98,9 @@ class Stage:
         If the model is right, the wider band knows more and var(θ - θ') = var θ - var θ': Hausman,
         Econometrica 46 (1978) 1251-1271.
         """
-        own, other = np.diag(self.fit.independent), np.diag(wider.fit.independent)
+        v, other = np.diag(self.fit.independent), np.diag(wider.fit.independent)
         with np.errstate(divide="ignore", invalid="ignore"):  # a value at a bound has no deviation
-            off = np.abs(self.fit.values - wider.fit.values) / np.sqrt(np.maximum(own - other, 0.05 * own))
+            off = np.abs(self.fit.values - wider.fit.values) / np.sqrt(np.maximum(v - other, 0.05 * v))
         return np.nan_to_num(off, nan=0.0)
 
 
@@ -293,14 +293,14 @@ def estimate(
     bands = every[step]
     ends = [int(np.flatnonzero(bands == b)[-1]) + 1 for b in np.unique(bands)]
     fit_up_to = partial(_fit_stage, task, form, reduced, problem, step, bands, accuracy, lines)
-    whole = fit_up_to(ends[-1], ())
-    stages, refused = [whole], None
+    widest = fit_up_to(ends[-1], ())
+    stages, refused = [widest], None
     if accuracy and len(ends) > 1:
         # the widest band has the most to start from; the narrowest is right first
         stages = []
         for count in ends:
-            stage = fit_up_to(count, (whole, *stages[-1:]))
-            if not stages and count < ends[-1] and (whole.sharp & ~stage.sharp).any():
+            stage = fit_up_to(count, (widest, *stages[-1:]))
+            if not stages and count < ends[-1] and (widest.sharp & ~stage.sharp).any():
                 continue  # it knows too little to contradict anything
             if stages and stages[-1].disagreement(stage)[stages[-1].sharp].max(initial=0.0) > CONTRADICTION:
                 refused = stage
@@ -380,12 +380,13 @@ def _fit_stage(
         less = np.sqrt(np.maximum(1.0, r / levels[bands][:, None, None] / OUTLYING))
         if settled:
             break
-    left = []
+    band_levels = []
     for b in np.unique(bands[mask.any(axis=(1, 2))]):
         use = mask & (bands == b)[:, None, None]
-        left.append((float(frequency[bands == b][-1]), float(levels[b] * np.median(plain[use] / size[use]))))
+        level = float(levels[b] * np.median(plain[use] / size[use]))
+        band_levels.append((float(frequency[bands == b][-1]), level))
     fitted, _ = parts.evaluate(parts.standard(found.part_values))
-    return Stage(found, H, tuple(left), tried[0][0], fitted, problem.data.H[at])
+    return Stage(found, H, tuple(band_levels), tried[0][0], fitted, problem.data.H[at])
 
 
 def _bands(problem: FitProblem, frequency: NDArray[np.float64]) -> NDArray[np.int64]:

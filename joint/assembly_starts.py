@@ -1,4 +1,4 @@
-"""Starting points of a joint's fits, and searches beside fitted values: the cost has many minima."""
+"""Starting points of a joint's fits, and searches around fitted values: the cost has many minima."""
 
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -26,11 +26,11 @@ MISSES = 3, 1
 """Steps in a row that do not lower the cost after which a walk turns round, coarse and finer [-]; one that
 doubles it counts twice."""
 
-HELD = 1e-4
-"""Standard deviation of a stiffness that is held while all else is fitted, of itself [-]."""
+FIXED_STD = 1e-4
+"""Relative standard deviation that fixes a stiffness while all else is fitted [-]."""
 
 SEARCHES = 6
-"""Number of further searches for stiffnesses beside the fitted values."""
+"""Number of further searches for stiffnesses around the fitted values."""
 
 
 def vague_prior(
@@ -81,8 +81,8 @@ def searched(
     for _ in task.directions:
         points = []
         for d in task.directions:
-            own = np.array([name.split(" ")[1:3] == [d, d] for name in form.names])
-            points += [np.where(own, factor * theta, theta) for factor in SCAN]
+            diagonal = np.array([name.split(" ")[1:3] == [d, d] for name in form.names])
+            points += [np.where(diagonal, factor * theta, theta) for factor in SCAN]
         size, nearest = min(((far(p), k) for k, p in enumerate(points)), default=(best, 0))
         if size > 0.99 * best:
             break
@@ -107,7 +107,7 @@ def walked(
         theta = at.values.copy()
         theta[i] *= factor
         mean, std = vague_prior(task, form, theta)
-        mean[i], std[i] = theta[i], HELD
+        mean[i], std[i] = theta[i], FIXED_STD
         start = standard(at.part_values)
         return fit(theta, prior=(mean, std), part_start=start, stages=(1.0,), max_iterations=4)
 

@@ -212,8 +212,7 @@ def _lines(problem: ScaledProblem) -> tuple[_Lines, IntArray]:
     F = seen.inverse_A[use] @ seen.QC[use]
     Q_B, R_B, rank, _, _ = factor_tall((problem.R[use] - problem.Q[use] @ F).mT)
     good = rank == p
-    G = seen.QC[use] @ Q_B.conj()
-    return _Lines(seen.R_A[use[good]], R_B[good], G[good]), use[good]
+    return _Lines(seen.R_A[use[good]], R_B[good], (seen.QC[use] @ Q_B.conj())[good]), use[good]
 
 
 def _equations(
@@ -262,10 +261,10 @@ def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[Floa
         )
         raise IdentificationError(msg)
     theta = (Vt.T @ ((U.T @ g) / s)) / size
-    left = np.linalg.norm(g - E @ theta)
+    residual = np.linalg.norm(g - E @ theta)
     rows = 2 * len(problem.frequency) * problem.A.shape[2] ** 2
     covariance = (Vt.T / s**2) @ Vt
-    std = np.sqrt(np.diag(covariance)) / size * left / np.sqrt(max(rows - n, 1))
+    std = np.sqrt(np.diag(covariance)) / size * residual / np.sqrt(max(rows - n, 1))
     return theta, std, float(s[0] / s[-1])
 
 
@@ -279,5 +278,5 @@ def _residuals(
     lines, weight = weighted
     inverse = np.linalg.pinv(problem.W)
     z = inverse @ form.Z(problem.frequency[use], theta) @ inverse.T
-    left = lines.R_A @ z @ lines.R_B.mT - lines.G
-    return np.linalg.norm(left, axis=(1, 2)) * weight
+    residual = lines.R_A @ z @ lines.R_B.mT - lines.G
+    return np.linalg.norm(residual, axis=(1, 2)) * weight

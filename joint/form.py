@@ -55,8 +55,8 @@ class Term:
         """Names and units of its parameters."""
         if self.kind not in LAWS:
             return ((self.name, self.unit),)
-        own = {"ratio": "-", "tau": "s", "alpha": "-"}
-        inner = tuple((f"{self.name} {f.name}", own[f.name]) for f in fields(LAWS[self.kind]))
+        units = {"ratio": "-", "tau": "s", "alpha": "-"}
+        inner = tuple((f"{self.name} {f.name}", units[f.name]) for f in fields(LAWS[self.kind]))
         return ((self.name, self.unit), *inner)
 
     def factor(self, omega: FloatArray, theta: Sequence[Any] | FloatArray) -> npt.NDArray[Any]:
@@ -154,9 +154,9 @@ class JointForm:
     def semidefinite(self) -> npt.NDArray[np.bool_]:
         """Mark the parameters whose matrices are positive semidefinite: those on a diagonal."""
         least = np.linalg.eigvalsh((self.matrices + self.matrices.mT) / 2)[:, 0]
-        whole = least >= -1e-9 * np.linalg.norm(self.matrices, axis=(1, 2))
+        marked = least >= -1e-9 * np.linalg.norm(self.matrices, axis=(1, 2))
         marks = [
-            bool(whole[term.matrix]) and k == 0 for term in self.terms for k in range(len(term.parameters))
+            bool(marked[term.matrix]) and k == 0 for term in self.terms for k in range(len(term.parameters))
         ]
         return np.array(marks, dtype=bool)
 

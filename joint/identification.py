@@ -449,10 +449,10 @@ def project_lines(problem: ScaledProblem) -> Projection:
             np.matmul(Qh[k], C, out=QC[k])
             square = _square(C)
             size[k] = np.sqrt(square)
-            left = square - _square(QC[k])
-            if left < _FEW_DIGITS * square:
-                left = square * _small_rest(C, Q_A[k], QC[k])
-            rest[k] = np.sqrt(left)
+            remainder = square - _square(QC[k])
+            if remainder < _FEW_DIGITS * square:
+                remainder = square * _small_rest(C, Q_A[k], QC[k])
+            rest[k] = np.sqrt(remainder)
     if not np.isfinite(size).all():
         check_finite(problem.H_nn, "H_nn", problem.frequency, *problem.labels)
     return Projection(R_A, inverse, QC, rest, size, rank, condition)
@@ -509,9 +509,9 @@ def _solve_lines(
     small = outside < _FEW_DIGITS * spanned
     few = slice(None) if small.all() else np.flatnonzero(small)
     outside[few] = _squares(QC[few] - inside[few] @ Q_B[few].mT)
-    left = np.sqrt(seen.rest[use] ** 2 + outside)
+    misfit = np.sqrt(seen.rest[use] ** 2 + outside)
     residual[use] = np.where(
-        good, np.divide(left, seen.size[use], where=left > 0, out=np.zeros_like(left)), np.nan
+        good, np.divide(misfit, seen.size[use], where=misfit > 0, out=np.zeros_like(misfit)), np.nan
     )
     return z, residual, ranks, conditions
 

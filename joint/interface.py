@@ -102,7 +102,7 @@ class CoordinateSet:
 
 
 def coordinates_of(nodes: Iterable[object], directions: Sequence[str] = DIRECTIONS) -> CoordinateSet:
-    """Return the coordinates of nodes, node by node, all six directions of each unless told otherwise."""
+    """Return the coordinates of nodes, node by node, all six directions of each by default."""
     return CoordinateSet(tuple(f"{node}:{direction}" for node in nodes for direction in directions))
 
 
@@ -308,11 +308,11 @@ def stack_joints(joint: CoordinateSet, blocks: Sequence[tuple[CoordinateSet, npt
     ValueError
         If a coordinate belongs to no joint or to two, or a block does not fit its coordinates.
     """
-    held = [label for coordinates, _ in blocks for label in coordinates.labels]
-    if repeated := _repeated(held):
+    jointed = [label for coordinates, _ in blocks for label in coordinates.labels]
+    if repeated := _repeated(jointed):
         msg = f"{_names(repeated)} belongs to two joints; add their stiffness in one joint"
         raise ValueError(msg)
-    if free := [label for label in joint.labels if label not in set(held)]:
+    if free := [label for label in joint.labels if label not in set(jointed)]:
         msg = f"{_names(free)} belongs to no joint; leave it internal or give its joint a zero block"
         raise ValueError(msg)
     arrays = [np.asarray(block, dtype=complex) for _, block in blocks]
@@ -338,10 +338,10 @@ def _joined(sets: Iterable[CoordinateSet]) -> CoordinateSet:
 def _block_diagonal(blocks: Sequence[ComplexArray]) -> ComplexArray:
     rows = np.cumsum([0] + [block.shape[1] for block in blocks])
     columns = np.cumsum([0] + [block.shape[2] for block in blocks])
-    whole = np.zeros((blocks[0].shape[0], rows[-1], columns[-1]), dtype=complex)
+    full = np.zeros((blocks[0].shape[0], rows[-1], columns[-1]), dtype=complex)
     for i, block in enumerate(blocks):
-        whole[:, rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = block
-    return whole
+        full[:, rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = block
+    return full
 
 
 def _repeated(labels: Sequence[str]) -> list[str]:

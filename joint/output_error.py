@@ -66,7 +66,7 @@ def fit_joint(
 
     Gauss-Newton steps with Levenberg-Marquardt damping run over a low band first and then over ever wider
     ones, as a start that is a resonance's width off misleads in the whole band. Far from the data,
-    stiffnesses are first tried over six decades, the one that helps most first, and the steps minimise robust
+    stiffnesses are first tried over six decades, the most helpful first, and the steps minimise robust
     residuals of ln H, in which a resonance in the wrong place counts no more than one that lacks, with
     stiffness, mass and damping on the matrices' diagonals positive. The covariance is the inverse of Fisher's
     information (Cramér and Rao's bound), multiplied by chi² where that is above 1, as long as the residual is
@@ -181,7 +181,7 @@ def fit_joint(
         tried.append(min((problem.at(p) for p in points), key=lambda s: s.cost))
     state, converged = min(tried, key=lambda s: s.cost), False
     if state.cost < FAR * seen.sum():
-        counts = counts[-1:]  # near enough for the whole band
+        counts = counts[-1:]  # near enough for the full band
     for count in (*counts, lines.size):
         state = problem.state(state.theta, state.x, count)
         state, converged = _descend(problem, state, history, max_iterations, tolerance)
@@ -218,7 +218,7 @@ def _scan(problem: Likelihood, state: LikelihoodPoint) -> LikelihoodPoint:
         if problem.positive[i] and name in first and kinds[i] not in ("M", "C", "D")
     ]
     for _ in range(3):
-        # the one that helps most first: another may only imitate it
+        # the most helpful first: another may only imitate it
         points = []
         for i in scanned:
             unit = np.arange(len(state.theta)) == i
@@ -342,7 +342,7 @@ def _result(
 
     fixed = np.append(at_bound, np.zeros(m, dtype=bool))
     independent, covariance = stated_covariance(
-        state.A, fixed, residual, _own_noise(problem), chi2, state.H, information
+        state.A, fixed, residual, _relative_noise(problem), chi2, state.H, information
     )
     std = np.where(fixed, np.nan, np.sqrt(np.diag(covariance)))
     names = (*form.names, *parts.names)
@@ -374,8 +374,8 @@ def _message(
         message += (
             f"; the residual is {np.sqrt(chi2):.1f} times the noise: the model lacks an effect or is wrong"
         )
-    own = zip(form.names, known.determined, at_bound, strict=False)
-    loose = [name for name, ok, bound in own if not ok and not bound]
+    flags = zip(form.names, known.determined, at_bound, strict=False)
+    loose = [name for name, ok, bound in flags if not ok and not bound]
     if loose:
         message += f"; the data do not determine {', '.join(loose[:8])}{' …' if len(loose) > 8 else ''}"
     if at_bound.any():
@@ -384,11 +384,11 @@ def _message(
     return message
 
 
-def _own_noise(problem: Likelihood) -> FloatArray:
-    """Return the data's own noise over the deviation that was allowed, at most 1, (n_freq, M, L)."""
+def _relative_noise(problem: Likelihood) -> FloatArray:
+    """Return the noise of the data over the deviation that was allowed, at most 1, (n_freq, M, L)."""
     with np.errstate(invalid="ignore"):  # where there is no value, and no weight
-        own = problem.weight * noise_of(problem.measured, None, problem.measured)
-    return np.where(problem.weight > 0, np.minimum(np.nan_to_num(own, nan=1.0), 1.0), 0.0)
+        relative = problem.weight * noise_of(problem.measured, None, problem.measured)
+    return np.where(problem.weight > 0, np.minimum(np.nan_to_num(relative, nan=1.0), 1.0), 0.0)
 
 
 def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoint, BoolArray]:
@@ -400,8 +400,8 @@ def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoi
     n = len(state.theta)
     with np.errstate(divide="ignore"):
         std = 1 / np.sqrt(2 * np.maximum(np.diag(state.A)[:n], 0.0))
-    own = np.array([len(term.parameters) > 1 for term in problem.form.terms for _ in term.parameters])
-    near = problem.positive & ~own & (state.theta < 0.1 * std) & (state.g[:n] >= 0)
+    of_law = np.array([len(term.parameters) > 1 for term in problem.form.terms for _ in term.parameters])
+    near = problem.positive & ~of_law & (state.theta < 0.1 * std) & (state.g[:n] >= 0)
     if not near.any():
         return state, near
     there = problem.state(np.where(near, 0.0, state.theta), state.x, state.count)

@@ -221,8 +221,8 @@ class ModelParts:
                     )
                     for k in range(len(frfs))
                 ]
-                whole = stack_substructures(*pieces)
-                out[i] = Blocks(whole.H_aa, whole.H_ab, whole.H_ba, whole.H_bb)
+                slope = stack_substructures(*pieces)
+                out[i] = Blocks(slope.H_aa, slope.H_ab, slope.H_ba, slope.H_bb)
         return stacked, tuple(b for b in out if b is not None)
 
     def _shape(self, part: int) -> tuple[int, int]:

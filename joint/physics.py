@@ -71,8 +71,8 @@ class LawFit:
         """Return its dynamic stiffness at lines [Hz], (n_freq,)."""
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
         if self.kinds[0] in LAWS:
-            own = [self.values[f.name] for f in fields(LAWS[self.kinds[0]])]
-            storage, loss = LAWS[self.kinds[0]](*own)(omega)
+            parameters = [self.values[f.name] for f in fields(LAWS[self.kinds[0]])]
+            storage, loss = LAWS[self.kinds[0]](*parameters)(omega)
             return self.values["stiffness"] * (storage + 1j * loss)
         return np.asarray(sum(self.values[k] * _column(k, omega) for k in self.kinds), dtype=complex)
 
@@ -255,8 +255,8 @@ def _explain(name: str, frequency: FloatArray, Z: ComplexArray, weight: FloatArr
     fits += [_rising(kind, frequency, Z, weight, scatter) for kind in LAWS]
     fits = sorted((f for f in fits if np.isfinite(f.criterion)), key=lambda f: f.criterion)
     best = fits[0]
-    left = (Z - best.stiffness(frequency)) * weight
-    misfit = 1.4826 * np.median(np.abs(np.concatenate([left.real, left.imag])))
+    residual = (Z - best.stiffness(frequency)) * weight
+    misfit = 1.4826 * np.median(np.abs(np.concatenate([residual.real, residual.imag])))
     explained = bool(misfit <= UNEXPLAINED * scatter or best.misfit < 1e-6)
     return StiffnessLaw(name, frequency, Z, scatter, best, tuple(fits[1:]), explained)
 

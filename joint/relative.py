@@ -97,7 +97,7 @@ def relative_joint(
     ----------
     K, C, D : (6, 6) array_like
         Stiffness [N/m, N m/rad], viscous damping [N s/m, N m s/rad] and structural damping [N/m, N m/rad]
-        at the joint point, in the joint's axes. None stands for zero.
+        at the joint point, in the joint's axes. None means zero.
     lever_1, lever_2, axes
         See `relative_coordinates`.
 

@@ -372,8 +372,8 @@ def _dual(
             acting = forces if np.array_equal(rows, np.arange(n)) else forces[:, rows]
             np.matmul(to_forces[k][some], acting, out=block)
             block[:, :, columns[k] : columns[k + 1]] += part.H[some] if s == 1 else s * part.H[some]
-        left, size = _square(motions - A[some] @ forces), _square(motions)
-        gap[some] = np.sqrt(np.divide(left, size, out=np.zeros(len(size)), where=size > 0))
+        residual, size = _square(motions - A[some] @ forces), _square(motions)
+        gap[some] = np.sqrt(np.divide(residual, size, out=np.zeros(len(size)), where=size > 0))
     outputs = tuple(label for part in parts for label in part.outputs)
     inputs = tuple(label for part in parts for label in part.inputs)
     frf = replace(parts[0], frequency=frequency, H=H, outputs=outputs, inputs=inputs)
@@ -403,11 +403,11 @@ def _interface(
     opened = np.zeros((n_freq, n, columns[-1]), dtype=complex)
     A = np.zeros((n_freq, n, n), dtype=complex)
     for k, (part, places, s) in enumerate(zip(parts, touched, signs, strict=True)):
-        own = opened[:, :, columns[k] : columns[k + 1]]
+        of_part = opened[:, :, columns[k] : columns[k + 1]]
         for row, out, _, sign in zip(*places, strict=True):
-            own[:, row] += s * sign * part.H[:, out]
+            of_part[:, row] += s * sign * part.H[:, out]
         for row, _, inn, sign in zip(*places, strict=True):
-            A[:, :, row] += sign * own[:, :, inn]
+            A[:, :, row] += sign * of_part[:, :, inn]
     return touched, A, opened
 
 
@@ -427,8 +427,8 @@ def _touched(part: FRF, connections: Sequence[tuple[str, str]]) -> _Touched:
         if label in place_out
     ]
     rows, out, inn, sign = zip(*found, strict=True) if found else ((), (), (), ())
-    whole = [np.array(values, dtype=np.int64) for values in (rows, out, inn)]
-    return whole[0], whole[1], whole[2], np.array(sign, dtype=float)
+    positions = [np.array(values, dtype=np.int64) for values in (rows, out, inn)]
+    return positions[0], positions[1], positions[2], np.array(sign, dtype=float)
 
 
 def _check_labels(parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]]) -> None:

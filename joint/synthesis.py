@@ -66,7 +66,7 @@ def joint_impedance(
         Lines [Hz].
     K, M, C, D : (n, n) array_like
         Stiffness [N/m, N m/rad], mass [kg, kg m²], viscous damping [N s/m, N m s/rad] and structural
-        damping [N/m, N m/rad]. None stands for zero.
+        damping [N/m, N m/rad]. None means zero.
 
     Returns
     -------

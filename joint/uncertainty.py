@@ -88,7 +88,7 @@ def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
     return out
 
 
-def model_share(residual: ComplexArray, own: FloatArray) -> float:
+def model_share(residual: ComplexArray, noise: FloatArray) -> float:
     """Return the part of the residual's square that is an error of the model [-].
 
     Two signs of it, of which the stronger counts: the part that neighbouring lines share, which white noise
@@ -99,7 +99,7 @@ def model_share(residual: ComplexArray, own: FloatArray) -> float:
     ----------
     residual : (n_freq, M, L) complex array
         Over the standard deviation allowed; 0 where there is no value.
-    own : (n_freq, M, L) array
+    noise : (n_freq, M, L) array
         The data's own noise over the same.
     """
     square = float((np.abs(residual) ** 2).sum())
@@ -107,8 +107,8 @@ def model_share(residual: ComplexArray, own: FloatArray) -> float:
     if len(residual) < 3 or not square > 0:
         return 0.0
     together = float((residual[:-1].conj() * residual[1:]).real.sum()) / square - 2 / np.sqrt(use.sum())
-    quiet = use & (own <= np.quantile(own[use], 0.1))
-    beyond = 1 - NOISE_MARGIN * float((own[quiet] ** 2).sum() / (np.abs(residual[quiet]) ** 2).sum())
+    quiet = use & (noise <= np.quantile(noise[use], 0.1))
+    beyond = 1 - NOISE_MARGIN * float((noise[quiet] ** 2).sum() / (np.abs(residual[quiet]) ** 2).sum())
     return float(np.clip(max(together, beyond), 0.0, 1.0))
 
 
@@ -142,8 +142,8 @@ def jackknife(A: FloatArray, information: Information, edges: IntArray, free: Bo
     scale = np.sqrt(np.diag(A)[use])
     moves = np.zeros((len(edges) - 1, len(A)))
     for k, (first, end) in enumerate(pairwise(edges)):
-        own, g = information(int(first), int(end))
-        rest = (A - own)[np.ix_(use, use)] / np.outer(scale, scale)
+        of_group, g = information(int(first), int(end))
+        rest = (A - of_group)[np.ix_(use, use)] / np.outer(scale, scale)
         moves[k, use] = np.linalg.lstsq(rest, g[use] / scale, rcond=1e-10)[0] / scale
     moves -= moves.mean(axis=0)
     return (len(moves) - 1) / len(moves) * (moves.T @ moves)
@@ -153,7 +153,7 @@ def stated_covariance(
     A: FloatArray,
     fixed: BoolArray,
     residual: ComplexArray,
-    own: FloatArray,
+    noise: FloatArray,
     chi2: float,
     H: ComplexArray,
     information: Information,
@@ -177,7 +177,7 @@ def stated_covariance(
         Parameters at a bound.
     residual : (n_freq, M, L) complex array
         Over the standard deviation of the noise; 0 where there is no value.
-    own : (n_freq, M, L) array
+    noise : (n_freq, M, L) array
         The data's own noise over the same.
     chi2 : float
         Its mean square for each degree of freedom [-].
@@ -187,7 +187,7 @@ def stated_covariance(
     """
     plain = inverse_information(A, fixed)
     independent = plain * max(chi2, 1.0)
-    b = model_share(residual, own)
+    b = model_share(residual, noise)
     known = ~fixed & np.isfinite(np.diag(plain))
     if not b or not known.any():
         return independent, independent

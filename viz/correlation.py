@@ -393,7 +393,7 @@ def plot_geometry_match(
     axes = view_axes(mesh.points)[:2]
     points, placed = mesh.points @ axes.T, match.points @ axes.T
     rows, columns = match.pairs.T
-    left = list(match.unmatched)
+    bare = list(match.unmatched)
     words = [str(k) for k in range(len(placed))] if names is None else list(names)
     with style.look():
         figure = style.new_figure(6.4, 5.0)
@@ -414,9 +414,9 @@ def plot_geometry_match(
             *points[columns].T, "o", color="none", markeredgecolor=style.BLUE, markersize=7, label="matched"
         )
         ax.plot(*placed[rows].T, "o", color=style.BLUE, markersize=3.2, zorder=4, label="test points")
-        if left:
+        if bare:
             ax.plot(
-                *placed[left].T, "X", color=style.EFFECT, markersize=7, zorder=4, label="without a mesh point"
+                *placed[bare].T, "X", color=style.EFFECT, markersize=7, zorder=4, label="without a mesh point"
             )
         for word, at in zip(words, placed, strict=True):
             ax.annotate(word, at, xytext=(5, 4), textcoords="offset points", fontsize=7)

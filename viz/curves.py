@@ -197,8 +197,8 @@ def frf_errors(
             raise ValueError(msg)
         part = model.as_kind(measured.kind)
         got = np.stack([part.select([o], [i]).H[:, 0, 0] for o, i in pairs], axis=1) / size
-        left = _moving(np.sum(np.abs(got - H) ** 2, axis=1), smooth)
-        out[label] = 10 * np.log10(np.maximum(left / power, 1e-30))
+        error = _moving(np.sum(np.abs(got - H) ** 2, axis=1), smooth)
+        out[label] = 10 * np.log10(np.maximum(error / power, 1e-30))
     return out, noise
 
 

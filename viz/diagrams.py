@@ -328,12 +328,12 @@ def _name_extremes(
     """Label the largest value of each member and its least, the largest of all first."""
     found: list[tuple[float, Floats]] = []
     for rows in solution.model.mesh.members.values():
-        own = values[rows]
-        constant = np.isclose(own.max(), own.min(), rtol=1e-9, atol=0)
-        ends = (int(own.argmax()), int(own.argmin())) if least else (int(own.argmax()),)
-        for at in (own.size // 2,) if constant else ends:
-            line, station = np.unravel_index(at, own.shape)
-            value = float(own[line, station])
+        of_member = values[rows]
+        constant = np.isclose(of_member.max(), of_member.min(), rtol=1e-9, atol=0)
+        ends = (int(of_member.argmax()), int(of_member.argmin())) if least else (int(of_member.argmax()),)
+        for at in (of_member.size // 2,) if constant else ends:
+            line, station = np.unravel_index(at, of_member.shape)
+            value = float(of_member[line, station])
             if abs(value) > 0.02 * abs(values).max() and not _taken(found, value, tips[rows][line, station]):
                 found.append((value, tips[rows][line, station]))
     found.sort(key=lambda pair: -abs(pair[0]))

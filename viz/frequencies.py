@@ -1,4 +1,4 @@
-"""Measured natural frequencies beside computed ones."""
+"""Measured and computed natural frequencies compared."""
 
 from collections.abc import Mapping
 
@@ -41,11 +41,11 @@ def plot_deviations(
     """
     f, spread = np.asarray(measured, dtype=float), 200 * np.asarray(std, dtype=float)
     at = np.arange(f.size)
-    held = np.zeros(f.size, bool) if held_out is None else np.asarray(held_out, dtype=bool)
+    predicted = np.zeros(f.size, bool) if held_out is None else np.asarray(held_out, dtype=bool)
     with style.look():
         figure = style.new_figure(height=3.4 + 0.25 * bool(title))
         ax = figure.add_subplot()
-        for k in np.flatnonzero(held):
+        for k in np.flatnonzero(predicted):
             ax.axvspan(k - 0.4, k + 0.6, color=style.HELD_OUT, linewidth=0, zorder=0)
         ax.axhline(0, color=style.MUTED, linewidth=0.8, zorder=1)
         ax.errorbar(
@@ -66,7 +66,7 @@ def plot_deviations(
         ax.set_ylabel("computed less measured [%]")
         *models, bars = ax.get_legend_handles_labels()[0]  # bars of errors come last
         keys = [bars, *models]
-        if held.any():
+        if predicted.any():
             keys.append(Patch(facecolor=style.HELD_OUT, edgecolor="#e6d9a8", label="predicted, not fitted"))
         legend_above(figure, title, keys)
     return figure

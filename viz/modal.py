@@ -17,11 +17,11 @@ from viz.curves import plot_frf
 __all__ = ["plot_stabilisation", "plot_synthesis"]
 
 DEEPEST_DB = 120.0
-"""Range of the mode indicator that is drawn: what is left of exact data is rounding [dB]."""
+"""Range of the mode indicator that is drawn: the residual of exact data is rounding [dB]."""
 
 
 def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = "") -> Figure:
-    """Plot mode indicators, measured, fitted and of what is left, and below them the poles of all orders.
+    """Plot mode indicators, measured, fitted and of the residual, and below them the poles of all orders.
 
     The indicator is the sum of |H|² over all FRFs, each over its mean square, so that 0 dB is the mean.
 
@@ -62,20 +62,20 @@ def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
     def level(H: NDArray[np.complex128]) -> NDArray[np.float64]:
         return 10 * np.log10(np.maximum(mode_indicator(H, size) / pairs, 1e-300))
 
-    of_data, left = level(data.H), level(data.H - fit.H)
+    of_data, residual = level(data.H), level(data.H - fit.H)
     ax.plot(fit.frequency, of_data, color=style.MEASURED, linewidth=1.8, label="measured")
     ax.plot(
         fit.frequency, level(fit.H), color=style.SKY, linewidth=1.1, linestyle="-.",
         label="fitted modes and residuals",
     )  # fmt: skip
-    ax.plot(fit.frequency, left, color=style.GREY, linewidth=0.8, label="what is left", zorder=1.5)
+    ax.plot(fit.frequency, residual, color=style.GREY, linewidth=0.8, label="residual", zorder=1.5)
     at = [int(np.argmin(np.abs(fit.frequency - p.frequency))) for p in identified.unexplained]
     if at:
         ax.plot(
             fit.frequency[at], of_data[at], linestyle="none", marker="v", color=style.PURPLE,
             label="peak without a mode",
         )  # fmt: skip
-    floor = float(np.percentile(np.minimum(left, of_data), 1))
+    floor = float(np.percentile(np.minimum(residual, of_data), 1))
     ax.set_ylim(max(floor, float(of_data.max()) - DEEPEST_DB) - 3, float(of_data.max()) + 4)
     ax.set_ylabel("mode indicator [dB]")
 

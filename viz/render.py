@@ -288,9 +288,9 @@ def _with_sections(model: Model | Mesh) -> Model:
     if frame is not None and all(name in have for name in mesh.members):
         return Model(mesh, effects)
     plain = MemberProperties(Material("drawn", 1.0, 1.0), Section.circle(0.012 * mesh.size))
-    whole = Frame(members={name: have.get(name, plain) for name in mesh.members})
+    complete = Frame(members={name: have.get(name, plain) for name in mesh.members})
     others = tuple(e for e in effects if not isinstance(e, Frame))
-    return Model(mesh, (whole, *others))
+    return Model(mesh, (complete, *others))
 
 
 def mode_title(modes: Modes, index: int) -> str:

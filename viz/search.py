@@ -145,9 +145,9 @@ def plot_staircase(
         Of what was fitted and what was held out.
     """
     fit = np.array([step[1] for step in steps], dtype=float)
-    held = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
+    held_out = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
     n = len(steps)
-    values = np.concatenate([fit, held[np.isfinite(held)], [] if floor_db is None else [floor_db]])
+    values = np.concatenate([fit, held_out[np.isfinite(held_out)], [] if floor_db is None else [floor_db]])
     low, high = float(values.min()), float(values.max())
     pad = 0.16 * max(high - low, 10.0 ** (1 - digits))
     with style.look():
@@ -161,8 +161,8 @@ def plot_staircase(
                 textcoords="offset points", ha="left", va="top", fontsize=7.5, color=style.MUTED,
             )  # fmt: skip
         series = [(fit, style.FITTED, "-", names[0], 1)]
-        if np.isfinite(held).any():
-            series.append((held, style.VERMILION, "--", names[1], -1))
+        if np.isfinite(held_out).any():
+            series.append((held_out, style.VERMILION, "--", names[1], -1))
         for data, colour, line, name, _ in series:
             for k in range(n):
                 ax.plot([k - 0.36, k + 0.36], [data[k]] * 2, color=colour, linewidth=2.6,
@@ -177,11 +177,11 @@ def plot_staircase(
                         zorder=2,
                     )
         for k in range(n):
-            both = np.isfinite(held[k])
-            fit_above = not both or fit[k] > held[k]
+            both = np.isfinite(held_out[k])
+            fit_above = not both or fit[k] > held_out[k]
             for data, colour, above in (
                 (fit, style.FITTED, fit_above),
-                (held, style.VERMILION, not fit_above),
+                (held_out, style.VERMILION, not fit_above),
             ):
                 if np.isfinite(data[k]):
                     ax.annotate(

@@ -65,13 +65,13 @@ def _ear(xy: Floats, chain: list[int]) -> int:
             continue
         # a corner that touches the ear blocks it, unless it is the ear's own, met again at a bridge
         others = xy[chain]
-        own = (np.abs(others[:, None] - np.stack([a, b, c])) == 0).all(axis=2).any(axis=1)
+        corners = (np.abs(others[:, None] - np.stack([a, b, c])) == 0).all(axis=2).any(axis=1)
         inside = (
             (_cross(b - a, others - a) >= 0)
             & (_cross(c - b, others - b) >= 0)
             & (_cross(a - c, others - c) >= 0)
         )
-        inside &= ~own
+        inside &= ~corners
         if not inside.any():
             return i
         if area > best_area:

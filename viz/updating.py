@@ -187,7 +187,7 @@ def _cycle(n: int) -> list[str]:
 
 
 def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "") -> Figure:
-    """Draw the 5 to 95 % range of refits of each parameter beside the linearised interval.
+    """Draw the 5 to 95 % range of refits of each parameter with the linearised interval.
 
     Both are relative to the fitted value; of parameters fitted to zero, in their unit.
 

@@ -16,7 +16,7 @@ from benchmarks.validation.cases import CaseSettings
 from benchmarks.validation.hidden import SETS
 from benchmarks.validation.judging import Record
 from benchmarks.validation.table import as_markdown
-from dovetail.commands.argument_types import add_pool, whole, whole_up_to
+from dovetail.commands.argument_types import add_pool, integer_up_to, natural
 from dovetail.units.folder import FolderError
 from dovetail.units.outcome import outcome_of
 from dovetail.units.pool import PoolError, pool_of
@@ -47,11 +47,11 @@ def case_of(text: str) -> run.Task:
 def options_of(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     p = argparse.ArgumentParser("python -m benchmarks.validation", description=(__doc__ or "").split("\n")[0])
-    cases = whole_up_to(1_000_000)
-    p.add_argument("--seed", type=whole, required=True, metavar="S", help="seed of the random cases")
+    cases = integer_up_to(1_000_000)
+    p.add_argument("--seed", type=natural, required=True, metavar="S", help="seed of the random cases")
     p.add_argument("--cases", type=cases, default=33, metavar="N", help="cases of each set (default 33)")
     p.add_argument(
-        "--nulls", type=whole_up_to(1_000_000, 0), metavar="M",
+        "--nulls", type=integer_up_to(1_000_000, 0), metavar="M",
         help="cases of each set with nothing hidden (default: as many as of the others)",
     )  # fmt: skip
     p.add_argument("--sets", type=sets_of, default=tuple(SETS), metavar="LIST", help=f"of {', '.join(SETS)}")

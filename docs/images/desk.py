@@ -1,4 +1,4 @@
-"""Take the pictures of docs/desk.md: python -m docs.images.desk [demo] [two].
+"""Take the pictures of docs/desk.md: python -m docs.images.desk [demo] [two] [views].
 
 They show the demo, and a walk through its beams with two hidden effects, in Chromium.
 """
@@ -60,13 +60,13 @@ def write_study(folder: Path) -> Path:
     return path
 
 
-def take(page: Page, name: str, *, top: bool = True) -> None:
-    """Take a picture of what the window shows, with few colours."""
+def take(page: Page, name: str, *, top: bool = True, part: str | None = None) -> None:
+    """Take a picture of what the window shows, or of one part of the page, with few colours."""
     if top:
         page.evaluate("window.scrollTo(0, 0)")
     page.wait_for_timeout(2500)  # notices have gone, and figures are drawn
     path = HERE / f"{name}.png"
-    page.screenshot(path=path)
+    (page if part is None else page.get_by_role("region", name=part, exact=True)).screenshot(path=path)
     Image.open(path).convert("RGB").quantize(255, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
@@ -102,11 +102,35 @@ def demo(folder: Path) -> None:
         field = page.get_by_label(f"stiffness of {TURNING}, N·m/rad", exact=True)
         field.fill("197")
         field.press("Tab")
-        tab.until(0, fitted - 1)
+        tab.until(0, fitted - 0.5)
         page.get_by_label(f"evidence for {TURNING}").click()
         tab.press(f"Weigh {TURNING}")
         page.get_by_text("lines that no fit has seen", exact=False).wait_for()
         take(page, "desk")
+
+
+def views(folder: Path) -> None:
+    """Take the pictures of views and modes of the demo."""
+    shutil.copytree(EXAMPLE, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
+    with opened(folder / "study.toml") as tab:
+        page = tab.page
+        page.set_viewport_size({"width": 1280, "height": 1180})
+
+        def view(name: str) -> None:
+            page.get_by_role("combobox", name="View", exact=True).click()
+            page.get_by_role("option", name=name, exact=True).click()
+
+        view("Sensitivity")
+        take(page, "desk-sensitivity", part="FRFs")
+        view("CMIF")
+        page.get_by_label("Logarithmic frequency").click()
+        take(page, "desk-cmif", part="FRFs")
+        page.emulate_media(reduced_motion="reduce")  # the shapes rest at their largest deflection
+        tab.press("Compare modes")
+        tab.press("Show mode 3")
+        page.get_by_text("Measured mode 3, ").wait_for()
+        page.locator(".desk-head").evaluate("(e) => { e.style.position = 'static'; }")
+        take(page, "desk-modes", part="Modes")
 
 
 def two(folder: Path) -> None:
@@ -163,11 +187,11 @@ def two(folder: Path) -> None:
 
 def main(chosen: list[str]) -> None:
     """Take the pictures that are asked for."""
-    for word, walk in {"demo": demo, "two": two}.items():
+    for word, walk in {"demo": demo, "two": two, "views": views}.items():
         if word in chosen:
             with tempfile.TemporaryDirectory() as folder:
                 walk(Path(folder))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or ["demo", "two"])
+    main(sys.argv[1:] or ["demo", "two", "views"])

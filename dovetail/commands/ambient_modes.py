@@ -114,8 +114,8 @@ def _draw(path: Path, set_ups: Sequence[AmbientModes], names: Sequence[str]) -> 
     from viz.style import save
 
     for k, (found, name) in enumerate(zip(set_ups, names, strict=True), 1):
-        own = path if len(set_ups) == 1 else path.with_stem(f"{path.stem}-{k}")
-        with replacing(own) as scratch:
+        file = path if len(set_ups) == 1 else path.with_stem(f"{path.stem}-{k}")
+        with replacing(file) as scratch:
             save(plot_ambient(found, name if len(set_ups) > 1 else ""), scratch)
 
 
@@ -150,7 +150,7 @@ def _as_json(
     study: Study, found: AmbientModes | MergedModes, data: Sequence[AmbientChannels]
 ) -> dict[str, object]:
     set_ups: tuple[AmbientModes, ...] = found.set_ups if isinstance(found, MergedModes) else (found,)
-    said = found.unexplained if isinstance(found, MergedModes) else unexplained_words(found.unexplained)
+    warnings = found.unexplained if isinstance(found, MergedModes) else unexplained_words(found.unexplained)
     peaks = [p for s in set_ups for p in s.unexplained]
     return {
         "record": None if study.ambient is None else study.ambient.name,
@@ -161,7 +161,7 @@ def _as_json(
         "scaled": False,
         "unexplained_peaks": [{"frequency_Hz": p.frequency, "rise_dB": p.rise_db} for p in peaks],
         "notes": [text for each in data for text in each.notes],
-        "warnings": (*said, *study.warnings),
+        "warnings": (*warnings, *study.warnings),
     }
 
 

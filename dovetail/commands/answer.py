@@ -49,7 +49,7 @@ class Answer:
         if self.full is not None and out is not None and out.suffix.lower() == ".csv":
             write_csv(out, self.full)
         json = getattr(options, "json", None)
-        write_json(json, self._as_json(), self.nulls)
+        write_json(json, self.as_json(), self.nulls)
         write_xlsx(getattr(options, "xlsx", None), self._tables())
         if not options.quiet and (json is None or not (str(json) == "-" or goes_to_stdout(json))):
             lines = (p.lines() if isinstance(p, Table) else [p] for p in self.printed)
@@ -57,7 +57,8 @@ class Answer:
         if self.refusal is not None:
             raise self.refusal
 
-    def _as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
+        """Return what JSON has: the study's name and notes, and the fields."""
         study = self.study
         if study is None:
             return dict(self.fields)

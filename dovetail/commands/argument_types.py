@@ -7,7 +7,7 @@ from typing import Any
 from fem.model import DIRECTIONS
 
 
-def whole_up_to(most: int, least: int = 1) -> Callable[[str], int]:
+def integer_up_to(most: int, least: int = 1) -> Callable[[str], int]:
     """Return a reader of whole numbers up to a bound: more is a slip, and would take all memory."""
 
     def read(text: str) -> int:
@@ -24,7 +24,7 @@ def add_processes(p: argparse.ArgumentParser) -> None:
     """Add the number of processes that fit side by side; all processors unless given."""
     p.add_argument(
         "--processes",
-        type=whole_up_to(1000),
+        type=integer_up_to(1000),
         metavar="P",
         help="processes that fit side by side (default: as many as there are processors)",
     )
@@ -34,7 +34,7 @@ def add_pool(p: argparse.ArgumentParser, units: str) -> None:
     """Add the choice of workers: processes of this machine, or those of a running Dask cluster."""
     p.add_argument(
         "--processes",
-        type=whole_up_to(1000),
+        type=integer_up_to(1000),
         metavar="P",
         help=f"{units} at a time on this machine (default 1)",
     )
@@ -48,7 +48,7 @@ def add_pool(p: argparse.ArgumentParser, units: str) -> None:
 def add_bands(p: argparse.ArgumentParser) -> None:
     """Add the number of frequency bands."""
     words = "number of equal frequency bands (default 6)"
-    p.add_argument("--bands", type=whole_up_to(1000), default=6, metavar="N", help=words)
+    p.add_argument("--bands", type=integer_up_to(1000), default=6, metavar="N", help=words)
 
 
 def add_kind(p: argparse.ArgumentParser) -> None:
@@ -76,7 +76,7 @@ def count(text: str) -> int:
     return value
 
 
-def whole(text: str) -> int:
+def natural(text: str) -> int:
     """Read a whole number of at least 0."""
     if not text.isdecimal() or len(text) > 1000:
         msg = f"'{text}' is not allowed; a whole number of at least 0 is needed"

@@ -149,7 +149,7 @@ def _write_shapes(options: Options, study: Study, found: FRF) -> None:
     for j, motion in enumerate(_motions(options)):
         largest = found.frequency[np.abs(found.H[:, :, j]).max(axis=1).argmax()]
         at = options.at or [float(largest)]
-        whole = _frf(options, study, at, every, [motion])
+        full = _frf(options, study, at, every, [motion])
         names = (f"{found.inputs[j]}, {f:.6g} Hz" for f in at)
-        shapes |= dict(zip(names, whole.H[:, :, 0], strict=True))
+        shapes |= dict(zip(names, full.H[:, :, 0], strict=True))
     write_motions(options.vtu, study, shapes)

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.load_cases import solved_case
 from dovetail.commands.results import Results, write_motions
@@ -29,7 +29,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="the load case or combination that grows (needed where the study has several)",
     )
     p.add_argument(
-        "--number", type=whole_up_to(1000), default=5, metavar="N", help="number of factors (default 5)"
+        "--number", type=integer_up_to(1000), default=5, metavar="N", help="number of factors (default 5)"
     )
     p.add_argument(
         "--sign",

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.argument_types import integer_up_to, positive
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import NO_WHIRL, add_speeds
@@ -42,7 +42,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_speeds(p)
     p.add_argument(
         "--number",
-        type=whole_up_to(200),
+        type=integer_up_to(200),
         default=8,
         metavar="N",
         help="number of modes: those that are among the N slowest at some speed (default 8)",

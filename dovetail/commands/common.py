@@ -24,7 +24,7 @@ ROUNDING = 1e-10
 
 
 def without_rounding(values: ArrayLike) -> NDArray[np.float64]:
-    """Return values with those that are rounding beside the largest as 0."""
+    """Return values with rounding errors, relative to the largest, as 0."""
     v = np.asarray(values, float)
     return np.where(abs(v) > ROUNDING * abs(v).max(initial=0.0), v, 0.0)
 
@@ -73,7 +73,7 @@ def check_places(options: Options, *outputs: Output, more: Sequence[InputFile] =
 
 def write_with_nodes(path: Path, nodes: NodeNumbers, **data: Any) -> None:
     """Write a universal file with the mesh, or with its points as the study's labels number them."""
-    if nodes.own:
+    if nodes.from_labels:
         write_uff(path, geometry=nodes.geometry(), trace_lines=nodes.lines(), **data)
     else:
         write_uff(path, mesh=nodes.mesh, **data)

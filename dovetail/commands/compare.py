@@ -1,4 +1,4 @@
-"""``dovetail compare``: the model's FRFs, or modes, beside the measured ones."""
+"""``dovetail compare``: the model's FRFs, or modes, compared with the measured ones."""
 
 import argparse
 from dataclasses import replace

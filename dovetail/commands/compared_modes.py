@@ -1,4 +1,4 @@
-"""Part of ``dovetail compare``: the model's natural frequencies beside measured ones."""
+"""Part of ``dovetail compare``: the model's natural frequencies compared with measured ones."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -40,8 +40,8 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> Answe
     problem, found = _fitted(study, progress) if options.fitted else _nominal(study)
     what = "with fitted parameters" if options.fitted else "nominal"
     c = ModeComparison.of(problem, found, study.name, what)
-    own = found if options.fitted else None
-    added = study.added if own is None else own.effects
+    fitted = found if options.fitted else None
+    added = study.added if fitted is None else fitted.effects
     held_out = c.held_out_error
     predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""
     error = f"error of the natural frequencies {100 * c.error:.2g} %"
@@ -53,14 +53,14 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> Answe
             f"{study.name}, {what}: {error}{predicted}; standard deviation of the measurement "
             f"{100 * problem.targets.noise_level:.2g} %",
             _table(c),
-            *(f"added: {words.added_text(e, own)}" for e in added),
+            *(f"added: {words.added_text(e, fitted)}" for e in added),
             *noted([ON_BASELINE] if study.baseline is not None else [], study.measured_notes),
         ],
         {
             "model": what,
             "frequency_error": {"fit": c.error, "held_out": c.held_out_error},
             "modes": c.rows(),
-            "added": [result.effect_dict(e, own) for e in added],
+            "added": [result.effect_dict(e, fitted) for e in added],
         },
         NULLS,
     )
@@ -100,5 +100,5 @@ def _table(c: "ModeComparison") -> Table:
         Column("measured zeta", c.zeta, "%", scale=100, places=file),
         Column("computed zeta", c.zeta_computed, "%", scale=100, places=file),
         Column("held out", c.held_out, places=file),
-        Column("", ["predicted, not fitted" * bool(held) for held in c.held_out], places=("text",)),
+        Column("", ["predicted, not fitted" * bool(held_out) for held_out in c.held_out], places=("text",)),
     )

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import MOTION_FORMATS, Results
 from dovetail.commands.speed import NO_WHIRL, add_rpm, at_asked_speed
@@ -31,7 +31,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
         "--number",
-        type=whole_up_to(1000),
+        type=integer_up_to(1000),
         default=10,
         metavar="N",
         help="number of modes besides rigid-body ones; overdamped ones count (default 10)",

@@ -28,8 +28,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> Answer:
     """Return the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
+    from dovetail.mode_partners import mode_partners, partner_lines, partners_dict
     from dovetail.mode_result import mode_diagnosis_dict
-    from dovetail.modes_beside import beside_dict, beside_lines, modes_beside
     from dovetail.modes_pipeline import by_modes, diagnose_study_modes, has_modes_alone, mode_lines
     from dovetail.report import planning
     from updating.inference.workers import cores
@@ -46,14 +46,14 @@ def run(options: Options, progress: Progress) -> Answer:
         }
         return Answer(study, [*mode_lines(study.name, from_modes), *noted(study.measured_notes)], fields)
     found = pipeline.diagnose_study(study, progress, options.processes or cores(), options.budget)
-    beside = modes_beside(found)
+    partners = mode_partners(found)
     beyond = pipeline.excluded(study, found, progress)
     excluded = planning.table_of_excluded(beyond) if beyond else None
     rounds = [table_of_candidates(ranked, k) for k, ranked in enumerate(found.rounds)]
     lines: list[str | Table] = [
         f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", staircase(found),
     ]  # fmt: skip
-    lines += ["", *beside_lines(beside)] if beside else []
+    lines += ["", *partner_lines(partners)] if partners else []
     lines += ["", planning.EXCLUDED, excluded] if excluded else []
     for k, (ranked, table) in enumerate(zip(found.rounds, rounds, strict=True)):
         if ranked:
@@ -65,7 +65,7 @@ def run(options: Options, progress: Progress) -> Answer:
         [*lines, *noted(found.notes, study.measured_notes)],
         {
             **result.diagnosis_dict(found),
-            **({"measured_modes": beside_dict(beside)} if beside else {}),
+            **({"measured_modes": partners_dict(partners)} if partners else {}),
             **result.excluded_dict(beyond),
             "notes": list(found.notes),
             "seconds": found.seconds,

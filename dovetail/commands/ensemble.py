@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_kind, add_pool, whole, whole_up_to
+from dovetail.commands.argument_types import add_kind, add_pool, integer_up_to, natural
 from dovetail.commands.common import Options, assumptions, check_places, loaded
 from dovetail.commands.frf import add_lines, asked_lines
 from dovetail.commands.load_cases import refuse_gauges
-from dovetail.commands.stepping import said
+from dovetail.commands.stepping import step_progress
 from dovetail.disk.output import Output, OutputError, Progress
 from dovetail.units.pool import pool_of
 from fem.analysis.frf import FRFKind
@@ -21,15 +21,15 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
         "--samples",
-        type=whole_up_to(10_000_000),
+        type=integer_up_to(10_000_000),
         default=1000,
         metavar="N",
         help="samples of the parameters of [uncertain] and of the damping (default 1000)",
     )
-    p.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the samples (default 0)")
+    p.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the samples (default 0)")
     p.add_argument(
         "--checks",
-        type=whole_up_to(1_000_000, 0),
+        type=integer_up_to(1_000_000, 0),
         default=5,
         metavar="M",
         help="samples that the full model solves as well, for the error of the reduced basis (default 5)",
@@ -75,7 +75,8 @@ def run(options: Options, progress: Progress) -> Answer:
         options.seed,
     )
     with pool_of(options.processes, options.scheduler) as pool:
-        found = run_ensemble(model, options.samples, options.checks, folder, pool, said(options, progress))
+        shown = step_progress(options, progress)
+        found = run_ensemble(model, options.samples, options.checks, folder, pool, shown)
     progress("writing", 1, 1)
     write_files(found, study, folder)
     printed = [*lines_of(found, study), f"written to {folder}", *assumptions(study, spreads=True)]

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_pool, whole_up_to
+from dovetail.commands.argument_types import add_pool, integer_up_to
 from dovetail.commands.common import Options, check_places, warn
-from dovetail.commands.stepping import said
+from dovetail.commands.stepping import step_progress
 from dovetail.disk.output import Output, Progress
 from dovetail.file.paths import InputFile
 from dovetail.units.pool import pool_of
@@ -22,7 +22,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument(
         "--diagnose",
-        type=whole_up_to(100_000, 0),
+        type=integer_up_to(100_000, 0),
         default=0,
         metavar="N",
         help="full diagnosis of up to N units that are more probably outliers than not (default 0)",
@@ -63,12 +63,12 @@ def run(options: Options, progress: Progress) -> Answer:
     study = fleet.study_of(files[0])
     warn(study.warnings)
     with pool_of(options.processes, options.scheduler) as pool:
-        found = run_fleet(fleet, files, folder, pool, said(options, progress))
+        found = run_fleet(fleet, files, folder, pool, step_progress(options, progress))
         diagnoses, failures = {}, ()
         if options.diagnose:
             progress("diagnosing outliers", 0, options.diagnose)
             diagnoses, failures = diagnose_outliers(
-                found, options.diagnose, folder, pool, said(options, progress)
+                found, options.diagnose, folder, pool, step_progress(options, progress)
             )
     rows = rows_of(found, diagnoses)
     progress("writing", 1, 1)

@@ -7,7 +7,7 @@ import numpy as np
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_kind, positive
 from dovetail.commands.common import Options, loaded, noted, write_with_nodes
-from dovetail.commands.labels import NodeNumbers, own_labels
+from dovetail.commands.labels import NodeNumbers, channel_labels
 from dovetail.commands.results import Results, Written
 from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import OutputError, Progress
@@ -56,16 +56,16 @@ def run(options: Options, progress: Progress) -> Answer:
     parts = {"outputs": study.sensors, "inputs": study.excitations}
     nodes = NodeNumbers(study) if WRITERS[suffix] is None else None
     labels = [
-        own_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
+        channel_labels(part, study.labels[which]) if nodes is None else nodes.labels(which, part)
         for which, part in parts.items()
     ]
     frequency = asked_lines(study, options, len(study.sensors) * len(study.excitations))
     progress("computing FRFs")
-    own = study.frf(frequency, options.kind)
+    found = study.frf(frequency, options.kind)
     driven = zip(study.excitations, labels[1], strict=True)
     base = [label for e, label in driven if isinstance(e, BaseMotion)]
     strain = [label for s, label in zip(study.sensors, labels[0], strict=True) if s.quantity == STRAIN]
-    computed = FRF.from_arrays(frequency, own.H, own.kind, *labels, base=base, strain=strain)
+    computed = FRF.from_arrays(frequency, found.H, found.kind, *labels, base=base, strain=strain)
     writer = WRITERS[suffix]
     if writer is not None:
         writer(options.out, computed)
@@ -76,8 +76,8 @@ def run(options: Options, progress: Progress) -> Answer:
     return Answer(
         study,
         [
-            f"{options.out}: {computed.quantity} [{computed.unit}], {len(own.outputs)} responses to "
-            f"{len(own.inputs)} excitation(s), "
+            f"{options.out}: {computed.quantity} [{computed.unit}], {len(found.outputs)} responses to "
+            f"{len(found.inputs)} excitation(s), "
             f"{computed.n_freq} lines from {frequency[0]:g} to {frequency[-1]:g} Hz",
             *noted([note] if new else []),
         ],
@@ -88,8 +88,8 @@ def run(options: Options, progress: Progress) -> Answer:
             "lines": computed.n_freq,
             "first_Hz": frequency[0],
             "last_Hz": frequency[-1],
-            "outputs": own.outputs,
-            "inputs": own.inputs,
+            "outputs": found.outputs,
+            "inputs": found.inputs,
         },
         sheets=[table_of_frf(computed)],
     )

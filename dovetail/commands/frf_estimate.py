@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import number_up_to, positive, values_by_name, whole_up_to
+from dovetail.commands.argument_types import integer_up_to, number_up_to, positive, values_by_name
 from dovetail.commands.common import Options, noted, warn
 from dovetail.commands.results import Results, Written
 from dovetail.disk.output import OutputError, Progress
@@ -70,7 +70,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="cut blocks of so many seconds after each hit of one hammer",
     )
     p.add_argument(
-        "--block", type=whole_up_to(1 << 26, 8), metavar="N", help="samples of a block (default: an eighth)"
+        "--block", type=integer_up_to(1 << 26, 8), metavar="N", help="samples of a block (default: an eighth)"
     )
     p.add_argument(
         "--overlap", type=number_up_to(0.99), default=0.5, help="of blocks, 0 to 0.99 (default 0.5)"

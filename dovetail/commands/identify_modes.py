@@ -63,9 +63,9 @@ def run(options: Options, progress: Progress) -> Answer:
     if options.ambient or (study.ambient is not None and not study.measurements):
         return identify_ambient_modes(options, study, progress)
     progress("identifying modes")
-    own = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
-    limits = replace(study.shape_limits, **{key: value for key, value in own.items() if value is not None})
-    found, data, said = identify_study(study, options.measurement, options.band, limits)
+    asked = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
+    limits = replace(study.shape_limits, **{key: value for key, value in asked.items() if value is not None})
+    found, data, warnings = identify_study(study, options.measurement, options.band, limits)
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes, std_of(found))
     elif options.out is not None:
@@ -87,15 +87,15 @@ def run(options: Options, progress: Progress) -> Answer:
             draw = plot_stabilisation if kind == "stabilisation" else plot_synthesis
             with replacing(path) as scratch:
                 save(draw(data.frf, found), scratch)
-    left = sum(not c.accepted for c in found.candidates)
+    rejected = sum(not c.accepted for c in found.candidates)
     table = table_of_modes(found, mpc=found.mpc, mpd_deg=found.mpd)
     return Answer(
         study,
         [
-            f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {left} other "
+            f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {rejected} other "
             "pole(s) were tried and rejected",
             found.table(),
-            *(f"warning: {text}" for text in said if text not in peak_words(found.unexplained)),
+            *(f"warning: {text}" for text in warnings if text not in peak_words(found.unexplained)),
             *noted(study.measured_notes),
         ],
         {
@@ -110,7 +110,7 @@ def run(options: Options, progress: Progress) -> Answer:
                 {"frequency_Hz": p.frequency, "level_dB": p.level_db, "share": p.share, "reason": p.reason}
                 for p in found.unexplained
             ],
-            "warnings": (*said, *study.warnings),
+            "warnings": (*warnings, *study.warnings),
         },
         sheets=[table],
     )

@@ -13,7 +13,7 @@ from fem.mesh import Mesh
 from updating.measurement.measurement import Sensor, sensor_point
 
 
-def own_labels(sensors: Sequence[Sensor], labels: Mapping[str, str]) -> tuple[str, ...]:
+def channel_labels(sensors: Sequence[Sensor], labels: Mapping[str, str]) -> tuple[str, ...]:
     """Return the labels that a study gives its sensors, or else their names.
 
     Raises
@@ -56,7 +56,7 @@ class NodeNumbers:
                         )
                         raise OutputError(msg)
         free = iter(k for k in range(1, 2 * mesh.n_points + len(number) + 2) if k not in owner)
-        self.own = bool(number)
+        self.from_labels = bool(number)
         self.number: NDArray[np.int64] = np.array(
             [number[p] if p in number else next(free) for p in range(mesh.n_points)], dtype=np.int64
         )

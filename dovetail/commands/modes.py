@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import positive, whole_up_to
+from dovetail.commands.argument_types import integer_up_to, positive
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, result_folder
@@ -24,7 +24,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
         "--number",
-        type=whole_up_to(100_000),
+        type=integer_up_to(100_000),
         metavar="N",
         help="number of modes besides rigid-body ones (default 10)",
     )

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, check_places, warn
 from dovetail.disk.output import Progress
 
@@ -17,7 +17,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
     p.add_argument(
         "--port",
-        type=whole_up_to(65535, 0),
+        type=integer_up_to(65535, 0),
         default=0,
         metavar="N",
         help="port of this machine; a free one unless given",

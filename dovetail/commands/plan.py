@@ -1,13 +1,19 @@
 """``dovetail plan``: which missing effects a test could see and name, before it is made."""
 
 import argparse
+from typing import TYPE_CHECKING, Any
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import count, positive
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
-from dovetail.disk.output import Progress
+from dovetail.disk.output import Progress, write_json
 from dovetail.file.table import StudyError
+
+if TYPE_CHECKING:
+    from dovetail.file.contents import Study
+    from updating.plan.check import FailedTrial, Trial
+    from updating.plan.plan import Plan
 
 HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
@@ -73,7 +79,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> Answer:
     """Return which relevant effects a test sees and names."""
     from dovetail.plan import (
-        check_plan,
         choose_channels,
         plan_study,
         require_planned,
@@ -96,7 +101,6 @@ def run(options: Options, progress: Progress) -> Answer:
         )
         study = with_channels(study, chosen)
     plan = plan_study(study, options.noise, options.left, progress)
-    checked = check_plan(study, plan, options.check, options.seed, progress) if options.check else ()
     apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
     quieter = None
     if options.averages:
@@ -122,7 +126,31 @@ def run(options: Options, progress: Progress) -> Answer:
     if apart:
         fields["second_test"] = planning.separation_dicts(apart)
         printed += ["", "second tests:", planning.table_of_twins(apart)]
-    if checked:
-        fields["check"] = planning.check_dicts(checked)
-        printed += ["", planning.table_of_check(checked)]
+    if options.check:
+        checked = _checked(options, study, plan, fields, progress)
+        fields |= planning.check_dicts(checked)
+        printed += ["", planning.table_of_check(checked), *planning.failure_lines(checked)]
     return Answer(study, printed, fields)
+
+
+def _checked(
+    options: Options, study: "Study", plan: "Plan", fields: dict[str, Any], progress: Progress
+) -> list["Trial | FailedTrial"]:
+    """Return the trials of ``--check``; the JSON file has those that ended, also if the check is stopped."""
+    from dovetail.plan import check_plan
+    from dovetail.report import planning
+
+    checked: list[Trial | FailedTrial] = []
+    file = None if str(options.json) == "-" else options.json
+
+    def keep(trial: "Trial | FailedTrial") -> None:
+        checked.append(trial)
+        write_json(file, Answer(study, (), fields | planning.check_dicts(checked)).as_json())
+
+    try:
+        check_plan(study, plan, options.check, options.seed, progress, keep)
+    except KeyboardInterrupt:
+        kept = f"; {file} has them" if file is not None and checked else ""
+        msg = f"{len(checked)} of {options.check} sets of data are diagnosed{kept}"
+        raise KeyboardInterrupt(msg) from None
+    return checked

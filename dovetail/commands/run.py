@@ -1,4 +1,4 @@
-"""``dovetail run``: the whole loop, with a report."""
+"""``dovetail run``: compare, diagnose, locate and report."""
 
 import argparse
 from pathlib import Path
@@ -27,10 +27,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 
 def run(options: Options, progress: Progress) -> Answer:
-    """Do the whole loop and print the verdict."""
+    """Run the diagnosis, write the report and print the verdict."""
     from dovetail import pipeline
+    from dovetail.mode_partners import partner_lines
     from dovetail.mode_result import mode_result_dict
-    from dovetail.modes_beside import beside_lines
     from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
@@ -55,7 +55,7 @@ def run(options: Options, progress: Progress) -> Answer:
             *found_lines(done.diagnosis),
             "",
             staircase(done.diagnosis, done.held_out_channels),
-            *(["", *beside_lines(done.measured_modes)] if done.measured_modes else []),
+            *(["", *partner_lines(done.measured_modes)] if done.measured_modes else []),
             *noted(done.notes, study.measured_notes),
             "",
             str(done.report),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import number_up_to, positive, whole_up_to
+from dovetail.commands.argument_types import integer_up_to, number_up_to, positive
 from dovetail.commands.common import Options, assumptions, loaded, without_rounding
 from dovetail.commands.excitations import BASE
 from dovetail.commands.load_cases import table_of_reactions
@@ -62,7 +62,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--combine", choices=COMBINATIONS, default="cqc", help="how peaks of modes are combined (default cqc)"
     )
-    p.add_argument("--number", type=whole_up_to(10_000), metavar="N", help="number of modes (default 20)")
+    p.add_argument("--number", type=integer_up_to(10_000), metavar="N", help="number of modes (default 20)")
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
     p.add_argument(
         "--no-missing-mass", action="store_true", help="leave out the inertia that the modes do not have"
@@ -150,7 +150,7 @@ def run(options: Options, progress: Progress) -> Answer:
             ],
             "base_force": dict(zip(found.directions, found.base_force, strict=True)),
             "reactions": reactions,
-            "members": {m: dict(zip(SECTION_FORCES, own, strict=True)) for m, own in members.items()},
+            "members": {m: dict(zip(SECTION_FORCES, peak, strict=True)) for m, peak in members.items()},
             "sensors": {
                 s.name: {"displacement": u, "acceleration": a}
                 for s, u, a in zip(sensors, found.displacement, found.acceleration, strict=True)
@@ -160,7 +160,7 @@ def run(options: Options, progress: Progress) -> Answer:
 
 
 def _beyond_rounding(reactions: Forces) -> Forces:
-    """Return reactions with those that are rounding beside the largest as 0."""
+    """Return reactions with rounding errors, relative to the largest, as 0."""
     clean = iter(without_rounding([value for row in reactions.values() for value in row.values()]))
     return {name: {d: float(next(clean)) for d in row} for name, row in reactions.items()}
 
@@ -186,8 +186,8 @@ def _write_peaks(path: Path, study: Study, found: SpectrumResponse) -> None:
     """Write the largest displacements and section forces, and the peak of each mode in each direction."""
     motions = {"largest": found.motion}
     factors = np.sqrt(found.effective_mass) * found.acceleration_of_modes / found.modes.omega[:, None] ** 2
-    for k, (f, own) in enumerate(zip(found.modes.frequency, factors, strict=True)):
-        for direction, factor in zip(found.directions, own, strict=True):
+    for k, (f, of_mode) in enumerate(zip(found.modes.frequency, factors, strict=True)):
+        for direction, factor in zip(found.directions, of_mode, strict=True):
             name = f"mode {k + 1}: {f:.6g} Hz, {direction}"
             motions[name] = factor * np.real(found.modes.shapes[:, k])
     forces = np.abs(found.line_forces).max(axis=1)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import whole_up_to
+from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved, table_of_reactions
 from dovetail.commands.results import Results, write_motions
@@ -51,7 +51,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument(
         "--pieces",
-        type=whole_up_to(1000),
+        type=integer_up_to(1000),
         default=20,
         metavar="N",
         help="equal pieces of each member, at whose ends --json gives section forces (default 20)",
@@ -116,7 +116,7 @@ def _case_fields(
 ) -> Fields:
     """Return a load case's responses for JSON."""
     reactions: dict[str, dict[str, float]] = {}
-    for (name, direction), value in solution.held.items():
+    for (name, direction), value in solution.support_forces.items():
         reactions.setdefault(name, {})[direction] = value[k]
     u = solution.displacements[:, k]
     return {
@@ -183,7 +183,7 @@ def _case(
 ) -> list[str | Table]:
     """Return what is printed of a load case."""
     rows: dict[str, dict[str, float]] = {}
-    for (name, direction), value in solution.held_beyond_rounding().items():
+    for (name, direction), value in solution.forces_beyond_rounding().items():
         rows.setdefault(name, {})[direction] = float(value[k])
     reactions = table_of_reactions(rows, "reaction", "  ")
     case = solution.cases[k]
@@ -253,7 +253,7 @@ def _envelope_fields(
         }
 
     reactions: dict[str, Fields] = {}
-    for (name, direction), value in solution.held.items():
+    for (name, direction), value in solution.support_forces.items():
         reactions.setdefault(name, {})[direction] = fields(value[columns])
     return {
         "of": names,
@@ -279,19 +279,19 @@ def _envelope(name: str, found: Fields) -> list[str | Table]:
     """Return what is printed of an envelope: ranges of section forces and stresses of each member."""
     members = found["members"]
     forces = [
-        Column(f"{q} {end}", [own[q][end] for own in members.values()], show=".4g")
+        Column(f"{q} {end}", [of_member[q][end] for of_member in members.values()], show=".4g")
         for q in SECTION_FORCES
         for end in ("low", "high")
     ]
     table = Table(f"envelope {name}", [Column("", list(members)), *forces], "  ")
     ranges = [
-        f"{member} {1e-6 * own['stress']['low']:.4g} to {1e-6 * own['stress']['high']:.4g}"
-        for member, own in members.items()
-        if "stress" in own
+        f"{member} {1e-6 * of_member['stress']['low']:.4g} to {1e-6 * of_member['stress']['high']:.4g}"
+        for member, of_member in members.items()
+        if "stress" in of_member
     ]
     rows = [f"  normal stress [MPa]: {', '.join(ranges)}"] if ranges else []
     for key, words in (("stress_shear", STRESSES["shear"]), ("stress_von_mises", STRESSES["von_mises"])):
-        most = [f"{m} {1e-6 * own[key]['high']:.4g}" for m, own in members.items() if key in own]
+        most = [f"{m} {1e-6 * each[key]['high']:.4g}" for m, each in members.items() if key in each]
         rows += [f"  {words} [MPa]: {', '.join(most)}"] if most else []
     return ["", f"envelope {name} of {', '.join(found['of'])} [N, N·m]", table, *rows]
 
@@ -319,10 +319,10 @@ def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
     with result_folder(options.pictures, options.force) as scratch:
         for k, name in enumerate(solution.cases):
             progress("drawing", k, len(solution.cases))
-            own, column = solution.column(k)
-            render_deflection(own, scratch / file_name(k + 1, name, "deflection"), column)
-            for quantity in drawn_quantities(own, column):
-                render_diagram(own, quantity, scratch / file_name(k + 1, name, quantity), column)
-            for stress in drawn_stresses(own, column):
+            part, column = solution.column(k)
+            render_deflection(part, scratch / file_name(k + 1, name, "deflection"), column)
+            for quantity in drawn_quantities(part, column):
+                render_diagram(part, quantity, scratch / file_name(k + 1, name, quantity), column)
+            for stress in drawn_stresses(part, column):
                 what = f"{stress.replace('_', '-')}-stress"
-                render_stress(own, stress, scratch / file_name(k + 1, name, what), column)
+                render_stress(part, stress, scratch / file_name(k + 1, name, what), column)

@@ -85,13 +85,13 @@ class StaticCases:
         return np.concatenate([s.residual for s in self.solutions])
 
     @property
-    def held(self) -> dict[tuple[str, str], np.ndarray]:
+    def support_forces(self) -> dict[tuple[str, str], np.ndarray]:
         """Forces of supports, rigid joints and springs to the ground, each (n_cases,) [N, N·m]."""
         each = [{**s.reactions, **s.springs} for s in self.solutions]
-        keys = dict.fromkeys(key for own in each for key in own)
+        keys = dict.fromkeys(key for forces in each for key in forces)
         return {
             key: np.concatenate(
-                [own.get(key, np.zeros(s.n_cases)) for own, s in zip(each, self.solutions, strict=True)]
+                [forces.get(key, np.zeros(s.n_cases)) for forces, s in zip(each, self.solutions, strict=True)]
             )
             for key in keys
         }
@@ -101,10 +101,10 @@ class StaticCases:
         """Forces and moments up to which section forces and reactions are rounding, (2, n_cases) [N, N·m]."""
         return np.hstack([s.rounding for s in self.solutions])
 
-    def held_beyond_rounding(self) -> dict[tuple[str, str], np.ndarray]:
-        """Return the forces of :attr:`held`, 0 where they are rounding."""
-        limits = self.rounding
-        return {key: np.where(abs(v) > limits[int(_is_moment(key))], v, 0.0) for key, v in self.held.items()}
+    def forces_beyond_rounding(self) -> dict[tuple[str, str], np.ndarray]:
+        """Return the forces of :attr:`support_forces`, 0 where they are rounding."""
+        limits, forces = self.rounding, self.support_forces
+        return {key: np.where(abs(v) > limits[int(_is_moment(key))], v, 0.0) for key, v in forces.items()}
 
     def beyond_rounding(self, forces: np.ndarray) -> np.ndarray:
         """Return section forces (..., 6, n_cases), 0 where they are rounding."""
@@ -147,7 +147,7 @@ class StaticCases:
     def stresses_on_lines(self, pieces: int) -> dict[str, np.ndarray]:
         """Return the extremes of stresses of each line, each (n_lines, n_cases) [Pa]; NaN where unknown."""
         each = [stresses_on_lines(s, pieces) for s in self.solutions]
-        found = {name: np.concatenate([own[name] for own in each], axis=2) for name in each[0]}
+        found = {name: np.concatenate([extremes[name] for extremes in each], axis=2) for name in each[0]}
         return {name: v.min(axis=1) if name == "low" else v.max(axis=1) for name, v in found.items()}
 
     def _properties(self, member: str) -> MemberProperties:

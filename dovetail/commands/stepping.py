@@ -14,7 +14,7 @@ SECONDS = 10.0
 """Least time between two lines where there is no terminal for a bar [s]."""
 
 
-def said(options: Options, progress: Progress) -> Callable[[Step], None]:
+def step_progress(options: Options, progress: Progress) -> Callable[[Step], None]:
     """Return a function that shows each step: as a bar, or now and then as a line on standard error."""
     last = [time.monotonic()]
 

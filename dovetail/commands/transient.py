@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import finite, motion_at, positive, whole_up_to
+from dovetail.commands.argument_types import finite, integer_up_to, motion_at, positive
 from dovetail.commands.common import Options, assumptions, loaded, noted, without_rounding
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.load_cases import require_sensors
@@ -79,7 +79,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--duration", type=positive, metavar="S", help="time computed; beyond the file nothing acts"
     )
-    p.add_argument("--number", type=whole_up_to(10_000), metavar="N", help="number of modes")
+    p.add_argument("--number", type=integer_up_to(10_000), metavar="N", help="number of modes")
     p.add_argument(
         "--max",
         type=positive,
@@ -90,7 +90,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     add_rpm(p)
     p.add_argument(
         "--frames",
-        type=whole_up_to(10_000),
+        type=integer_up_to(10_000),
         default=100,
         metavar="N",
         help="number of times, from the first to the last, whose displacements --vtu has (default 100)",
@@ -173,16 +173,16 @@ def _initial(study: Study, system: System, options: Options) -> Start | None:
     asked = []
     for key in ("displacement", "velocity"):
         for place, direction, value in getattr(options, key):
-            own: dict[str, Any] = {key: {direction: value}}
+            fields: dict[str, Any] = {key: {direction: value}}
             if place in mesh.point_names:
-                own["point"] = mesh.point_names[place]
+                fields["point"] = mesh.point_names[place]
             elif key == "velocity" and (place in mesh.members or place in mesh.groups):
-                own["members"] = mesh.groups.get(place, (place,))
+                fields["members"] = mesh.groups.get(place, (place,))
             else:
                 known = [*mesh.point_names, *([*mesh.members, *mesh.groups] if key == "velocity" else [])]
                 msg = f"--{key}: there is no place '{place}'; {suggest(place, known)}"
                 raise OutputError(msg)
-            asked.append(InitialMotion(**own))
+            asked.append(InitialMotion(**fields))
     motions = (*study.loads.initial, *asked)
     start = start_of(system, motions)
     if options.release is None:
@@ -190,8 +190,8 @@ def _initial(study: Study, system: System, options: Options) -> Start | None:
     if any(each.displacement for each in motions):
         msg = f"--release {options.release} and an initial displacement are given; give one of them"
         raise OutputError(msg)
-    held = study.static(options.release).displacements[:, 0]
-    return held, np.zeros_like(held) if start is None else start[1]
+    at_release = study.static(options.release).displacements[:, 0]
+    return at_release, np.zeros_like(at_release) if start is None else start[1]
 
 
 def _excitation(study: Study, options: Options, initial: Start | None) -> Excitation:

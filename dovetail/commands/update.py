@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_pool, whole, whole_up_to
+from dovetail.commands.argument_types import add_pool, integer_up_to, natural
 from dovetail.commands.common import Options, check_places, loaded, noted
-from dovetail.commands.stepping import said
+from dovetail.commands.stepping import step_progress
 from dovetail.commands.update_report import errors_before_and_after, write_update_report
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
@@ -48,12 +48,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
     p.add_argument(
         "--bootstrap",
-        type=whole_up_to(1_000_000),
+        type=integer_up_to(1_000_000),
         metavar="N",
         help=f"fit N resamples too, at least {LEAST}, for standard deviations that are not linearised; "
         "DIR-bootstrap keeps the refits, and a run that was stopped continues there",
     )
-    p.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the resamples (default 0)")
+    p.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the resamples (default 0)")
     add_pool(p, "refits")
 
 
@@ -74,9 +74,8 @@ def run(options: Options, progress: Progress) -> Answer:
     refits = None
     if options.bootstrap is not None:
         with pool_of(options.processes, options.scheduler) as pool:
-            refits = run_bootstrap(
-                result.updated, options.bootstrap, options.seed, folder, pool, said(options, progress)
-            )
+            shown = step_progress(options, progress)
+            refits = run_bootstrap(result.updated, options.bootstrap, options.seed, folder, pool, shown)
     data = _update_dict(result, unsaid) | ({"bootstrap": as_dict(refits)} if refits is not None else {})
     with result_folder(options.out, options.force) as scratch:
         progress("drawing", 0.8)

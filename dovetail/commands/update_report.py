@@ -106,7 +106,7 @@ def _parameter_table(result: StudyUpdate) -> TableBlock:
 
 
 def _bootstrap_table(found: Bootstrap) -> TableBlock:
-    """Return the standard deviations of the refits beside the linearised ones."""
+    """Return the standard deviations of the refits and the linearised ones."""
     rows = [
         (p.name, p.unit, f"{p.value:.5g}", f"{p.std:.3g}" if np.isfinite(p.std) else "-", f"{std:.3g}",
          f"{bias:.2g} ± {error:.2g}", *(f"{v:.5g}" for v in q))

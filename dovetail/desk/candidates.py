@@ -1,20 +1,18 @@
 """The page's candidates: a tree by place and kind, their ranking, and the results of a diagnosis."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from nicegui import ui
 
-from dovetail.desk.widgets import button, card
+from dovetail.desk.session import Desk
+from dovetail.desk.widgets import Act, button, card, choice, labelled
 from dovetail.report.probable import hypotheses, probability_text
 from dovetail.report.words import departure_text, effect_label, parameters_text, place, ranked_label
 from fem.model import parameter_values
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
-
-if TYPE_CHECKING:
-    from dovetail.desk.page import Page
 
 N_RANKED = 8
 """Best candidates that are listed [-]."""
@@ -35,34 +33,49 @@ class CandidateList:
 
     Parameters
     ----------
-    page : Page
+    desk : Desk
+    act : callable
+    rank : callable
+        Ranks candidates by their names.
+    chosen : callable
+        Called when another spot is chosen.
     """
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
+    def __init__(
+        self,
+        desk: Desk,
+        act: Act,
+        rank: Callable[[tuple[str, ...]], None],
+        chosen: Callable[[], None],
+    ) -> None:
+        self._desk, self._act, self._chosen = desk, act, chosen
+        self.spot = ""
         with card("Candidates"):
             with ui.element("div").classes("desk-row"):
-                self._choice = ui.select(
-                    {"": "everywhere", **{name: name for name in page.desk.spots}}, value="", label="Place",
-                    on_change=lambda e: page.choose(e.value) if e.value != page.spot else None,
-                ).props("dense outlined")  # fmt: skip
-                self._choice.props["aria-label"] = "Place"
-                self._choice.style("min-width: 180px; max-width: 100%")
-                button("Rank", lambda: page.rank(self._names()), "sort", label="Rank these candidates")
+                spots = {"": "everywhere", **{name: name for name in desk.spots}}
+                self._choice = choice("Place", spots, "", self._choose, width=180)
+                button("Rank", lambda: rank(self._names()), "sort", label="Rank these candidates")
             self._found = ui.element("div").classes("desk-lines")
             self._best = ui.element("div").classes("desk-lines")
             with ui.element("div").classes("desk-list"):
                 self._tree = ui.tree([], node_key="id", label_key="label")
-                self._tree.props["aria-label"] = "candidates by place and kind"
+                labelled(self._tree, "candidates by place and kind")
                 self._tree.add_slot("default-header", HEADER)
                 self._tree.on("add", lambda e: self._add(e.args))
         self._shown: Any = None
         self.refresh()
 
+    def choose(self, spot: str) -> None:
+        """List the candidates of a spot; of all if it is empty."""
+        self._choice.set_value(spot)
+
+    def _choose(self, spot: str) -> None:
+        self.spot = spot
+        self.refresh()
+        self._chosen()
+
     def refresh(self) -> None:
         """Show the candidates of the chosen spot, their ranking, and the diagnosis."""
-        page = self._page
-        self._choice.set_value(page.spot)
         self._fill_tree()
         self._best.clear()
         with self._best:
@@ -72,26 +85,23 @@ class CandidateList:
             self._diagnosis()
 
     def _take_over(self) -> None:
-        page, desk = self._page, self._page.desk
-
         def take() -> None:
-            if left := desk.take_over():
+            if left := self._desk.take_over():
                 ui.notify(f"Not on the desk, as it cannot show them: {', '.join(left)}", multi_line=True)
 
-        page.act(take)
+        self._act(take)
 
-    def _add(self, name: str) -> None:
-        page = self._page
-        page.act(lambda: page.desk.add(name))
+    def _add(self, name: str, **values: float) -> None:
+        self._act(lambda: self._desk.add(name, **values))
 
     def _names(self) -> tuple[str, ...]:
         """Return the candidates of the chosen spot, or all."""
-        spots = self._page.desk.spots
-        chosen = [spots[self._page.spot]] if self._page.spot else list(spots.values())
+        spots = self._desk.spots
+        chosen = [spots[self.spot]] if self.spot else list(spots.values())
         return tuple(name for spot in chosen for names in spot.places.values() for name in names)
 
     def _fill_tree(self) -> None:
-        desk, spot = self._page.desk, self._page.spot
+        desk, spot = self._desk, self.spot
         added = {e.name for e in desk.now.hypothesis.effects}
         now = (spot, frozenset(added))
         if now == self._shown:
@@ -118,19 +128,19 @@ class CandidateList:
         leaves = [
             {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
         ]
-        unsaid = [str(e) for e, kinds in unstated(self._page.desk.study.model).items() if kind in kinds]
+        unsaid = [str(e) for e, kinds in unstated(self._desk.study.model).items() if kind in kinds]
         label = " – ".join([kind.replace("_", " "), *(f"{e} is not stated" for e in unsaid)])
         return {"id": f"{where} {kind}", "label": label, "children": leaves}
 
     def _leaf(self, name: str) -> str:
-        effect = self._page.desk.candidates[name]
+        effect = self._desk.candidates[name]
         parameters = ", ".join(
             p.name.replace("_", " ") + ("" if p.unit == "-" else f" [{p.unit}]") for p in effect.parameters()
         )
         return f"{place(effect.where)} – {parameters}"
 
     def _ranking(self) -> None:
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         names = set(self._names())
         best = [p for p in desk.ranking if p.effect.name in names][:N_RANKED]
         if not best:
@@ -144,13 +154,11 @@ class CandidateList:
                 ui.label(f"{promise.level_db:.2f} dB").style("width: 64px")
                 ui.label(effect_label(effect.kind, effect.where)).style("flex: 1")
                 values = parameter_values(effect)
-                button(
-                    "", lambda n=effect.name, v=values: page.act(lambda: desk.add(n, **v)), "add",
-                    label=f"Add {effect.name} as ranked",
-                )  # fmt: skip
+                add = partial(self._add, effect.name, **values)
+                button("", add, "add", label=f"Add {effect.name} as ranked")
 
     def _diagnosis(self) -> None:
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         d = desk.diagnosis
         if d is None:
             return
@@ -176,9 +184,6 @@ class CandidateList:
                 ui.label(f"{ranked.fit_db:.2f} dB").style("width: 64px")
                 words = f"{ranked_label(ranked)}: {parameters_text(ranked.parameters)}"
                 ui.label(words).style("flex: 1; min-width: 0")
-                values = {p.name: p.value for p in ranked.parameters}
                 if ranked.name in desk.candidates:
-                    button(
-                        "", lambda n=ranked.name, v=values: page.act(lambda: desk.add(n, **v)), "add",
-                        label=f"Add {ranked.name} as diagnosed",
-                    )  # fmt: skip
+                    add = partial(self._add, ranked.name, **{p.name: p.value for p in ranked.parameters})
+                    button("", add, "add", label=f"Add {ranked.name} as diagnosed")

@@ -1,23 +1,20 @@
 """The page's list of added effects: sliders, fits, and the evidence for and against each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nicegui import run, ui
 
+from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.scale import Scale
-from dovetail.desk.widgets import button, card
+from dovetail.desk.session import Desk
+from dovetail.desk.widgets import Act, button, card, check, labelled
 from dovetail.report.words import effect_label, number
 from fem.model import Effect, Parameter, parameter_values
 from updating.live.ranking import twins
 from updating.live.weighing import Channel, Weighed
-
-if TYPE_CHECKING:
-    from dovetail.desk.page import Page
 
 THROTTLE = 0.03
 """Least time between two positions that a slider sends while it is dragged [s]."""
@@ -38,6 +35,8 @@ STEP = """(e) => {
   t.dispatchEvent(new Event('input')); t.dispatchEvent(new Event('change'));
 }"""
 """Keys move a slider by 1/400 of its way: one without steps, which mouse and fits may leave anywhere."""
+Move = tuple[str, str, float]
+"""Name of an added effect, its parameter, and the value that a slider is at."""
 N_TWINS = 4
 """At most so many twins are offered [-]."""
 
@@ -47,26 +46,41 @@ class EffectList:
 
     Parameters
     ----------
-    page : Page
+    desk : Desk
+    act : callable
+    fit : callable
+        Starts a fit in the background.
+    search : callable
+        Starts another job in the background.
+    move, release : callable
+        Called with a move of a slider while it is dragged, and when it is let go.
     """
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
+    def __init__(
+        self,
+        desk: Desk,
+        act: Act,
+        *,
+        fit: Callable[[Callable[[], Job]], None],
+        search: Start,
+        move: Callable[[Move], None],
+        release: Callable[[Move], None],
+    ) -> None:
+        self._desk, self._act, self._fit, self._search = desk, act, fit, search
+        self._move, self._release = move, release
         self._scales: dict[str, dict[str, Scale]] = {}
         self._shown: list[tuple[str, dict[str, float]]] | None = None
         self._evidences: dict[str, ui.expansion] = {}
         self._fields: dict[tuple[str, str], Callable[[float], None]] = {}
         with card("Added effects"):
-            word = "Fit uncertain parameters after each move"
-            self._follow = ui.checkbox(word).props("dense")
-            self._follow.props["aria-label"] = word
+            self._follow = check("Fit uncertain parameters after each move", False)
             self._form = self._form_box()
             self._box = ui.element("div").classes("desk-column").style("width: 100%")
         self.refresh()
 
     def refresh(self) -> None:
         """Show the added effects of the present state; widgets that show them already keep their focus."""
-        desk = self._page.desk
+        desk = self._desk
         if self._form is not None:
             self._form.set_value(desk.fits_form)
         effects = desk.now.hypothesis.effects
@@ -90,18 +104,16 @@ class EffectList:
 
     def _form_box(self) -> ui.checkbox | None:
         """Return a box that lets the form of the frame vary; None where the study says that it is right."""
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         if not desk.varies_form:
             return None
+
+        def changed(on: bool) -> None:
+            if on != desk.fits_form:
+                self._act(lambda: desk.vary_form(on))
+
         word = "Form of sections and connections is uncertain, as in a diagnosis"
-
-        def changed(e: Any) -> None:
-            if bool(e.value) != desk.fits_form:
-                page.act(lambda: desk.vary_form(bool(e.value)))
-
-        box = ui.checkbox(word, value=desk.fits_form, on_change=changed)
-        box.props("dense").props["aria-label"] = word
-        return box
+        return check(word, desk.fits_form, changed)
 
     @property
     def refits(self) -> bool:
@@ -126,32 +138,30 @@ class EffectList:
         return scales.keys() == values.keys() and all(s.holds(float(values[k])) for k, s in scales.items())
 
     def _effect(self, effect: Effect) -> None:
-        page, desk, name = self._page, self._page.desk, effect.name
+        desk, name = self._desk, effect.name
         if not self._holds(name, parameter_values(effect)):
             self._scales[name] = desk.scales(effect)
         with ui.element("div").classes("desk-effect") as box:
-            box.props["role"] = "group"
-            box.props["aria-label"] = name
+            labelled(box.props("role=group"), name)
             with ui.element("div").classes("desk-row"):
                 ui.label(effect_label(effect.kind, effect.where)).classes("desk-name")
                 ui.space()
                 button(
                     "Fit this",
-                    lambda: page.start_fit(lambda: desk.fit_this(name)),
+                    lambda: self._fit(lambda: desk.fit_this(name)),
                     "tune",
                     label=f"Fit this: {name}",
                 )
                 button(
-                    "Remove", lambda: page.act(lambda: desk.remove(name)), "delete", label=f"Remove {name}"
+                    "Remove", lambda: self._act(lambda: desk.remove(name)), "delete", label=f"Remove {name}"
                 )
             for p in effect.parameters():
                 self._slider(name, p, self._scales[name][p.name])
             evidence = ui.expansion("Evidence", on_value_change=lambda: self.show_evidence(name))
-            evidence.props("dense").props["aria-label"] = f"evidence for {name}"
-            self._evidences[name] = evidence
+            self._evidences[name] = labelled(evidence.props("dense"), f"evidence for {name}")
 
     def _slider(self, name: str, p: Parameter, scale: Scale) -> None:
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         unit = "" if p.unit == "-" else p.unit
         words = f"{p.name.replace('_', ' ')} of {name}"
         with ui.element("div").classes("desk-slider"):
@@ -163,7 +173,7 @@ class EffectList:
         ends = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
         for key, value in {**ends, "aria-label": words, "title": _range_text(p)}.items():
             slider.props[key] = value
-        field.props["aria-label"] = f"{words}, {unit or 'no unit'}"
+        labelled(field, f"{words}, {unit or 'no unit'}")
         typed = {"by_hand": True}
 
         def value_at(position: Any) -> float:
@@ -182,7 +192,7 @@ class EffectList:
             if beyond:  # told first: the field may be replaced by the action
                 told = f"{p.name.replace('_', ' ')} of {name}: {_range_text(p)} is allowed"
                 ui.notify(told, type="warning", multi_line=True)
-            page.act(lambda: desk.set_value(name, p.name, value))
+            self._act(lambda: desk.set_value(name, p.name, value))
             if beyond:
                 self.moved_by_hand(desk.now.hypothesis.effects)
                 self.refresh()
@@ -194,10 +204,10 @@ class EffectList:
         self._fields[name, p.name] = left
         field.on("blur", emptied)
         slider.on(
-            "input", lambda e: page.move(name, p.name, value_at(e.args)), throttle=THROTTLE,
+            "input", lambda e: self._move((name, p.name, value_at(e.args))), throttle=THROTTLE,
             js_handler=DRAGGED.format(value=scale.javascript, lower=_js(p.lower), upper=_js(p.upper)),
         )  # fmt: skip
-        slider.on("change", lambda e: page.release(name, p.name, value_at(e.args)), js_handler=POSITION)
+        slider.on("change", lambda e: self._release((name, p.name, value_at(e.args))), js_handler=POSITION)
         slider.on("keydown", js_handler=STEP)
         field.on_value_change(entered)
 
@@ -208,7 +218,7 @@ class EffectList:
         evidence = self._evidences.get(name)
         if evidence is None or not evidence.value:
             return
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         evidence.clear()
         with evidence:
             with ui.element("div").classes("desk-lines"):
@@ -218,19 +228,19 @@ class EffectList:
                 button("Weigh", lambda: self._weigh(name), "balance", label=f"Weigh {name}")
                 button(
                     "Fit without it",
-                    lambda: page.start_search(lambda: desk.weigh_fitted(name), self._weighed(name)),
+                    lambda: self._search(lambda: desk.weigh_fitted(name), self._weighed(name)),
                     "difference",
                     label=f"Fit without {name}",
                 )
             self._twins(name)
 
     async def _weigh(self, name: str) -> None:
-        await run.io_bound(self._page.desk.weigh, name)
+        await run.io_bound(self._desk.weigh, name)
         self.show_evidence(name)
 
     def _weighed(self, name: str) -> Callable[[Job], None]:
         def take(job: Job) -> None:
-            self._page.desk.weighed[name] = job.result
+            self._desk.weighed[name] = job.result
             self.show_evidence(name)
 
         return take
@@ -254,7 +264,7 @@ class EffectList:
             _said(f"{parameter} of {effect} is {abs(off):.1f} standard deviations off", False)
 
     def _twins(self, name: str) -> None:
-        page, desk = self._page, self._page.desk
+        desk = self._desk
         alike = [t for t in twins(desk.ranking, name) if t[0].effect.name in desk.candidates][:N_TWINS]
         if not alike:
             return
@@ -264,7 +274,7 @@ class EffectList:
             with ui.element("div").classes("desk-row"):
                 ui.label(f"{effect_label(other.kind, other.where)} ({similarity:.2f})").classes("desk-note")
                 button(
-                    "Take instead", lambda o=other: page.act(lambda: desk.replace(name, o)), "swap_horiz",
+                    "Take instead", lambda o=other: self._act(lambda: desk.replace(name, o)), "swap_horiz",
                     label=f"{other.name} in place of {name}",
                 )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """The desk's figures, and their changes while a slider moves."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -8,21 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.session import Desk
 from dovetail.report import words
+from dovetail.report.mode_drawn import shape_at
 from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation
 from viz.interactive.error import error_map_figure, staircase_figure
 from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure
 from viz.interactive.model import model_figure
+from viz.interactive.modes import modes_figure
 from viz.interactive.solids import Place
 
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
 AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration": 0}, "mode": "immediate"}
 """Options of plotly's ``animate``: a frame at once, and no other part of the figure drawn anew."""
-NEAR, MARK = 24.0, 5.0
-"""A click picks a mark so near, and is on a mark that is so near [pixel]."""
+NEAR, MARK, JOINT_MARK = 24.0, 5.0, 8.0
+"""A click picks a mark so near, and is on a mark, or on that of a joint, that is so near [pixel]."""
+MODE_HEAD = ("mode", "measured [Hz]", "computed [Hz]", "Δf [%]", "MAC", "ζ [%]")
+"""Columns of the table of modes."""
+SHAPE_HEIGHT = 420
+"""Height of a figure of shapes [pixel]."""
 SHOWN_DB = 0.005
 """Smallest difference of errors that their numbers show [dB]."""
 
@@ -58,7 +65,7 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     )
 
 
-def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
+def frf(desk: Desk, pair: tuple[str, str], height: float, *, log: bool = False) -> Figure:
     """Return amplitude and phase of one FRF: measured, nominal, this hypothesis and the second one."""
     second = desk.second()
     models = {NOMINAL: desk.nominal.frf, HERE: desk.shown.frf}
@@ -67,11 +74,13 @@ def frf(desk: Desk, pair: tuple[str, str], height: float) -> Figure:
     held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
     f = desk.shown.frf.frequency
     bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.data_of(desk.now.hypothesis))
-    figure = frf_figure(desk.shown.measured, models, pair, held_out=bands, title="", height=height)
+    figure = frf_figure(
+        desk.shown.measured, models, pair, held_out=bands, log_frequency=log, title="", height=height
+    )
     for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
         if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
             phase = _cut(_decibels(desk.shown.frf, pair)[1])
-            trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=_sent(phase, 1))
+            trace.update(x=desk.shown.frf.frequency.astype(np.float32), y=sent(phase, 1))
     return figure  # without a title: the fields above name the pair
 
 
@@ -105,20 +114,22 @@ def held_out_bands(data: FitData) -> list[tuple[float, float]]:
     return [(float(f[a]), float(f[b - 1])) for a, b in edges.reshape(-1, 2)]
 
 
-def moved_curve(
-    figure: Figure, shown: Evaluation, pair: tuple[str, str]
-) -> tuple[list[dict[str, Any]], list[int]]:
-    """Return the changes of an FRF's figure with a slider: new ordinates, and the traces that get them."""
-    at = {t.meta["quantity"]: n for n, t in enumerate(figure.data) if t.meta and t.meta["series"] == HERE}
+def curve_changes(shown: Evaluation, pair: tuple[str, str]) -> dict[str, dict[str, Any]]:
+    """Return the new ordinates of an FRF's amplitude and phase."""
     magnitude, phase = _decibels(shown.frf, pair)
-    new = {MAGNITUDE: {"y": _sent(magnitude, 2)}, PHASE: {"y": _sent(_cut(phase), 1)}}
-    return [new[key] for key in new if key in at], [at[key] for key in new if key in at]
+    return {MAGNITUDE: {"y": sent(magnitude, 2)}, PHASE: {"y": sent(_cut(phase), 1)}}
 
 
 def nearest_mark(
-    marks: Sequence[Mapping[str, Any]], touched: Mapping[str, Any], reach: float
+    marks: Sequence[Mapping[str, Any]],
+    touched: Mapping[str, Any],
+    reach: float,
+    joints: Collection[str] = (),
 ) -> Mapping[str, Any] | None:
-    """Return the mark that a click in the model means: the foremost under the mouse, else the nearest to it.
+    """Return the mark that a click in the model means.
+
+    That is a joint whose mark is under the mouse, whatever lies over it: a list has the sensors, too. Else it
+    is the foremost mark under the mouse, or the nearest to it.
 
     Parameters
     ----------
@@ -128,6 +139,8 @@ def nearest_mark(
         The foremost thing under the mouse, with ``point`` and ``depth``.
     reach : float
         Marks behind it by more are hidden [m]; nearer ones lie inside it, as joints do in their members.
+    joints : collection of str
+        Names of the marks at joints.
     """
 
     def hidden(m: Mapping[str, Any]) -> bool:
@@ -135,6 +148,9 @@ def nearest_mark(
         return m["depth"] > touched["depth"] and off >= reach
 
     shown = [m for m in marks if m["off"] <= NEAR and not hidden(m)]
+    at_joint = [m for m in shown if m["name"] in joints and m["off"] <= JOINT_MARK]
+    if at_joint:
+        return min(at_joint, key=lambda m: m["off"])
     under = [m for m in shown if m["off"] <= MARK]
     if under:
         return min(under, key=lambda m: m["depth"])
@@ -143,10 +159,10 @@ def nearest_mark(
 
 def moved_map(shown: Evaluation) -> dict[str, Any]:
     """Return the changes of the error map with a slider."""
-    return {"z": [_sent(shown.by_band(), 3)]}
+    return {"z": [sent(shown.by_band(), 3)]}
 
 
-def _sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:
+def sent(values: NDArray[Any], digits: int) -> NDArray[np.float32]:
     """Return values in the form that goes to the page, with the digits that a picture shows."""
     return np.ascontiguousarray(np.round(values, digits), dtype=np.float32)
 
@@ -166,3 +182,37 @@ def _decibels(frf: FRF, pair: tuple[str, str]) -> tuple[NDArray[np.float64], NDA
 
 def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+def mode_rows(found: ComparedModes) -> list[dict[str, Any]]:
+    """Return a row of the table for each measured mode, with the number of its partner, from 0, or None."""
+    measured, computed = found.frequencies()
+    zeta = found.measured.modes.zeta
+    out = []
+    for i, f in enumerate(measured):
+        j = found.partner.get(i)
+        cells = (
+            ("–", "–", "–")
+            if j is None
+            else (f"{computed[j]:.5g}", f"{100 * (computed[j] / f - 1):+.2f}", f"{found.mac[i, j]:.3f}")
+        )
+        damping = f"{100 * zeta[i]:.2g}" if zeta is not None and np.isfinite(zeta[i]) else "–"
+        out.append({**dict(zip(MODE_HEAD, (i + 1, f"{f:.5g}", *cells, damping), strict=True)), "partner": j})
+    return out
+
+
+def shapes_title(found: ComparedModes, i: int, j: int) -> str:
+    """Return which modes are shown, with their frequencies and MAC."""
+    measured, computed = found.frequencies()
+    return (
+        f"Measured mode {i + 1}, {measured[i]:.4g} Hz (lines at the sensors); computed mode {j + 1}, "
+        f"{computed[j]:.4g} Hz (surface); MAC {found.mac[i, j]:.3f}"
+    )
+
+
+def shapes_figure(found: ComparedModes, i: int, j: int) -> Figure:
+    """Return the structure in a computed shape, with a measured one at the sensors, scaled to it."""
+    k = found.computed.n_rigid + j
+    shape = shape_at(found.measured.sensors, found.measured.modes.shapes[:, i])
+    measured = {} if shape is None else {k: shape}
+    return modes_figure(found.model, found.computed, [k], measured=measured, height=SHAPE_HEIGHT)

@@ -12,15 +12,19 @@ from nicegui import background_tasks, json, run, ui
 from nicegui.events import GenericEventArguments
 
 from dovetail.desk import figures
-from dovetail.desk.bands import BandList
 from dovetail.desk.candidates import CandidateList
-from dovetail.desk.effects import EffectList
+from dovetail.desk.effects import EffectList, Move
+from dovetail.desk.frf_panel import FrfPanel
+from dovetail.desk.help import Help
+from dovetail.desk.job_bar import JobBar
 from dovetail.desk.jobs import Job, Newest
+from dovetail.desk.modes import ModePanel
+from dovetail.desk.scheme import FOLLOW, is_dark
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
 from dovetail.desk.visible import PlanView
-from dovetail.desk.widgets import Keys, Numbers, as_dict, button, card, plot
-from dovetail.report.words import directions, fault_text
+from dovetail.desk.widgets import Keys, Numbers, button, card, plot, show
+from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
 
 STYLE = Path(__file__).with_name("style.css")
@@ -33,6 +37,9 @@ MAP_SHARE = 0.25
 IN_SIGHT = """((box) => box.bottom > 0 && box.top < innerHeight && {call}.then(
   () => new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)))))({box})"""
 """Calls a method of a figure that is in sight; ends when the browser has painted it."""
+DAY = {"primary": "#0068a3", "positive": "#1a7f37", "negative": "#b3001b", "warning": "#f2c037"}
+NIGHT = {**DAY, "primary": "#56b4e9", "dark_page": "#161b22", "dark": "#0d1117"}
+"""Colours of controls and notices, which text on them and beside them can be read with (WCAG AA)."""
 NUMBERS = {
     "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
     "left": "left beyond the noise", "apart": "held-out channels",
@@ -40,6 +47,20 @@ NUMBERS = {
 ROLES = ("sensor", "excitation")
 """Marks of the model that choose the FRF shown."""
 PRESSED = "(e) => { e.currentTarget.pressedAt = [e.clientX, e.clientY]; }"
+TURN = """(e) => {
+  const scene = e.currentTarget._fullLayout?.scene, zoom = {'+': 1 / 1.15, '-': 1.15}[e.key] ?? 1;
+  const turn = {ArrowLeft: -0.15, ArrowRight: 0.15}[e.key] ?? 0;
+  const tilt = {ArrowUp: 0.1, ArrowDown: -0.1}[e.key] ?? 0;
+  if (!scene || (zoom === 1 && !turn && !tilt)) return;
+  e.preventDefault();
+  const camera = scene._scene.getCamera(), {x, y, z} = camera.eye, far = Math.hypot(x, y, z) * zoom;
+  const azimuth = Math.atan2(y, x) + turn;
+  const height = Math.max(-1.5, Math.min(1.5, Math.atan2(z, Math.hypot(x, y)) + tilt));
+  camera.eye = {x: far * Math.cos(height) * Math.cos(azimuth), y: far * Math.cos(height) * Math.sin(azimuth),
+    z: far * Math.sin(height)};
+  runMethod(%d, 'run_plot_method', ['relayout', {'scene.camera': camera}]);
+}"""
+"""Arrow keys turn the model, + and - zoom it."""
 CLICKED = """(e) => {
   const gd = document.querySelector('[aria-label^="The model"]'), scene = gd._fullLayout.scene._scene;
   const camera = scene.glplot.cameraParams;
@@ -65,8 +86,8 @@ CLICKED = """(e) => {
 """Sends the marks of the model with their distances on the screen from a click [pixel] and their depths."""
 TICK = 0.2
 """Seconds between two looks at running jobs [s]."""
-Move = tuple[str, str, float]
-"""Name of an added effect, its parameter, and the value that a slider stands at."""
+MODEL_HEIGHT = 400
+"""[pixel]."""
 
 
 class Page:
@@ -79,12 +100,7 @@ class Page:
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
-        self.pair = (desk.shown.measured.outputs[0], desk.shown.measured.inputs[0])
-        self.spot = ""
-        self.fit_job: Job | None = None
-        self.search_job: Job | None = None
         self._newest: Newest[Move] = Newest(self._moved)
-        self._after: Callable[[Job], None] | None = None
         self._left: Move | None = None
         self._seen = desk.history
         self._map_due = 0.0
@@ -94,19 +110,29 @@ class Page:
 
     def build(self) -> None:
         """Lay the page out."""
+        desk = self.desk
         ui.add_css(STYLE)
+        ui.add_head_html(FOLLOW)
+        dark = is_dark(self._client)
+        ui.dark_mode(dark)
+        ui.colors(**(NIGHT if dark else DAY))
+        self.help = Help()
         self._header()
         with ui.element("main").classes("desk-grid"):
             with ui.element("div").classes("desk-column"):
                 self._model_card()
-                self.candidates = CandidateList(self)
+                self.candidates = CandidateList(desk, self.act, self._rank, self._show_model)
                 self._staircase_card()
+                self.modes = ModePanel(desk, self.searches.start)
             with ui.element("div").classes("desk-column"):
-                self._frf_card()
-                self.effects = EffectList(self)
+                self.frfs = FrfPanel(desk, self.act)
+                self.effects = EffectList(
+                    desk, self.act, fit=self._start_fit, search=self.searches.start,
+                    move=self._newest.put, release=self._release,
+                )  # fmt: skip
                 self._map_card()
-                self.sensors = SensorList(self)
-                self.plan_view = PlanView(self)
+                self.sensors = SensorList(desk, self.act)
+                self.plan_view = PlanView(desk, self.searches.start)
         ui.timer(TICK, self._look_at_jobs)
         Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         self._tell_notes()
@@ -125,11 +151,12 @@ class Page:
                 ui.space()
                 self.undo = button("Undo", self._undo, "undo", hint="Ctrl+Z")
                 self.redo = button("Redo", self._redo, "redo", hint="Ctrl+Y")
-                button("Fit uncertain parameters", lambda: self.start_fit(self.desk.fit_uncertain), "tune")
-                button("Fit all", lambda: self.start_fit(self.desk.fit_all), "auto_fix_high")
+                button("Fit uncertain parameters", lambda: self._start_fit(self.desk.fit_uncertain), "tune")
+                button("Fit all", lambda: self._start_fit(self.desk.fit_all), "auto_fix_high")
                 button("Diagnose", self._diagnose, "troubleshoot")
                 button("Save study", self._save_dialog, "save", hint="Ctrl+S")
                 button("Export report", self._report_dialog, "description")
+                button("Help", self.help.open, "help_outline")
             with ui.element("div").classes("desk-row desk-errors"):
                 self._numbers = Numbers(NUMBERS, _texts(self.desk.shown))
                 ui.space()
@@ -137,37 +164,17 @@ class Page:
                     button("Keep for comparison", lambda: self.act(self.desk.keep), "content_copy")
                     self.swap = button("Exchange", lambda: self.act(self.desk.swap), "swap_horiz")
                     self.drop = button("Drop second", lambda: self.act(self.desk.drop), "close")
-            self.fit_bar, self.search_bar = (
-                JobBar("Fit", self._cancel_fit),
-                JobBar("Search", self._cancel_search),
-            )
+            self.fits, self.searches = (JobBar(word, self.keep_moved) for word in ("Fit", "Search"))
 
     def _model_card(self) -> None:
         with card("Model"):
-            figure = figures.model(self.desk, self.spot, 400)
+            figure = figures.model(self.desk, "", MODEL_HEIGHT)
             self.model = plot(
                 figure, "The model with sensors coloured by their error; click a place to list its candidates"
             )
+            self.model.props("role=application tabindex=0").on("keydown", js_handler=TURN % self.model.id)
             self.model.on("mousedown", js_handler=PRESSED)
             self.model.on("plotly_click", self._clicked_model, js_handler=CLICKED)
-
-    def _frf_card(self) -> None:
-        measured = self.desk.shown.measured
-        with card("FRFs"):
-            with ui.element("div").classes("desk-row"):
-                for k, (word, names) in enumerate(
-                    (("Sensor", measured.outputs), ("Excitation", measured.inputs))
-                ):
-                    choice = ui.select(
-                        list(names), value=self.pair[k], label=word, on_change=self._chooser(k)
-                    )
-                    choice.props("dense outlined").style("min-width: 120px")
-                    choice.props["aria-label"] = word
-                    self._choices = {**getattr(self, "_choices", {}), k: choice}
-            self._frf = figures.frf(self.desk, self.pair, 400)
-            self.frf = plot(self._frf, "Amplitude and phase of one FRF, measured and computed")
-            self.bands = BandList(self)
-            self.frf.on("plotly_relayout", lambda e: self.bands.zoomed(e.args))
 
     def _map_card(self) -> None:
         with card("Error by sensor and band"):
@@ -182,14 +189,10 @@ class Page:
 
     # Changes with a slider ----------------------------------------------------------------------------------
 
-    def move(self, name: str, parameter: str, value: float) -> None:
-        """Let FRFs, map and errors follow a slider; the newest value wins."""
-        self._newest.put((name, parameter, value))
-
-    def release(self, name: str, parameter: str, value: float) -> None:
+    def _release(self, move: Move) -> None:
         """Keep the value that a slider was left at, unless it is moved again at once."""
-        self._left = (name, parameter, value)
-        background_tasks.create(self._keep_later(self._left))
+        self._left = move
+        background_tasks.create(self._keep_later(move))
 
     async def _keep_later(self, move: Move) -> None:
         await asyncio.sleep(PAUSE)
@@ -198,7 +201,7 @@ class Page:
             self.keep_moved()
             with self._client:
                 if self.effects.refits:
-                    self.start_fit(self.desk.fit_uncertain)
+                    self._start_fit(self.desk.fit_uncertain)
 
     def keep_moved(self) -> None:
         """Make the value that a slider was left at a state, if that has not been done yet."""
@@ -221,10 +224,10 @@ class Page:
         Figures that are scrolled out of sight are drawn when the slider rests.
         """
         self._show_numbers(shown)
-        frames, traces = figures.moved_curve(self._frf, shown, self.pair)
-        now = {"data": frames, "traces": traces}
-        # a frame without a redraw draws its curves alone: axes and other curves stay
-        await self._draw(self.frf, "animate", now, figures.AT_ONCE)
+        frames, traces = self.frfs.moved(shown)
+        if traces:  # a frame without a redraw draws its curves alone: axes and other curves stay
+            now = {"data": frames, "traces": traces}
+            await self._draw(self.frfs.plot, "animate", now, figures.AT_ONCE)
         if time.monotonic() > self._map_due:
             begun = time.monotonic()
             await self._draw(self.map, "restyle", figures.moved_map(shown), [0])
@@ -249,17 +252,16 @@ class Page:
         """Show the present state."""
         desk = self.desk
         self._seen = desk.history
-        self._frf = figures.frf(desk, self.pair, 400)
-        self.frf.update_figure(as_dict(self._frf))
-        self.map.update_figure(as_dict(figures.error_map(desk)))
-        self.stairs.update_figure(as_dict(figures.staircase(desk)))
-        self.model.update_figure(as_dict(figures.model(desk, self.spot, 400)))
+        self.frfs.refresh()
+        show(self.map, figures.error_map(desk))
+        show(self.stairs, figures.staircase(desk))
+        self._show_model()
         self._show_numbers(desk.shown)
         self.effects.refresh()
         self.sensors.refresh()
-        self.bands.refresh()
         self.candidates.refresh()
         self.plan_view.refresh()
+        self.modes.refresh()
         self.refresh_buttons()
         self._tell_notes()
 
@@ -290,89 +292,32 @@ class Page:
     def _redo(self) -> None:
         self.act(self.desk.redo)
 
-    def _chooser(self, k: int) -> Callable[[Any], None]:
-        def chosen(e: Any) -> None:
-            pair = (e.value, self.pair[1]) if k == 0 else (self.pair[0], e.value)
-            self._show_pair(pair)
-
-        return chosen
-
-    def _show_pair(self, pair: tuple[str, str]) -> None:
-        self.pair = pair
-        self._frf = figures.frf(self.desk, pair, 400)
-        self.frf.update_figure(as_dict(self._frf))
-
     def _clicked_map(self, e: GenericEventArguments) -> None:
-        sensor = e.args["points"][0]["customdata"][0]
-        self._choices[0].set_value(sensor)
+        self.frfs.open("sensor", e.args["points"][0]["customdata"][0])
 
     def _clicked_model(self, e: GenericEventArguments) -> None:
         touched, reach = e.args["touched"], 2 * SAME_SPOT * self.desk.study.model.mesh.size
-        mark = figures.nearest_mark(e.args["marks"], touched, reach)
+        mark = figures.nearest_mark(e.args["marks"], touched, reach, self.desk.joints)
         role, name = (mark["role"], mark["name"]) if mark else ("", touched["name"])
         if role in ROLES:
-            self._choices[ROLES.index(role)].set_value(name)
+            self.frfs.open(role, name)
         else:
             near = self.desk.spot_near(mark["point"] if mark else touched["point"])
-            self.choose(near or self.desk.spot_of(str(name)))
+            self.candidates.choose(near or self.desk.spot_of(str(name)))
 
-    def choose(self, spot: str) -> None:
-        """List the candidates of a spot; of all if it is empty."""
-        self.spot = spot
-        self.model.update_figure(as_dict(figures.model(self.desk, spot, 400)))
-        self.candidates.refresh()
+    def _show_model(self) -> None:
+        show(self.model, figures.model(self.desk, self.candidates.spot, MODEL_HEIGHT))
 
     # Jobs ---------------------------------------------------------------------------------------------------
 
-    def start_fit(self, begin: Callable[[], Job]) -> None:
-        """Begin a fit, unless one is running."""
-        if self.fit_job is not None:
-            ui.notify("A fit is running; cancel it first.", type="warning")
-            return
-        self.keep_moved()
-        self.fit_job = begin()
-        self.fit_bar.show(self.fit_job)
-
-    def start_search(self, begin: Callable[[], Job], after: Callable[[Job], None]) -> None:
-        """Begin a search in the background, unless one is running."""
-        if self.search_job is not None:
-            ui.notify("A search is running; cancel it first.", type="warning")
-            return
-        self.keep_moved()
-        self.search_job, self._after = begin(), after
-        self.search_bar.show(self.search_job)
-
-    def _cancel_fit(self) -> None:
-        if self.fit_job is not None:
-            self.fit_job.cancel()
-
-    def _cancel_search(self) -> None:
-        if self.search_job is not None:
-            self.search_job.cancel()
+    def _start_fit(self, begin: Callable[[], Job]) -> None:
+        self.fits.start(begin, self._fitted)
 
     def _look_at_jobs(self) -> None:
         if self._seen is not self.desk.history:  # another tab has acted
             self.refresh()
-        if self.fit_job is not None:
-            self.fit_bar.show(self.fit_job)
-            if self.fit_job.done or self.fit_job.ending:
-                job, self.fit_job = self.fit_job, None
-                self._ended(job, self.fit_bar, self._fitted)
-        if self.search_job is not None:
-            self.search_bar.show(self.search_job)
-            if self.search_job.done or self.search_job.ending:
-                job, self.search_job = self.search_job, None
-                assert self._after is not None
-                self._ended(job, self.search_bar, self._after)
-
-    def _ended(self, job: Job, bar: "JobBar", take: Callable[[Job], None]) -> None:
-        bar.hide()
-        if job.ending:  # its thread ends with the step that it is at, and gives nothing
-            ui.notify(f"{job.title}: cancelled")
-        elif job.error is not None:
-            ui.notify(f"{job.title}: {job.error}", type="negative", multi_line=True)
-        else:
-            take(job)
+        self.fits.look()
+        self.searches.look()
 
     def _fitted(self, job: Job) -> None:
         faults = self.desk.now.hypothesis.faults
@@ -381,12 +326,11 @@ class Page:
             if fault not in faults:
                 ui.notify(f"set right: {fault_text(fault)}", multi_line=True)
         few = len(self.desk.candidates) <= RANKED_UNASKED
-        if few and self.search_job is None and not self.desk.now.hypothesis.effects:
-            self.start_search(self.desk.rank, self._ranked)
+        if few and not self.searches.busy and not self.desk.now.hypothesis.effects:
+            self._rank(())
 
-    def rank(self, names: tuple[str, ...]) -> None:
-        """Rank candidates, and show the order."""
-        self.start_search(lambda: self.desk.rank(names), self._ranked)
+    def _rank(self, names: tuple[str, ...]) -> None:
+        self.searches.start(lambda: self.desk.rank(names), self._ranked)
 
     def _ranked(self, job: Job) -> None:
         self.desk.ranking = job.result
@@ -395,7 +339,7 @@ class Page:
             self.effects.show_evidence(effect.name)
 
     def _diagnose(self) -> None:
-        self.start_search(self.desk.diagnose, self._diagnosed)
+        self.searches.start(self.desk.diagnose, self._diagnosed)
 
     def _diagnosed(self, job: Job) -> None:
         self.desk.diagnosis = job.result
@@ -415,41 +359,10 @@ class Page:
         _ask("Export report", "Folder", path.with_name(f"{path.stem}-report"), self._report)
 
     def _report(self, folder: Path) -> None:
-        self.start_search(
+        self.searches.start(
             lambda: self.desk.report(folder),
             lambda job: ui.notify(f"Wrote {job.result}", type="positive", multi_line=True),
         )
-
-
-class JobBar:
-    """Progress of a job with its text, the remaining time, and a button that ends it.
-
-    Parameters
-    ----------
-    word : str
-    cancel : callable
-    """
-
-    def __init__(self, word: str, cancel: Callable[[], None]) -> None:
-        self._row = ui.element("div").classes("desk-row").props(f'role="status" aria-label="{word}"')
-        with self._row:
-            self._text = ui.label().classes("desk-note desk-job")
-            self._bar = ui.linear_progress(0.0, show_value=False).style("flex: 1; min-width: 120px")
-            self._bar.props["aria-label"] = f"{word}: progress"
-            button("Cancel", cancel, "stop", label=f"Cancel: {word}")
-        self.hide()
-
-    def show(self, job: Job) -> None:
-        """Show how far a job is."""
-        self._row.set_visibility(True)
-        left = job.remaining
-        rest = "" if left is None else f", about {_duration(left)} left"
-        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {directions(job.text) or 'begins'}")
-        self._bar.set_value(round(job.fraction, 3))
-
-    def hide(self) -> None:
-        """Show nothing."""
-        self._row.set_visibility(False)
 
 
 def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> None:
@@ -468,7 +381,7 @@ def _ask(title: str, word: str, path: Path, take: Callable[[Path], None]) -> Non
         with ui.element("div").classes("desk-row"):
             ui.space()
             ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-            ui.button("Write", on_click=write).props("no-caps")
+            ui.button("Write", on_click=write).props("flat no-caps")
     dialog.on("hide", dialog.delete)
     dialog.open()
 
@@ -479,7 +392,3 @@ def _texts(shown: Evaluation) -> dict[str, str]:
     values = (r.fit_db, r.held_out_db, shown.comparison.total_db, shown.noise_db, shown.left_db, apart)
     known = zip(NUMBERS, values, strict=True)
     return {key: f"{value:.2f} dB" if math.isfinite(value) else "none" for key, value in known}
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -66,16 +66,21 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
         Whether to open the address in the user's browser.
     """
     from nicegui import app, ui
+    from starlette.responses import HTMLResponse
 
     from dovetail.desk.page import Page
+    from dovetail.desk.scheme import ASK, DARK, LIGHT
 
     token = secrets.token_urlsafe(24)
     address = f"http://{HOST}:{port}/?token={token}"
     app.add_middleware(Guard, token=token, port=port)
 
     @ui.page("/", title=f"{desk.study.name} · dovetail")
-    def index() -> None:
+    def index(scheme: str = "") -> HTMLResponse | None:
+        if scheme not in (LIGHT, DARK):
+            return HTMLResponse(ASK)
         Page(desk).build()
+        return None
 
     def when_it_answers() -> None:
         wait_for(port)

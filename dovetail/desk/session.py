@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dovetail.desk.compared_modes import ComparedModes, compared_modes
 from dovetail.desk.jobs import Job
 from dovetail.desk.journal import JournalError, journal_of, read_journal, set_aside, write_journal
 from dovetail.desk.saving import (
@@ -32,6 +33,7 @@ from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import Promise, rank
+from updating.live.sensitivity import Sensitivity, sensitivities
 from updating.live.weighing import Weighed, weigh
 from updating.plan.plan import Plan
 from updating.quality.corrections import Fault
@@ -84,6 +86,7 @@ class Desk:
         self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.mapped: tuple[Hypothesis, Plan] | None = None
+        self.compared_modes: ComparedModes | None = None
         self.weighed: dict[str, Weighed] = {}
         self.fits_form = self.varies_form
         self.shown = live.evaluate(self.now.hypothesis)
@@ -161,6 +164,12 @@ class Desk:
                 out[name] = Spot(name, (x, y, z), own)
         return out
 
+    @cached_property
+    def joints(self) -> frozenset[str]:
+        """Names of the spots at joints."""
+        at = (place_of(e) for e in self.candidates.values())
+        return frozenset(name for kind, name in at if kind == "joint" and name in self.spots)
+
     def spot_of(self, name: str) -> str:
         """Return the spot of a place, a member, a joint or an added effect that a click names; or nothing."""
         for spot in self.spots.values():
@@ -184,6 +193,10 @@ class Desk:
         spot = min(self.spots.values(), key=lambda s: float(np.linalg.norm(np.subtract(s.point, point))))
         off = float(np.linalg.norm(np.subtract(spot.point, point)))
         return spot.name if off < 2 * SAME_SPOT * self.study.model.mesh.size else ""
+
+    def sensitivities(self, pair: tuple[str, str]) -> tuple[Sensitivity, ...]:
+        """Return the change of an FRF by each parameter of the present hypothesis, the largest first."""
+        return sensitivities(self.live, self.now.hypothesis, pair)
 
     def second(self) -> Evaluation | None:
         """Return the evaluation of the second hypothesis, where there is one."""
@@ -386,6 +399,11 @@ class Desk:
             return h, plan_study(study_with(self.study, self.live, h), noise, progress=say)
 
         return Job("Map of the test", mapped).start()
+
+    def compare_modes(self) -> Job:
+        """Compute the modes of the present hypothesis, and compare them with the measured ones."""
+        h, known = self.now.hypothesis, self.compared_modes
+        return Job("Compare modes", lambda say: compared_modes(self.study, self.live, h, known, say)).start()
 
     def save(self, path: Path) -> Path:
         """Write the study with the present hypothesis in it; see :func:`saving.save_study`."""

@@ -1,19 +1,16 @@
 """The page's map of the effects that the test could show: where from what size, and which look alike."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nicegui import ui
 
+from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
-from dovetail.desk.widgets import button, card, plot
+from dovetail.desk.session import Desk
+from dovetail.desk.widgets import button, card, choice, labelled, plot
 from dovetail.report import planning
 from dovetail.report.figures import sizes
 from updating.plan.plan import Plan
-
-if TYPE_CHECKING:
-    from dovetail.desk.page import Page
 
 ASK = "What could this test show?"
 SHOWN = {
@@ -32,18 +29,20 @@ class PlanView:
 
     Parameters
     ----------
-    page : Page
+    desk : Desk
+    search : callable
+        Starts a job in the background.
     """
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
+    def __init__(self, desk: Desk, search: Start) -> None:
+        self._desk, self._search = desk, search
         self._kind, self._what = "", "named"
         with card("What the test could show"):
             with ui.element("div").classes("desk-row"):
                 button(ASK, self._ask, "visibility")
                 self._noise = ui.number("Noise of a planned test, %", min=0.01, max=100, format="%.4g")
                 self._noise.props("dense outlined clearable").style("width: 230px")
-                self._noise.props["aria-label"] = "Noise of a planned test, %"
+                labelled(self._noise, "Noise of a planned test, %")
                 self._noise.tooltip("Without it the measured data count, with what the model leaves of them")
             self._body = ui.element("div").classes("desk-column")
         self._drawn: Any = None
@@ -51,7 +50,7 @@ class PlanView:
 
     def refresh(self) -> None:
         """Show the map that was made last, and say whether it is one of the present hypothesis."""
-        desk = self._page.desk
+        desk = self._desk
         if desk.mapped is None:
             return
         h, plan = desk.mapped
@@ -66,10 +65,10 @@ class PlanView:
     def _ask(self) -> None:
         noise = self._noise.value
         share = None if noise is None else float(noise) / 100
-        self._page.start_search(lambda: self._page.desk.plan(share), self._made)
+        self._search(lambda: self._desk.plan(share), self._made)
 
     def _made(self, job: Job) -> None:
-        self._page.desk.mapped = job.result
+        self._desk.mapped = job.result
         self.refresh()
 
     def _show(self, plan: Plan, present: bool) -> None:
@@ -81,8 +80,8 @@ class PlanView:
             return
         self._kind = self._kind if self._kind in names else names[0]
         with ui.element("div").classes("desk-row"):
-            self._choice("Effect", names, self._kind, lambda e: self._draw(plan, kind=e.value))
-            self._choice("Shown", SHOWN, self._what, lambda e: self._draw(plan, what=e.value))
+            choice("Effect", names, self._kind, lambda kind: self._draw(plan, kind=kind), width=220)
+            choice("Shown", SHOWN, self._what, lambda what: self._draw(plan, what=what), width=220)
         self._figure = ui.element("div").style("width: 100%")
         self._draw(plan)
         head, cells = planning.table_of_kinds(planning.kind_rows(plan)).texts()
@@ -98,7 +97,7 @@ class PlanView:
             for h in head
         ]
         table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells")
-        table.props["aria-label"] = "Kinds of effects"
+        labelled(table, "Kinds of effects")
         for title, lines in (
             ("Seen, but not told apart", planning.twin_lines(plan)),
             ("Not seen in relevant size", planning.blind_lines(plan)),
@@ -107,11 +106,6 @@ class PlanView:
                 with ui.expansion(f"{title} ({len(lines)})").classes("desk-lines"):
                     for line in lines:
                         ui.label(line).classes("desk-note")
-
-    def _choice(self, word: str, options: Any, value: str, chosen: Any) -> None:
-        made = ui.select(options, value=value, label=word, on_change=chosen).props("dense outlined")
-        made.props["aria-label"] = word
-        made.style("min-width: 220px")
 
     def _draw(self, plan: Plan, kind: str = "", what: str = "") -> None:
         self._kind, self._what = kind or self._kind, what or self._what

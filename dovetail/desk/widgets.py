@@ -2,11 +2,17 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
-from nicegui import ui
+from nicegui import Client, ui
+from plotly.graph_objects import Figure
 
-from viz.interactive.theme import CONFIG
+from dovetail.desk.scheme import is_dark
+from viz.interactive.theme import CONFIG, at_night
+
+E = TypeVar("E", bound=ui.element)
+Act = Callable[[Callable[[], None]], None]
+"""Does something that gives a new state, and shows it."""
 
 
 @contextmanager
@@ -19,6 +25,26 @@ def card(title: str) -> Iterator[ui.element]:
         yield section
 
 
+def labelled(element: E, words: str) -> E:
+    """Return an element with words for screen readers."""
+    element.props["aria-label"] = words
+    return element
+
+
+def choice(
+    word: str, options: Any, value: str, chosen: Callable[[Any], None], *, width: int = 120
+) -> ui.select:
+    """Return a list to choose from; ``chosen`` is called with the new value."""
+    made = ui.select(options, value=value, label=word, on_change=lambda e: chosen(e.value))
+    return labelled(made.props("dense outlined"), word).style(f"min-width: {width}px; max-width: 100%")
+
+
+def check(word: str, value: bool, changed: Callable[[bool], None] | None = None) -> ui.checkbox:
+    """Return a box to tick; ``changed`` is called with whether it is ticked."""
+    made = ui.checkbox(word, value=value, on_change=changed and (lambda e: changed(bool(e.value))))
+    return labelled(made.props("dense"), word)
+
+
 def button(
     text: str, work: Callable[[], Any], icon: str, *, label: str = "", hint: str = "", flat: bool = True
 ) -> ui.button:
@@ -26,23 +52,26 @@ def button(
     made = ui.button(text, icon=icon, on_click=work).props(
         f"no-caps dense {'flat' if flat else 'unelevated'}"
     )
-    made.props["aria-label"] = label or text
     if hint:
         made.tooltip(hint)
-    return made
+    return labelled(made, label or text)
 
 
-def plot(figure: Any, label: str) -> ui.plotly:
+def plot(figure: Figure, label: str) -> ui.plotly:
     """Return a figure in the page, with words for screen readers."""
-    made = ui.plotly(as_dict(figure)).classes("desk-plot")
-    made.props["role"] = "img"
-    made.props["aria-label"] = label
-    return made
+    made = ui.plotly(_dressed(figure, ui.context.client)).classes("desk-plot").props("role=img")
+    return labelled(made, label)
 
 
-def as_dict(figure: Any) -> dict[str, Any]:
-    """Return a figure as the page takes it."""
-    return {**figure.to_plotly_json(), "config": CONFIG}
+def show(made: ui.plotly, figure: Figure) -> None:
+    """Show another figure in its place."""
+    made.update_figure(_dressed(figure, made.client))
+
+
+def _dressed(figure: Figure, client: Client) -> dict[str, Any]:
+    """Return a figure as the page takes it, in the colours of the page."""
+    coloured = at_night(figure) if is_dark(client) else figure
+    return {**coloured.to_plotly_json(), "config": CONFIG}
 
 
 class Keys(ui.element, component="keys.js"):

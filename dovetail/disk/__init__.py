@@ -1,1 +1,1 @@
-"""Output on disk: written whole or not at all, and never over an input."""
+"""Output on disk: written atomically, and never over an input."""

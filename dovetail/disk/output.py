@@ -1,4 +1,4 @@
-"""Outputs of the commands: folders whole or not at all, JSON, progress; never over inputs."""
+"""Outputs of the commands: folders written atomically, JSON, progress; never over inputs."""
 
 import json
 import os
@@ -86,12 +86,12 @@ def result_folder(path: Path, force: bool = False) -> Iterator[Path]:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a folder may be replaced as a whole: it is not there, is empty or an earlier result."""
+    """Whether a folder may be replaced: it does not exist, is empty or is an earlier result."""
     return not path.exists() or (path / MARK).is_file() or not any(path.iterdir())
 
 
 def _owned(scratch: Path) -> Lock | None:
-    """Lock a temporary folder for this process; the lock has its name only once it is held."""
+    """Lock a temporary folder for this process; the lock file gets its name only once it is locked."""
     if os.name == "nt":  # which renames no open file
         return Lock.take(scratch / _OWNER)
     lock = Lock.take(scratch / f"{_OWNER}.new")
@@ -100,7 +100,7 @@ def _owned(scratch: Path) -> Lock | None:
 
 
 def _tidy(target: Path) -> None:
-    """Remove temporary folders of ended processes beside a result; put a former result back if it is gone."""
+    """Remove temporary folders of ended processes next to a result; restore a former result if missing."""
     if not target.parent.is_dir():
         return
     for scratch in target.parent.glob(f".{_escaped(target.name[:LONGEST_NAME])}-*"):
@@ -149,7 +149,7 @@ def _put(new: Path, target: Path, old: Path) -> None:
 
 
 def _fill(target: Path, new: Path, *, alone: bool) -> None:
-    """Copy finished files into a folder one by one, each whole; if ``alone``, remove the others."""
+    """Copy finished files into a folder one by one, each atomically; if ``alone``, remove the others."""
     files = _files(new)
     for file in files:
         if alone or file != Path(MARK):
@@ -317,7 +317,7 @@ def check_writable(*paths: Path | None) -> None:
 
 
 def write_json(path: Path | None, data: Any, nulls: Mapping[str, str] | None = None) -> None:
-    """Write data as JSON to a file, whole or not at all; to standard output for ``-``; nowhere for None.
+    """Write data as JSON to a file atomically; to standard output for ``-``; nowhere for None.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _EDGE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bootstrap:
-    """Fits of resamples beside the fit of the measurement.
+    """Fits of resamples, with the fit of the measurement.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def _digest(model: BootstrapModel) -> str:
 
 
 def as_dict(found: Bootstrap) -> dict[str, Any]:
-    """Return the bootstrap as JSON has it, beside the linearised standard deviations and correlations."""
+    """Return the bootstrap for JSON, with the linearised standard deviations and correlations."""
     q, updated = found.quantiles, found.updated
     rows = zip(
         updated.parameters, found.std, found.std_error, found.bias, found.bias_error, q.value.T, q.error.T,
@@ -229,9 +229,9 @@ def sentences(found: Bootstrap) -> list[str]:
     for p, bias, error in zip(parameters, found.bias, found.bias_error, strict=True):
         if abs(bias) > 3 * error and abs(bias) > 0.25 * error * np.sqrt(found.n):
             out.append(f"{p.name}: the fit is biased by {bias:.3g} {p.unit}, over a quarter of its deviation")
-    held = [f"{p.name} {100 * s:.0f} %" for p, s in zip(parameters, found.at_bound, strict=True) if s > 0]
-    if held:
-        out.append(f"refits at a bound: {', '.join(held)}")
+    bound = [f"{p.name} {100 * s:.0f} %" for p, s in zip(parameters, found.at_bound, strict=True) if s > 0]
+    if bound:
+        out.append(f"refits at a bound: {', '.join(bound)}")
     if found.failures:
         out.append(f"{len(found.failures)} refits failed, and the same command tries again:")
         out += [f"  {o.unit}: {o.failure}" for o in found.failures[:20]]

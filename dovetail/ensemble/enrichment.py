@@ -10,11 +10,11 @@ from fem.system import assemble
 from updating.inference.unknowns import ScaledUnknown
 
 REACH = 2.0
-"""Parameters are moved so many standard deviations either way, one at a time [-]."""
+"""Change of each parameter either way, one at a time, in standard deviations [-]."""
 ABOVE = 1.25
 """Modes up to this multiple of the highest frequency must lie in the basis [-]."""
-LEFT = 1e-3
-"""Root of the part of a shape's energy that may be left outside; a mode's frequency errs by half the square
+SHARE_OUTSIDE = 1e-3
+"""Root of the share of a shape's energy that may lie outside; a mode's frequency errs by half the square
 [-]."""
 
 
@@ -27,7 +27,7 @@ def enriched(
     """Return a model with modes and static responses in its basis for each parameter moved either way.
 
     The parts outside the basis are compressed by their singular values in the energy norm (proper orthogonal
-    decomposition); those below ``LEFT`` are dropped. A common modulus or density adds nothing.
+    decomposition); those below ``SHARE_OUTSIDE`` are dropped. A common modulus or density adds nothing.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def enriched(
 
 
 def _principal(shapes: NDArray[np.float64], K: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return combinations of shapes along which they hold more than ``LEFT`` of a mode's energy."""
+    """Return combinations of shapes along which they hold more than ``SHARE_OUTSIDE`` of a mode's energy."""
     if not shapes.shape[1]:
         return shapes
     G = shapes.T @ (K @ shapes)
     energies, vectors = np.linalg.eigh((G + G.T) / 2)
-    return shapes @ vectors[:, energies > LEFT**2]
+    return shapes @ vectors[:, energies > SHARE_OUTSIDE**2]

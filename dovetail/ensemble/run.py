@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.ensemble.quantiles import Quantiles, quantiles
-from dovetail.ensemble.samples import Checked, SampledModel, compute, heard
+from dovetail.ensemble.samples import Checked, SampledModel, compute, counted_frfs
 from dovetail.units.folder import FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
@@ -42,7 +42,7 @@ class Ensemble:
         Of the elastic natural frequencies in rising order [Hz].
     levels : Quantiles of (3, n_freq, n_out, n_in)
         Of ln |H|.
-    heard : ndarray of bool (n_out, n_in)
+    counted : ndarray of bool (n_out, n_in)
         FRFs that symmetry does not make zero.
     checks : tuple of Checked
         Errors of the reduced basis.
@@ -55,7 +55,7 @@ class Ensemble:
     values: Floats
     frequency: Quantiles
     levels: Quantiles
-    heard: NDArray[np.bool_]
+    counted: NDArray[np.bool_]
     checks: tuple[Checked, ...]
     failures: tuple[Outcome, ...]
 
@@ -133,7 +133,7 @@ def _bands(
         middle[:, i] = found.value[1]
     bands = Quantiles(value, error)
     return Ensemble(
-        model, len(values), values, quantiles(frequency), bands, heard(middle), checks, failures
+        model, len(values), values, quantiles(frequency), bands, counted_frfs(middle), checks, failures
     )  # fmt: skip
 
 

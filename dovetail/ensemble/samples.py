@@ -200,7 +200,7 @@ def compute(shared: SampledModel, unit: tuple[str, int, int]) -> Any:
     }
 
 
-def heard(levels: Floats) -> NDArray[np.bool_]:
+def counted_frfs(levels: Floats) -> NDArray[np.bool_]:
     """Return which FRFs symmetry does not make zero, (n_out, n_in), by ln |H| (n_freq, n_out, n_in)."""
     mean = levels.mean(axis=0)
     return mean > np.median(mean) - SILENT if mean.size else np.zeros(mean.shape, dtype=bool)
@@ -211,7 +211,7 @@ def check(shared: SampledModel, k: int) -> Checked:
     draw = shared.uncertainty.draw(shared.seed, k)
     frequency, levels = shared.frequencies_and_levels(draw)
     true_frequency, true_levels = shared.full(draw)
-    known = heard(true_levels)
+    known = counted_frfs(true_levels)
     off = (levels - true_levels)[:, known]
     peak = true_levels.max(axis=0)[known] if known.any() else np.zeros(0)
     of_peak = np.abs(np.exp(levels[:, known] - peak) - np.exp(true_levels[:, known] - peak))

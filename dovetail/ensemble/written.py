@@ -35,7 +35,7 @@ def write_files(ensemble: Ensemble, study: Study, folder: Path) -> None:
         "frequency": model.frequency,
         "amplitude": np.exp(levels.value),
         "level_error": levels.error,
-        "counted": ensemble.heard,
+        "counted": ensemble.counted,
         "outputs": np.array([s.name for s in study.sensors], dtype=str),
         "inputs": np.array([s.name for s in study.excitations], dtype=str),
         "kind": np.array(str(model.kind)),
@@ -77,7 +77,7 @@ def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
     measured, model, bands = measured_levels(ensemble, study), ensemble.model, []
     for i, output in enumerate(study.sensors):
         for j, force in enumerate(study.excitations):
-            if ensemble.heard[i, j]:
+            if ensemble.counted[i, j]:
                 line = None if measured is None else np.exp(measured[:, i, j])
                 name = f"{output.name} / {force.name}"
                 bands.append((name, np.exp(ensemble.levels.value[:, :, i, j]), line))
@@ -95,12 +95,12 @@ def measured_levels(ensemble: Ensemble, study: Study) -> Floats | None:
     if not study.measurements:
         return None
     frf: FRF = study.measurements[0].frf
-    own = tuple(s.name for s in study.sensors), tuple(s.name for s in study.excitations)
+    channels = tuple(s.name for s in study.sensors), tuple(s.name for s in study.excitations)
     inner = frf.frequency > 0
     alike = inner.sum() == len(ensemble.model.frequency) and np.allclose(
         frf.frequency[inner], ensemble.model.frequency, rtol=1e-9, atol=0
     )
-    if (frf.outputs, frf.inputs) != own or frf.kind != ensemble.model.kind or not alike:
+    if (frf.outputs, frf.inputs) != channels or frf.kind != ensemble.model.kind or not alike:
         return None
     return np.log(np.maximum(np.abs(frf.H[inner]), 1e-300))
 
@@ -163,8 +163,9 @@ def _sentences(ensemble: Ensemble, study: Study) -> list[str]:
     if with_frfs:
         width, error = _of_frfs(ensemble)
         out.append(
-            f"FRFs: {ensemble.heard.sum()} of {ensemble.heard.size} counted, {len(ensemble.model.frequency)} "
-            f"lines; 5 to 95 % is {width:.3g} dB wide in the median over lines; standard error of its ends "
+            f"FRFs: {ensemble.counted.sum()} of {ensemble.counted.size} counted, "
+            f"{len(ensemble.model.frequency)} lines; 5 to 95 % is {width:.3g} dB wide in the median over "
+            "lines; standard error of its ends "
             + ("not known from so few samples" if error is None else f"{error:.2g} dB (root mean square)")
         )
     share = within(ensemble, study)
@@ -190,20 +191,19 @@ def _sentences(ensemble: Ensemble, study: Study) -> list[str]:
 def within(ensemble: Ensemble, study: Study) -> float | None:
     """Return the share of the measured amplitudes that lie within their bands; None without any."""
     measured = measured_levels(ensemble, study)
-    if measured is None or not ensemble.heard.any():
+    if measured is None or not ensemble.counted.any():
         return None
     low, _, high = ensemble.levels.value
-    inside = (measured >= low) & (measured <= high)
-    return float(inside[:, ensemble.heard].mean())
+    return float(((measured >= low) & (measured <= high))[:, ensemble.counted].mean())
 
 
 def _of_frfs(ensemble: Ensemble) -> tuple[float | None, float | None]:
     """Return the median width of the bands, and the root mean square of the standard errors [dB]."""
     levels: Quantiles = ensemble.levels
-    if not levels.value.size or not ensemble.heard.any():
+    if not levels.value.size or not ensemble.counted.any():
         return None, None
-    width = float(np.median(levels.width[:, ensemble.heard])) * DB_PER_NEPER
-    ends = levels.error[[0, 2]][:, :, ensemble.heard]
+    width = float(np.median(levels.width[:, ensemble.counted])) * DB_PER_NEPER
+    ends = levels.error[[0, 2]][:, :, ensemble.counted]
     error = float(np.sqrt((ends**2).mean())) * DB_PER_NEPER
     return width, error if np.isfinite(error) else None
 

@@ -1,4 +1,4 @@
-"""Condensed parts in files beside the study, so that the next command does not condense them again."""
+"""Condensed parts in files next to the study, so that the next command does not condense them again."""
 
 import hashlib
 from collections.abc import Sequence

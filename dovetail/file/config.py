@@ -63,7 +63,7 @@ from dovetail.file.parts import (
 )
 from dovetail.file.paths import refuse_device
 from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
-from dovetail.file.plausible import beside_implausible, implausible, path_of_request
+from dovetail.file.plausible import implausible, naming_implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.settings import read_candidates, read_fit, read_frequency, read_relevant
@@ -259,8 +259,8 @@ class _Parts:
         """Members, supports and joints."""
         return Frame(members=self.properties), *self.supports, *self.joints
 
-    def held(self, mesh: Mesh) -> np.ndarray:
-        """Return the first place where the structure is held, or the mesh's first point, (3,) [m]."""
+    def base(self, mesh: Mesh) -> np.ndarray:
+        """Return the first place where the structure is supported, or the mesh's first point, (3,) [m]."""
         places = [s.locations(Model(mesh, ())) for s in self.supports]
         places += [mesh.points[[j.point1]] for j in self.joints if j.point2 is None]
         return next((at[0] for at in places if len(at)), mesh.points[0])
@@ -364,12 +364,12 @@ class _Reader:
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
         odd = implausible(top, model, highest)
         if "measurements" in self.needs and every:
-            with beside_implausible(odd), top.at():
+            with naming_implausible(odd), top.at():
                 self.warnings += self._suspicions(
                     driven, raw, (measurements, amplitudes), sensors, excitations
                 )
         if "measurements" in self.needs and modes is not None:
-            with beside_implausible(odd), top.at("modes"):
+            with naming_implausible(odd), top.at("modes"):
                 self.warnings += mode_suspicions(modes, model)
         baseline = self._baseline(self._modal_test(raw, sensors, excitations))
         if measurements and modes is not None and "baseline" in top:
@@ -496,9 +496,9 @@ class _Reader:
         """Judge FRFs, and amplitudes without phase, which are asked for their size alone."""
         out: list[str] = []
         comparisons = LazyComparison.of(model, measured[0])
-        own = [r for r in raw if r.phase]
-        evidence = check_phase(comparisons, own, sensors, excitations, out)
-        out += suspicions(comparisons, own, evidence)
+        phased = [r for r in raw if r.phase]
+        evidence = check_phase(comparisons, phased, sensors, excitations, out)
+        out += suspicions(comparisons, phased, evidence)
         bare = [r for r in raw if not r.phase]
         return out + suspicions(LazyComparison.of(model, measured[1]), bare, [None] * len(bare))
 
@@ -547,7 +547,7 @@ class _Reader:
         top, sizes = self.top, parts.sizes
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
-        most = table.whole("max_elements", MOST_ELEMENTS)
+        most = table.integer("max_elements", MOST_ELEMENTS)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane", "free_points"):
             table.get(key, None)
         table.finish()
@@ -560,7 +560,7 @@ class _Reader:
             raise top.source.error(table.path, str(reason)) from reason
         if size is not None:
             return fine, {}
-        given = [any(own) for own in sizes.values()]
+        given = [any(pair) for pair in sizes.values()]
         if not all(given):
             notes.append(
                 f"no element size is given{' for all members' if any(given) else ''}: elements of "
@@ -568,7 +568,7 @@ class _Reader:
                 f"at least 12 for the shortest bending wave at {highest:g} Hz and 4 for a member"
             )
         chosen = zip(sizes, aimed, given, strict=True)
-        return fine, {name: float(h) for name, h, own in chosen if not own}
+        return fine, {name: float(h) for name, h, is_given in chosen if not is_given}
 
     def _model(
         self,
@@ -625,11 +625,11 @@ class _Reader:
         """Read ``[update]``."""
         shaped = has_phase or (modes is not None and modes.has_shapes)
         has = {"frf": has_frf, "modes": shaped, "frequencies": has_phase or modes is not None}
-        beside = tuple(n for n in nuisances if n.effect == SectionShear.kind)
-        known, plan = [unknown_of(model, n) for n in nuisances if n not in beside], UpdatePlan()
+        shear = tuple(n for n in nuisances if n.effect == SectionShear.kind)
+        known, plan = [unknown_of(model, n) for n in nuisances if n not in shear], UpdatePlan()
         with self._if_all_was_read():
             plan = read_plan(self.top, model, has, known, lambda kind: candidates_of(kind, model, *groups))
-        return replace(plan, beside=beside)
+        return replace(plan, nuisances=shear)
 
     def _files(self, notes: list[str]) -> tuple[list[RawMeasurement], RawModes | None, dict[int, np.ndarray]]:
         """Read the measured files: FRFs, modes, and the coordinates of their nodes."""
@@ -670,7 +670,7 @@ class _Reader:
                 )
         with attempt():
             excitations = read_excitations(
-                top, geometry, sensors, nodes, notes, attempt, self.path.parent, parts.held(geometry.mesh)
+                top, geometry, sensors, nodes, notes, attempt, self.path.parent, parts.base(geometry.mesh)
             )
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)

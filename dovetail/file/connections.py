@@ -19,6 +19,7 @@ from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
+from fem.elements.frame import Frame
 from fem.elements.part_ties import TIES, Attachment
 from fem.io.abaqus import read_node_sets
 from fem.io.matrices import read_matrices
@@ -265,10 +266,10 @@ class ForeignPart:
                 n_modes=self.n_modes, max_frequency=top,
                 residual=self.n_modes is None,
             )  # fmt: skip
-        said = [str(w.message) for w in caught]
+        messages = [str(w.message) for w in caught]
         if key:
-            store(file, key, out, said)
-        notes.extend(said)
+            store(file, key, out, messages)
+        notes.extend(messages)
         return out
 
 
@@ -278,6 +279,8 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
     for t in top.tables("superelements"):
         path = folder / t.text("file")
         name = t.text("name", path.stem)
+        if name == Frame.kind:
+            t.refuse("name", f"'{name}' stands for the members; give the part another name")
         units = t.get("units", "SI")
         sets, deck = t.text("node_sets", ""), t.text("deck", "")
         for key, other in (("deck", deck), ("node_sets", sets)):
@@ -293,7 +296,7 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
         for k, a in enumerate(t.tables("attach"), start=1):
             attachments.append(_attachment(a, geometry, part, known, f"{name}.{k}", joints))
         n_modes, max_frequency = (
-            t.whole("modes", None, 0),
+            t.integer("modes", None, 0),
             t.number("max_frequency", None, above=0, unit="Hz"),
         )
         held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
@@ -329,16 +332,16 @@ def _attachment(
     else:
         xyz = geometry.mesh.points[place]
     geometry.mesh = geometry.mesh.with_point(xyz, name)
-    own = geometry.mesh.point_names[name]
+    end = geometry.mesh.point_names[name]
     if place is not None:
         matrices: dict[str, Any] = dict(_joint_matrices(t))
         rigid = t.directions("rigid", "" if "K" in matrices else "all")
         eta, axes = t.number("eta", 0.0, least=0), read_axes(t)
         with t.at():
             joint = Joint(
-                name=name, point1=place, point2=own, location=xyz, axes=axes, eta=eta, rigid=rigid, **matrices
+                name=name, point1=place, point2=end, location=xyz, axes=axes, eta=eta, rigid=rigid, **matrices
             )
         joints.append(joint)
     t.finish()
     with t.at():
-        return Attachment(own, nodes, tie)
+        return Attachment(end, nodes, tie)

@@ -6,7 +6,7 @@ import numpy as np
 
 from dovetail.file.measured import RawMeasurement
 from dovetail.file.sensors import Channel
-from dovetail.file.suspicions import BesideModel, LazyComparison, kind_beside_model
+from dovetail.file.suspicions import LazyComparison, RatioToModel, kind_by_model
 from dovetail.file.table import Table
 from fem.analysis.frf import FRFKind
 from updating.measurement.measurement import Measurement
@@ -62,11 +62,11 @@ def check_phase(
             suspicions += _weak(c, r, evidence)
             _refuse_reversed(c, r, evidence, driven, suspicions)
             continue
-        beside = c.beside if any(f.fault == "quarter turn" for f in found) else None
+        to_model = c.to_model if any(f.fault == "quarter turn" for f in found) else None
         words = []
         for f in found:
-            text = _words(m, f, beside)
-            if f.of == "FRF" or not _supported(m, f, beside):
+            text = _words(m, f, to_model)
+            if f.of == "FRF" or not _supported(m, f, to_model):
                 suspicions.append(f"the FRFs {_whose(f)} {r.name} {text}; check them")
             else:
                 words.append((f, f"the FRFs {_whose(f)} {r.name} {text}"))
@@ -88,9 +88,9 @@ def _weak(comparison: LazyComparison, r: RawMeasurement, evidence: PhaseEvidence
     z = evidence.deviations[np.isfinite(evidence.deviations)]
     if not z.size or z.sum() / np.sqrt(z.size) > -ANTICAUSAL_DEVIATIONS:
         return []
-    beside = comparison.beside
+    to_model = comparison.to_model
     found = f"the FRFs of {r.name} seem to belong to e^{{-iωt}}: they ring before the impulse, not after it"
-    if beside is not None and float(np.median(beside.dissipation)) < -0.5:
+    if to_model is not None and float(np.median(to_model.dissipation)) < -0.5:
         r.table.refuse(
             "file",
             f"{found}, and beside the model's their imaginary parts have the other sign; give conjugate = "
@@ -112,8 +112,8 @@ def _refuse_reversed(
     names = [m.frf.outputs[i] for (i, _), s in sense.items() if s < -QUADRATURE]
     if not names:
         return
-    beside = comparison.beside if len(names) == len(sense) else None
-    like = None if beside is None else kind_beside_model(m.frf, beside, evidence)
+    to_model = comparison.to_model if len(names) == len(sense) else None
+    like = None if to_model is None else kind_by_model(m.frf, to_model, evidence)
     if like is not None:
         r.table.refuse(
             "kind" if "kind" in r.table.values else "file",
@@ -140,7 +140,7 @@ def _place(r: RawMeasurement, f: Misphased, channels: dict[str, Sequence[Channel
 
 
 def _table(f: Misphased) -> str:
-    """Return where the remedy goes."""
+    """Return the table that the remedy belongs to."""
     return {
         "all": "in [[measurements]]",
         "sensor": "in its [[sensors]]",
@@ -148,7 +148,7 @@ def _table(f: Misphased) -> str:
     }.get(f.of, "")
 
 
-def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
+def _words(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> str:
     """Return the finding and its remedy."""
     if f.fault == "conjugate":
         found = (
@@ -156,7 +156,7 @@ def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
             "energy that follows it"
         )
         return f"{found}; give conjugate = true {_table(f)}" if _table(f) else found
-    turn, options = _turn_remedies(m, f, beside)
+    turn, options = _turn_remedies(m, f, to_model)
     factor = {1: "i times", -1: "-i times", 0: "i or -i times"}[turn]
     found = (
         f"are {factor} the {m.frf.kind}, or another kind of FRF: their phase at and between resonances "
@@ -167,34 +167,34 @@ def _words(m: Measurement, f: Misphased, beside: BesideModel | None) -> str:
     return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
 
 
-def _part(m: Measurement, f: Misphased, beside: BesideModel) -> np.ndarray:
+def _part(m: Measurement, f: Misphased, to_model: RatioToModel) -> np.ndarray:
     """Return the ratios (n, k) of the FRFs of a group."""
     rows = [i for i, n in enumerate(m.frf.outputs) if f.of != "sensor" or n in f.names]
     columns = [j for j, n in enumerate(m.frf.inputs) if f.of != "excitation" or n in f.names]
-    return beside.ratio[:, rows][:, :, columns].reshape(len(beside.frequency), -1)
+    return to_model.ratio[:, rows][:, :, columns].reshape(len(to_model.frequency), -1)
 
 
-def _supported(m: Measurement, f: Misphased, beside: BesideModel | None) -> bool:
+def _supported(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> bool:
     """Return whether the model does not contradict a quarter turn."""
-    if f.fault == "conjugate" or beside is None:
+    if f.fault == "conjugate" or to_model is None:
         return True
-    ratio = _part(m, f, beside)
+    ratio = _part(m, f, to_model)
     ratio = ratio[np.isfinite(ratio) & (ratio != 0)]
     return not ratio.size or float(((ratio / np.abs(ratio)) ** 2).real.mean()) < 0
 
 
-def _turn_remedies(m: Measurement, f: Misphased, beside: BesideModel | None) -> tuple[int, list[str]]:
+def _turn_remedies(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> tuple[int, list[str]]:
     """Return the sense of a quarter turn, and keys that undo it: a kind, a phase, or both if undecided."""
     turn, by_kind = f.turn, None
-    if beside is not None:
-        ratio = _part(m, f, beside)
+    if to_model is not None:
+        ratio = _part(m, f, to_model)
         seen = np.isfinite(ratio) & (ratio != 0)
         if not turn and seen.any():
             turn = int(np.sign((ratio[seen] / np.abs(ratio[seen])).imag.mean()))
-        by_kind = _power(beside.frequency, np.abs(np.where(seen, ratio, np.nan)), turn)
+        by_kind = _power(to_model.frequency, np.abs(np.where(seen, ratio, np.nan)), turn)
     turns = (turn,) if turn else (1, -1)
     kinds = [k for k in FRFKind if k.derivatives - m.frf.kind.derivatives in turns]
-    # The factor between two kinds is iω: as large as ω beside the model, where i alone is 1.
+    # The factor between two kinds is iω: as large as ω relative to the model, where i alone is 1.
     by_phase = [f"phase = {-90 * t}" for t in turns]
     no_kind = f.of == "excitation" or (f.of == "sensor" and set(f.names) <= set(m.frf.strain))
     of_kind = [] if no_kind else [f'kind = "{k}"' for k in kinds]

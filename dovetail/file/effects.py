@@ -41,12 +41,12 @@ def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitation
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
             )
-        own = _own_name(t)
-        if own in names:
-            t.refuse("name", f"the model has two effects '{own}'; names must differ")
-        names.add(own)
+        effect_name = _name_of(t)
+        if effect_name in names:
+            t.refuse("name", f"the model has two effects '{effect_name}'; names must differ")
+        names.add(effect_name)
         t.finish()
-        effect = replace(effect.with_values(**values), name=own)
+        effect = replace(effect.with_values(**values), name=effect_name)
         if isinstance(effect, Spread):
             model = effect.added_to(model)
         else:
@@ -60,7 +60,7 @@ def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
     return model
 
 
-def _own_name(t: Table) -> str:
+def _name_of(t: Table) -> str:
     return t.text("name", f"known {t.text('candidate')}")
 
 
@@ -74,7 +74,7 @@ def _is_change(top: Table, t: Table) -> bool:
 
 def read_changes(top: Table) -> tuple[str, ...]:
     """Return the names of the known effects that have come since the baseline."""
-    return tuple(_own_name(t) for t in top.tables("effects") if t.flag("since_baseline", False))
+    return tuple(_name_of(t) for t in top.tables("effects") if t.flag("since_baseline", False))
 
 
 def known_candidates(top: Table) -> tuple[Any, ...]:
@@ -192,7 +192,7 @@ def candidates_of(
 
 
 def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseline: bool = False) -> str:
-    """Return the ``[[effects]]`` entry that stands for an effect that a search has found.
+    """Return the ``[[effects]]`` entry of an effect that a search has found.
 
     Parameters
     ----------

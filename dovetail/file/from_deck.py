@@ -233,9 +233,9 @@ def _members(
     tables = [("[defaults]", shared)] if shared and len(each) > 1 else []
     for name in dict.fromkeys(group_of.get(name, name) for name in each):
         parts = mesh.groups.get(name, (name,))
-        own = _common([each[part] for part in parts])
-        tables.append((f"[members.{toml_key(name)}]", _without(own, shared if len(each) > 1 else {})))
-        tables += [(f"[members.{toml_key(part)}]", _without(each[part], own)) for part in parts]
+        common = _common([each[part] for part in parts])
+        tables.append((f"[members.{toml_key(name)}]", _without(common, shared if len(each) > 1 else {})))
+        tables += [(f"[members.{toml_key(part)}]", _without(each[part], common)) for part in parts]
     return sections, [(header, values) for header, values in tables if values]
 
 

@@ -143,7 +143,7 @@ def draft_study(
 def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, dict[str, tuple[int, int]]]:
     """Return node and direction of each response and force that is a translation, by label."""
     out: dict[str, dict[str, tuple[int, int]]] = {"outputs": {}, "inputs": {}}
-    left: list[str] = []
+    skipped: list[str] = []
     strains = list(dict.fromkeys(x for frf in frfs for x in frf.strain))
     if strains:
         notes.append(
@@ -165,9 +165,9 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
             if 1 <= abs(direction) <= 3:
                 part[label] = node, direction
             else:
-                left.append(label)
-    if left:
-        notes.append(f"the channels {', '.join(left[:8])} are no translations and left out")
+                skipped.append(label)
+    if skipped:
+        notes.append(f"the channels {', '.join(skipped[:8])} are no translations and left out")
     return out
 
 

@@ -24,7 +24,7 @@ TOUCH = 1e-6
 """Points nearer than this part of the structure's size are one place."""
 
 MOST_ELEMENTS = 30_000
-"""Elements of a mesh, unless the study allows more: modes of so many take some seconds and 0.6 GB."""
+"""Elements of a mesh, unless the study allows more: their modes take some seconds and 0.6 GB."""
 
 PER_BENDING_WAVE = 12
 """Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
@@ -330,15 +330,15 @@ def _aimed_size(
     total: float,
     max_frequency: float,
     size: float | None,
-    own: tuple[float | None, int | None],
+    of_member: tuple[float | None, int | None],
     at_least: int,
 ) -> tuple[float, str]:
     """Return the element size of a member, and its cause: a key of the study, or waves."""
-    own_size, count = own
+    member_size, count = of_member
     if count is not None:
         return total / count, "elements"
-    if own_size is not None:
-        return own_size, "element_size of the member"
+    if member_size is not None:
+        return member_size, "element_size of the member"
     if p.theory == "bar" and p.pretension == 0:  # between its elements it would be a mechanism
         return total, "elements"
     if size is not None:

@@ -1,4 +1,4 @@
-"""Where each key and value of a TOML text stands.
+"""Positions of the keys and values of a TOML text.
 
 ``tomllib`` gives values without places. This scan of a text that ``tomllib`` has accepted gives the places.
 """

@@ -126,21 +126,21 @@ def _point(t: Table, case: _Case, geometry: Geometry) -> None:
 
 def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
     """Read prescribed motions of a support or of a joint's rigid directions."""
-    held = {
+    fixed = {
         e.name: tuple(e.fixed if isinstance(e, Support) else e.rigid)
         for e in holders
         if isinstance(e, Support | Joint)
     }
     name = t.text("support")
-    if name not in held:
-        t.refuse("support", f"there is no support or joint '{name}'; {suggest(name, held)}")
+    if name not in fixed:
+        t.refuse("support", f"there is no support or joint '{name}'; {suggest(name, fixed)}")
     inner = t.table("settlement")
     for direction in DIRECTIONS:
         value = inner.number(direction, None, unit="rad" if direction[0] == "r" else "m")
         if value is None:
             continue
-        if direction not in held[name]:
-            words = ", ".join(held[name]) or "no direction"
+        if direction not in fixed[name]:
+            words = ", ".join(fixed[name]) or "no direction"
             inner.refuse(direction, f"'{name}' does not hold {direction}; it holds {words}")
         key = name, direction
         case.displacements[key] = case.displacements.get(key, 0.0) + value

@@ -83,11 +83,11 @@ class RawMeasurement:
 
 
 def read_files(
-    top: Table, folder: Path, notes: list[str], said: list[str]
+    top: Table, folder: Path, notes: list[str], file_notes: list[str]
 ) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
     """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m].
 
-    ``notes`` gains the assumptions, ``said`` the readers' notes on the files.
+    ``notes`` gains the assumptions, ``file_notes`` the readers' notes on the files.
     """
     out: list[RawMeasurement] = []
     nodes: dict[int, NDArray[np.float64]] = {}
@@ -105,15 +105,15 @@ def read_files(
         if scale == 0:
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
         with t.at("file"):
-            read = _read(t, folder, files, kind, (notes, said))
+            read = _read(t, folder, files, kind, (notes, file_notes))
             frfs = list(read.frfs)
             if read.points is not None:
                 points = zip(read.points.labels, read.points.coordinates, strict=True)
                 nodes.update({int(k): xyz for k, xyz in points})
         axis_factors = [_axis_factor(t, axis_unit, labels) for labels in read.axes]
-        again = _repeats(t, folder, kind, (notes, said), frfs)
+        again = _repeats(t, folder, kind, (notes, file_notes), frfs)
         averages = t.number("averages", read.averages, least=1)
-        coherent = _coherence(t, folder, read, said)
+        coherent = _coherence(t, folder, read, file_notes)
         chosen, viscous = t.text("compared", None), t.flag("viscous", False)
         compared = None if chosen is None else _existing(t, "compared", folder, chosen)
         if averages is not None and averages != int(averages):
@@ -129,14 +129,14 @@ def read_files(
             )
         t.finish()
         for i, frf in enumerate(frfs):
-            whole, scatter = frf, None
+            full, scatter = frf, None
             if again:
                 H = np.stack([frf.H, *(r[i].H for r in again)])
-                whole, scatter = replace(frf, H=H.mean(axis=0)), noise_from_repeats(H)
-            whole = replace(whole, frequency=axis_factors[i] * whole.frequency)
+                full, scatter = replace(frf, H=H.mean(axis=0)), noise_from_repeats(H)
+            full = replace(full, frequency=axis_factors[i] * full.frequency)
             with t.at("band"):
-                cut = whole.select(band=band)
-            known = [None if x is None else at_values_of(x, whole, cut) for x in (coherent[i], scatter)]
+                cut = full.select(band=band)
+            known = [None if x is None else at_values_of(x, full, cut) for x in (coherent[i], scatter)]
             H = np.conj(cut.H) if convention.conjugate else cut.H
             cut = replace(cut, H=scale * np.exp(1j * np.deg2rad(convention.phase)) * H)
             label = name if len(frfs) == 1 else f"{name} [{i + 1}]"
@@ -243,26 +243,26 @@ def _turned(again: Complexes, first: Complexes) -> str:
     turned one the nearest only where it is larger than the signal.
     """
     size = (np.abs(first) ** 2).sum(axis=0)
-    heard = size > 0
+    nonzero = size > 0
 
     def distance(words: str) -> float:
         d = (np.abs(_TURNS[words](again) - first) ** 2).sum(axis=0)
-        return float((d[heard] / size[heard]).mean()) if heard.any() else 0.0
+        return float((d[nonzero] / size[nonzero]).mean()) if nonzero.any() else 0.0
 
     return min(_TURNS, key=distance)
 
 
-def _coherence(t: Table, folder: Path, read: Reading, said: list[str]) -> list[NDArray[np.float64] | None]:
+def _coherence(t: Table, folder: Path, read: Reading, notes: list[str]) -> list[NDArray[np.float64] | None]:
     """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
     file, frfs = t.text("coherence", None), read.frfs
     if file is None:
-        own = [_coherence_in(read.functions, frf) for frf in frfs]
-        return own if read.coherence is None else [read.coherence, *own[1:]]
+        of_functions = [_coherence_in(read.functions, frf) for frf in frfs]
+        return of_functions if read.coherence is None else [read.coherence, *of_functions[1:]]
     path = _existing(t, "coherence", folder, file)
     if path.suffix.lower() in UFF_SUFFIXES:
         with t.at("coherence"):
             other = read_quietly(path, FRFKind.ACCELERANCE)
-        said.extend(notes_of(other))
+        notes.extend(notes_of(other))
         found = [_coherence_in(other.functions, frf) for frf in frfs]
     elif path.suffix.lower() == ".npz":
         with t.at("coherence"):
@@ -314,7 +314,7 @@ def array_for(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
         )
         raise ValueError(msg)
     outputs, inputs = (
-        [n for n in have if n in own] for have, own in zip(names, (frf.outputs, frf.inputs), strict=True)
+        [n for n in have if n in asked] for have, asked in zip(names, (frf.outputs, frf.inputs), strict=True)
     )
     of = FRF.from_arrays(f, np.zeros(values.shape), frf.kind, *names)
     here = frf.select(outputs, inputs)
@@ -344,13 +344,13 @@ def read_band(t: Table) -> tuple[float, float] | None:
 
 
 def _read(
-    t: Table, folder: Path, files: Sequence[str], kind: str | None, said: tuple[list[str], list[str]]
+    t: Table, folder: Path, files: Sequence[str], kind: str | None, note_lists: tuple[list[str], list[str]]
 ) -> Reading:
     """Read the FRFs of one file, or of several as one matrix.
 
-    ``said`` are the assumptions, and the readers' notes.
+    ``note_lists`` are the assumptions, and the readers' notes.
     """
-    assumed, notes = said
+    assumed, notes = note_lists
     asked, keys = _asked(t, kind)
     readings = []
     for k, file in enumerate(files):

@@ -102,16 +102,16 @@ def match(
 
 
 def _in_convention(frf: FRF, rows: Sequence[Channel], columns: Sequence[Channel]) -> NDArray[np.complex128]:
-    """Return FRFs with each sensor's and force's own convention set right."""
+    """Return FRFs with the convention of each sensor and force corrected."""
     flip = np.logical_xor.outer(*([c.convention.conjugate for c in part] for part in (rows, columns)))
     angle = np.add.outer(*([c.convention.phase for c in part] for part in (rows, columns)))
     H = np.where(flip, np.conj(frf.H), frf.H) * np.exp(1j * np.deg2rad(angle))
     for i, c in enumerate(rows):
-        own = c.convention.kind
-        power = 0 if own is None else frf.kind.derivatives - own.derivatives
+        old = c.convention.kind
+        power = 0 if old is None else frf.kind.derivatives - old.derivatives
         if power < 0 and frf.frequency[0] == 0:
             c.table.refuse(
-                "kind", f"the line at 0 Hz cannot be converted from {own} to {frf.kind}; exclude it with band"
+                "kind", f"the line at 0 Hz cannot be converted from {old} to {frf.kind}; exclude it with band"
             )
         if power:
             H[:, i] *= ((1j * frf.omega) ** power)[:, None]

@@ -125,8 +125,8 @@ class UpdatePlan:
     settings : UpdateSettings
     effects : tuple of Effect
         Candidates that parameters are of and the model has not; they join it for the update.
-    beside : tuple of Nuisance
-        What is uncertain beside the unknowns.
+    nuisances : tuple of Nuisance
+        Further uncertain parameters.
     """
 
     to: tuple[str, ...] = ()
@@ -134,7 +134,7 @@ class UpdatePlan:
     damping: bool = True
     settings: UpdateSettings = UpdateSettings()  # noqa: RUF009 - frozen
     effects: tuple[Effect, ...] = ()
-    beside: tuple[Nuisance, ...] = ()
+    nuisances: tuple[Nuisance, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,34 +166,34 @@ class RawModes:
 
 
 def read_raw_modes(
-    top: Table, folder: Path, said: list[str], key: str = "modes", beside: Sequence[str] = ()
+    top: Table, folder: Path, file_notes: list[str], key: str = "modes", more_keys: Sequence[str] = ()
 ) -> RawModes | None:
-    """Read ``[modes]``: the modes of a file, or frequencies alone; ``said`` gains the reader's notes.
+    """Read ``[modes]``: the modes of a file, or frequencies alone; ``file_notes`` gains the reader's notes.
 
-    Another table may have the same keys, with others ``beside`` them.
+    Another table may have the same keys, and ``more_keys``.
     """
-    return _raw_modes_of(top.table(key), folder, said, beside)
+    return _raw_modes_of(top.table(key), folder, file_notes, more_keys)
 
 
-def read_states(top: Table, folder: Path, said: list[str], test: ModalTest) -> tuple[State, ...]:
-    """Read ``[[states]]``: the modes of later states, in their order; ``said`` gains notes."""
+def read_states(top: Table, folder: Path, file_notes: list[str], test: ModalTest) -> tuple[State, ...]:
+    """Read ``[[states]]``: the modes of later states, in their order; ``file_notes`` gains notes."""
     out: list[State] = []
     for k, t in enumerate(top.tables("states"), 1):
         name = t.text("name", f"state {k}")
-        modes = match_modes(_raw_modes_of(t, folder, said, ()), test, said)
+        modes = match_modes(_raw_modes_of(t, folder, file_notes, ()), test, file_notes)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
         out.append(State(name, modes))
     return tuple(out)
 
 
-def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]) -> RawModes | None:
+def _raw_modes_of(t: Table, folder: Path, file_notes: list[str], more_keys: Sequence[str]) -> RawModes | None:
     for one in MODE_STD:
         if not isinstance(t.get(one, None), list):
             t.number(one, None, above=0)
     frequency, zeta = t.vector("frequency", None, None, "Hz"), t.vector("zeta", None, None, "-")
     file = t.text("file", None)
-    for one in ("numbers", "plane", "held_out", "sensors", "excitations", *beside):
+    for one in ("numbers", "plane", "held_out", "sensors", "excitations", *more_keys):
         t.get(one, None)
     t.finish()
     if not t.values:
@@ -223,7 +223,7 @@ def _raw_modes_of(t: Table, folder: Path, said: list[str], beside: Sequence[str]
         if path.suffix.lower() in UFF_SUFFIXES:
             uff = read_quietly(path)
             modes = uff.one_set_of_modes()
-            said.extend(notes_of(uff))
+            file_notes.extend(notes_of(uff))
             if uff.points is not None:
                 labels, xyz = uff.points.labels.tolist(), uff.points.coordinates
                 nodes = dict(zip(labels, xyz, strict=True))
@@ -338,8 +338,8 @@ def _std(t: Table, key: str, n: int, default: np.ndarray) -> np.ndarray:
 def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
     """Return numbers of modes, counted from 1."""
     value = t.get(key, [])
-    whole = isinstance(value, list) and all(isinstance(v, int) and not isinstance(v, bool) for v in value)
-    if not whole or len(set(value)) < len(value) or any(not 1 <= v <= most for v in value):
+    allowed = isinstance(value, list) and all(isinstance(v, int) and not isinstance(v, bool) for v in value)
+    if not allowed or len(set(value)) < len(value) or any(not 1 <= v <= most for v in value):
         t.refuse(key, f"{value} is not allowed; different whole numbers from 1 to {most} are needed")
     return tuple(value)
 
@@ -398,10 +398,10 @@ def read_plan(
     damping = t.flag("damping", True)
     with t.at():
         settings = UpdateSettings(
-            n_starts=t.whole("starts", 1, most=1000),
+            n_starts=t.integer("starts", 1, most=1000),
             select=t.text("select", "", ("pivoting", "forward")),
             regularisation=t.text("regularisation", "", ("tikhonov",)),
-            n_samples=t.whole("samples", 0, least=0, most=1_000_000),
+            n_samples=t.integer("samples", 0, least=0, most=1_000_000),
         )
     unknowns: list[Unknown] = []
     seen: dict[ParameterRef, int] = {}

@@ -70,8 +70,8 @@ def read_sections(top: Table, folder: Path, notes: list[str]) -> Sections:
             t.refuse("file", f"there is no file '{path}'")
         with t.at("file"):
             rows = section_rows(path, notes)
-    own = {name: read_section(t.table(name), name) for name in t.values if name != "file" or not rows}
-    return Sections(own, rows, read_section)
+    written = {name: read_section(t.table(name), name) for name in t.values if name != "file" or not rows}
+    return Sections(written, rows, read_section)
 
 
 def read_section(t: Table, label: str = "") -> Section:
@@ -99,7 +99,7 @@ def read_section(t: Table, label: str = "") -> Section:
         section = _polygon(t, label)
     else:
         sizes: dict[str, float] = {
-            key: t.whole(key, least=3) if key == "n" else t.number(key, above=0, unit="m")
+            key: t.integer(key, least=3) if key == "n" else t.number(key, above=0, unit="m")
             for key in SHAPES[shape]
         }
         for key in OPTIONS.get(shape, ()):
@@ -107,18 +107,18 @@ def read_section(t: Table, label: str = "") -> Section:
                 sizes[key] = t.number(key) if key == "nu" else t.number(key, least=0, unit="m")
         with t.at():
             section = Section.of_shape(shape, **sizes)
-    own = {key: _constant(t, key) for key in constants if key in t}
-    own |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
-    if own and shape != "polygon":
+    given = {key: _constant(t, key) for key in constants if key in t}
+    given |= {key: t.number(key, least=0) for key in ("ky", "kz") if key in t}
+    if given and shape != "polygon":
         with t.at():
             section = replace(
                 section,
-                **own,
+                **given,
                 Ip=0.0,
                 shape="",
                 dimensions={},
-                label=f"{section.label}, {', '.join(own)} as given",
-                estimated_k=section.estimated_k and not {"ky", "kz"} & set(own),
+                label=f"{section.label}, {', '.join(given)} as given",
+                estimated_k=section.estimated_k and not {"ky", "kz"} & set(given),
             )
     t.finish()
     return section
@@ -181,10 +181,10 @@ def note_one_sided(members: Mapping[str, MemberProperties]) -> list[str]:
 
 @dataclass(slots=True)
 class MemberTables:
-    """Where the properties of a member may stand: its own table, that of its group, ``[defaults]``."""
+    """Tables that may give a member's properties: its table, that of its group, ``[defaults]``."""
 
     tables: list[Table]
-    own: Table
+    member_table: Table
 
     def holder(self, key: str) -> Table | None:
         """Return the first table that has a key."""
@@ -211,17 +211,17 @@ def read_members(
             members.refuse(name, f"the mesh has no member or group '{name}'; {suggest(name, known)}{hint}")
     out, sizes, layers = {}, {}, []
     for name in mesh.members:
-        own = tables.get(name, members)
+        member_table = tables.get(name, members)
         groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
-        chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], own)
+        chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], member_table)
         out[name] = _properties(chain, name, materials, sections)
         points = mesh.points[mesh.lines[mesh.members[name]]]
-        holder = chain.holder("orientation") or own
+        holder = chain.holder("orientation") or member_table
         with holder.at("orientation"):
             local_axes(points[:, 1] - points[:, 0], out[name].orientation, name)
         zones, length = out[name].rigid1 + out[name].rigid2, mesh.member_length(name)
         if zones >= 0.999 * length:
-            own.refuse(
+            member_table.refuse(
                 "",
                 f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m",
             )
@@ -245,7 +245,7 @@ def _properties(
     material = read("material", lambda t: _named(t, "material", materials), None)
     if material is None:
         if len(materials) != 1:
-            chain.own.refuse(
+            chain.member_table.refuse(
                 "",
                 f"member '{name}' has no material; give it one, or one to [defaults]; "
                 f"{suggest('', materials)}",
@@ -254,14 +254,14 @@ def _properties(
     section = read("section", lambda t: _section(t, "section", sections), None)
     if section is None:
         if len(sections) != 1:
-            chain.own.refuse(
+            chain.member_table.refuse(
                 "",
                 f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}",
             )
         (section,) = sections.values()
     zero = np.zeros(3)
     orientation = read("orientation", lambda t: t.direction("orientation"), None)
-    with chain.own.at():
+    with chain.member_table.at():
         return MemberProperties(
             material,
             section,
@@ -309,14 +309,14 @@ def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
     size, count = chain.holder("element_size"), chain.holder("elements")
     return (
         None if size is None else size.number("element_size", above=0, unit="m"),
-        None if count is None else count.whole("elements"),
+        None if count is None else count.integer("elements"),
     )
 
 
 def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
     """Read ``[[supports]]``; those with axes of their own are joints to the ground.
 
-    One at a set of points of the mesh stands for one at each of them.
+    One at a set of points of the mesh means one at each of them.
     """
     out: list[Effect] = []
     for t in top.tables("supports"):
@@ -401,11 +401,12 @@ def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, t
     others: tuple[ConnectionDamping, ...] = ()
     if "connections" in t:
         inner = t.table("connections")
-        own = [inner.vector(key, size=None, unit=unit) for key, unit in (("frequency", "Hz"), ("ratio", "-"))]
+        f = inner.vector("frequency", size=None, unit="Hz")
+        zeta = inner.vector("ratio", size=None, unit="-")
         inner.finish()
         with t.at("connections"):
-            Damping.modal(own[1], own[0], powers=True)  # its error names the fault
-        others = (ConnectionDamping(frequency=own[0], ratio=own[1]),)
+            Damping.modal(zeta, f, powers=True)  # its error names the fault
+        others = (ConnectionDamping(frequency=f, ratio=zeta),)
     damping = Damping(
         modal.frequency,
         modal.ratio,

@@ -145,8 +145,8 @@ def input_files(study: Path) -> tuple[InputFile, ...]:
                 with suppress(OSError, MatricesError):
                     base, files = matrix_files(path)
                     stems = (f"{path.stem}.", f"{base}.", *(f"{file.stem}." for file in files.values()))
-                    beside = [p for p in path.parent.iterdir() if p.name.startswith(stems)]
-                    out += [InputFile(p, what) for p in beside if not p.name.endswith(CONDENSED)]
+                    siblings = [p for p in path.parent.iterdir() if p.name.startswith(stems)]
+                    out += [InputFile(p, what) for p in siblings if not p.name.endswith(CONDENSED)]
             elif keys in (("mesh", "file"), ("superelements", "deck"), ("superelements", "node_sets")):
                 out += [InputFile(p, f"included by {what}") for p in _included(path)]
     return tuple(out)

@@ -35,7 +35,7 @@ def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ..
 
 
 @contextmanager
-def beside_implausible(odd: Sequence[str]) -> Iterator[None]:
+def naming_implausible(odd: Sequence[str]) -> Iterator[None]:
     """Add the implausible values of a model to errors of computing with it, for they may be the cause."""
     try:
         yield
@@ -71,9 +71,9 @@ def path_of(s: Suspicion, tree: Tree, mesh: Mesh) -> Path:
 def path_of_request(reason: TooManyElementsError, tree: Tree, mesh: Mesh) -> Path:
     """Return where a study asks for more elements than are made."""
     if reason.key != "waves":
-        key, _, own = reason.key.partition(" ")
+        key, _, of_member = reason.key.partition(" ")
         path = (*holder(tree, mesh, reason.member, key), key)
-        return path if own or key == "elements" else ("mesh", key)
+        return path if of_member or key == "elements" else ("mesh", key)
     for s in reason.suspicions:
         return path_of(s, tree, mesh)
     return ("frequency", "stop") if "stop" in tree.get("frequency", {}) else ("members", reason.member)

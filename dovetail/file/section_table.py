@@ -39,7 +39,7 @@ class Sections(Mapping[str, Section]):
 
     Attributes
     ----------
-    own : mapping of str to Section
+    given : mapping of str to Section
         Those of the study's ``[sections.NAME]``.
     rows : mapping of str to Table
         Those of its table.
@@ -47,14 +47,14 @@ class Sections(Mapping[str, Section]):
         Makes a section of a row and a name.
     """
 
-    own: Mapping[str, Section]
+    given: Mapping[str, Section]
     rows: Mapping[str, Table]
     read: Reader
     _known: dict[str, Section] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Section:
-        if name in self.own:
-            return self.own[name]
+        if name in self.given:
+            return self.given[name]
         if name not in self._known:
             self._known[name] = self.read(self._row(name), name)
         return self._known[name]
@@ -69,13 +69,13 @@ class Sections(Mapping[str, Section]):
 
     def __contains__(self, name: object) -> bool:
         try:
-            return name in self.own or bool(self._row(str(name)))
+            return name in self.given or bool(self._row(str(name)))
         except KeyError:
             return False
 
     def __iter__(self) -> Iterator[str]:
-        yield from self.own
-        yield from (name for name in self.rows if name not in self.own)
+        yield from self.given
+        yield from (name for name in self.rows if name not in self.given)
 
     def __len__(self) -> int:
         return len(list(iter(self)))

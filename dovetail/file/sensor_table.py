@@ -120,12 +120,12 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
     """Return the heading of each key, and the metres in the unit of each coordinate."""
     found: dict[str, str] = {}
     units: dict[str, float] = {}
-    left: list[str] = []
+    unused: list[str] = []
     for title in head:
         unit = _UNIT.search(title)
         key = COLUMNS.get((title[: unit.start()] if unit else title).strip().lower())
         if key is None:
-            left += [title] if title else []
+            unused += [title] if title else []
             continue
         if key in found:
             msg = f"{name}, column {title}: the column {found[key]} says the same"
@@ -136,7 +136,7 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
                 msg = f"{name}, column {title}: the unit '{unit[1]}' is not allowed; {', '.join(SCALES)} are"
                 raise StudyError(msg)
             units[key] = SCALES[unit[1]]
-    for title in left:
+    for title in unused:
         close = difflib.get_close_matches(title.lower(), COLUMNS, 1, 0.75)
         hint = f"; did you mean '{close[0]}'?" if close else ""
         notes.append(f"{name}: the column {title} is not used{hint}")

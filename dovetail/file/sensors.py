@@ -45,9 +45,9 @@ class Convention:
     kind: FRFKind | None = None
 
 
-def read_convention(t: Table, own_kind: bool = False) -> Convention:
+def read_convention(t: Table, is_sensor: bool = False) -> Convention:
     """Read ``conjugate``, ``phase`` and, of a sensor, ``kind``."""
-    kind = t.text("kind", None, [str(k) for k in FRFKind]) if own_kind else None
+    kind = t.text("kind", None, [str(k) for k in FRFKind]) if is_sensor else None
     return Convention(
         t.flag("conjugate", False),
         t.number("phase", 0.0, unit="deg"),
@@ -130,7 +130,7 @@ def read_sensors(
     bodies = sprung_points(top, geometry)
     for t in _tables(top, "sensors", folder, notes, attempt):
         with attempt():
-            found = list(_sensors_of(t, geometry, nodes, notes, bodies, own_kind=True))
+            found = list(_sensors_of(t, geometry, nodes, notes, bodies, is_sensor=True))
             t.finish()
             for channel in found:
                 if channel.sensor.name in seen:
@@ -144,9 +144,9 @@ def read_sensors(
 
 
 def _sensors_of(
-    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, own_kind: bool = False
+    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, is_sensor: bool = False
 ) -> Iterator[Channel]:
-    if own_kind and t.text("quantity", MOTION, (MOTION, STRAIN)) == STRAIN:
+    if is_sensor and t.text("quantity", MOTION, (MOTION, STRAIN)) == STRAIN:
         gauge = _placed(t, geometry, read_strain_gauge(t, geometry), notes)
         yield Channel(gauge, t, t.text("label", ""), convention=read_convention(t))
         return
@@ -158,8 +158,8 @@ def _sensors_of(
     body = t.text("on", "")
     if body and "mass" in t:
         t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
-    relative = own_kind and t.flag("relative", False)
-    convention = read_convention(t, own_kind)
+    relative = is_sensor and t.flag("relative", False)
+    convention = read_convention(t, is_sensor)
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
@@ -178,9 +178,9 @@ def _sensors_of(
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
-            own = mass if k == 0 else 0.0  # one body with several channels
+            channel_mass = mass if k == 0 else 0.0  # one body with several channels
             sensor = _placed(
-                t, geometry, Sensor(name, xyz, direction, member, gain, own, relative, body), notes
+                t, geometry, Sensor(name, xyz, direction, member, gain, channel_mass, relative, body), notes
             )
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
@@ -215,7 +215,7 @@ def _places(
             for word, xyz, member, node in _places(inner, geometry, nodes, bodies, many=False):
                 yield names[i] if names else word, xyz, member, node
         return
-    node = t.whole("node", None)
+    node = t.integer("node", None)
     if "on" in t:
         body = t.text("on")
         for key in ("point", "member", "position"):
@@ -234,10 +234,10 @@ def _places(
     elif node is not None:
         if node not in nodes:
             none = "have no coordinates of nodes (dataset 15 or 2411)"
-            held = f"have {len(nodes)} nodes" if nodes else none
+            known = f"have {len(nodes)} nodes" if nodes else none
             t.refuse(
                 "node",
-                f"there is no node {node} in the measured files, which {held}; give point, or "
+                f"there is no node {node} in the measured files, which {known}; give point, or "
                 "member and position",
             )
         yield str(node), nodes[node], None, node
@@ -273,9 +273,9 @@ def read_excitations(
     notes: list[str],
     attempt: Attempt,
     folder: Path,
-    held: NDArray[np.float64],
+    base: NDArray[np.float64],
 ) -> list[Channel]:
-    """Read ``[[excitations]]``; ``folder`` is the study's, ``held`` (3,) where the base holds it [m]."""
+    """Read ``[[excitations]]``; ``folder`` is the study's, ``base`` (3,) where the base holds it [m]."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
     for t in _tables(top, "excitations", folder, notes, attempt):
@@ -293,7 +293,7 @@ def read_excitations(
                     )
                 found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
             elif "base" in t:
-                found = [_base_motion(t, held)]
+                found = [_base_motion(t, base)]
             else:
                 found = list(_sensors_of(t, geometry, nodes, notes, sprung_points(top, geometry)))
             t.finish()
@@ -311,15 +311,15 @@ def read_excitations(
     return out
 
 
-def _base_motion(t: Table, held: NDArray[np.float64]) -> Channel:
+def _base_motion(t: Table, base: NDArray[np.float64]) -> Channel:
     """Return an excitation that is the acceleration of the base along ``base``."""
     word, sign = t.get("base"), t.number("sign", 1.0)
     if abs(sign) != 1:
         t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
     name = t.text("name", f"base {word}" if isinstance(word, str) else "base")
     direction = sign * t.direction("base", word)
-    motion = BaseMotion(name, held, direction, gain=t.number("gain", 1.0, above=0))
-    return Channel(motion, t, t.text("label", ""), t.whole("node", None), (), read_convention(t))
+    motion = BaseMotion(name, base, direction, gain=t.number("gain", 1.0, above=0))
+    return Channel(motion, t, t.text("label", ""), t.integer("node", None), (), read_convention(t))
 
 
 def channels_of_labels(

@@ -36,13 +36,13 @@ def read_fit(fit: Table) -> FitSettings:
     """Read ``[fit]`` except ``held_out``, which needs the sensors and excitations."""
     return FitSettings(
         read_band(fit),
-        fit.whole("lines", None, 8, MOST_LINES),
+        fit.integer("lines", None, 8, MOST_LINES),
         _model_error(fit),
     )
 
 
 def _model_error(fit: Table) -> float:
-    """Return the level that beams may leave [nepers]; 0 where the form is said to be right."""
+    """Return the level that beams may leave [nepers]; 0 where the study states that the form is right."""
     stated = fit.number("model_error", None, least=0.0, unit="neper")
     if fit.flag("form", True):
         return EXPLAINED_LEVEL if stated is None else stated

@@ -1,4 +1,4 @@
-"""Suspicions about measured FRFs beside the model's: their unit, their kind, their frequency axis.
+"""Suspicions about measured FRFs compared with the model's: their unit, their kind, their frequency axis.
 
 Data and model may each be at fault, and nothing here tells which. So these are warnings that give both
 suspects with the size of their fault. Proofs by phase and causality are in :mod:`dovetail.file.conventions`.
@@ -60,8 +60,8 @@ _LEAST_LINES = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BesideModel:
-    """Some lines of measured FRFs beside the model's.
+class RatioToModel:
+    """Ratio of measured FRFs to the model's at some lines.
 
     Attributes
     ----------
@@ -126,11 +126,11 @@ class LazyComparison:
         return [cls(model, system, m) for m in measurements]
 
     @cached_property
-    def beside(self) -> BesideModel | None:
-        """Some lines of the measurement beside the model's; None where there are too few."""
+    def to_model(self) -> RatioToModel | None:
+        """Ratio of the measurement to the model at some lines; None where there are too few."""
         return self.on_axis(1.0)
 
-    def on_axis(self, factor: float) -> BesideModel | None:
+    def on_axis(self, factor: float) -> RatioToModel | None:
         """Return the same with a factor on the measured frequencies, as if they were in another unit.
 
         None where the mesh shows nothing at such frequencies.
@@ -141,7 +141,7 @@ class LazyComparison:
         if factor > 1 and not _shown(self._system(), float(np.median(frequency))):
             return None
         frf = self.measurement.frf
-        return _beside(frequency, frf.H[self._lines], self._computed(frequency), frf.is_strain)
+        return _ratio_to_model(frequency, frf.H[self._lines], self._computed(frequency), frf.is_strain)
 
     @cached_property
     def _lines(self) -> NDArray[np.int64]:
@@ -175,12 +175,12 @@ def _shown(system: System, frequency: float) -> bool:
     return bool(moved.any()) and 2 * np.pi * frequency < float(np.median(np.sqrt(K[moved] / M[moved])))
 
 
-def _beside(
+def _ratio_to_model(
     frequency: NDArray[np.float64],
     measured: NDArray[np.complex128],
     H: NDArray[np.complex128],
     strain: NDArray[np.bool_],
-) -> BesideModel:
+) -> RatioToModel:
     H = np.where(np.isfinite(H), H, 0.0)  # at a resonance without damping there is no ratio
     # Motions by rounding alone, as across the plane of a plane frame, have no ratio.
     size = np.median(np.abs(H), axis=0)
@@ -189,7 +189,7 @@ def _beside(
         largest[alike] = size[alike].max(initial=0.0)
     there = (H != 0) & (size > _MOVES * largest)
     ratio = np.where(there, measured / np.where(there, H, 1.0), complex("nan"))
-    return BesideModel(frequency, ratio, H)
+    return RatioToModel(frequency, ratio, H)
 
 
 def suspicions(
@@ -212,23 +212,23 @@ def suspicions(
     """
     out = []
     for c, r, e in zip(comparisons, raw, evidence, strict=True):
-        beside = c.beside if r.check_units else None
-        if beside is None:
+        to_model = c.to_model if r.check_units else None
+        if to_model is None:
             continue
-        text = _axis_words(c, beside, r.axis_unit) or _size_words(c.measurement.frf, beside, e)
+        text = _axis_words(c, to_model, r.axis_unit) or _size_words(c.measurement.frf, to_model, e)
         if text:
             out.append(f"the FRFs of {r.name} {text}; check_units = false switches this check off")
     return out
 
 
-def _axis_words(comparison: LazyComparison, beside: BesideModel, given: str) -> str:
+def _axis_words(comparison: LazyComparison, to_model: RatioToModel, given: str) -> str:
     """Return of which other unit the frequencies look, for one that halves the misfit to the model.
 
     ``given`` is the unit that the study says.
     """
-    if not beside.misfit > POOR_DECADES:
+    if not to_model.misfit > POOR_DECADES:
         return ""
-    best, name = 0.5 * beside.misfit, ""
+    best, name = 0.5 * to_model.misfit, ""
     size = FREQUENCY_UNITS[given]
     first = {f: unit for unit, f in reversed(FREQUENCY_UNITS.items()) if f != size}  # of units of one size
     for factor, unit in first.items():
@@ -240,31 +240,31 @@ def _axis_words(comparison: LazyComparison, beside: BesideModel, given: str) -> 
     f = comparison.measurement.frf.frequency / size
     factor = FREQUENCY_UNITS[name] / size
     return (
-        f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median misfit "
-        f"of the amplitudes {20 * best:.2g} dB; in {given} {20 * beside.misfit:.2g} dB): either they are in "
-        f'{name}, and frequency_unit = "{name}" converts them, or the model\'s natural frequencies are off '
-        f"by a factor of {factor:.4g}"
+        f"fit the model better if their frequencies, {f[0]:.4g} to {f[-1]:.4g}, are in {name} (median "
+        f"misfit of the amplitudes {20 * best:.2g} dB; in {given} {20 * to_model.misfit:.2g} dB): either "
+        f'they are in {name}, and frequency_unit = "{name}" converts them, or the model\'s natural '
+        f"frequencies are off by a factor of {factor:.4g}"
     )
 
 
-def _medians(beside: BesideModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _medians(to_model: RatioToModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return decimal logarithms of frequencies and of measured over computed, the median over channels."""
-    log = beside.log.reshape(beside.frequency.size, -1)
+    log = to_model.log.reshape(to_model.frequency.size, -1)
     log = log[:, np.isfinite(log).mean(axis=0) > 0.5]
     some = np.isfinite(log).any(axis=1)
     if some.sum() < _LEAST_LINES:
         return np.zeros(0), np.zeros(0)
-    return np.log10(beside.frequency[some]), np.nanmedian(log[some], axis=1)
+    return np.log10(to_model.frequency[some]), np.nanmedian(log[some], axis=1)
 
 
-def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -> str:
+def _size_words(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None) -> str:
     """Return a likely cause of the ratio of measured to computed FRFs; nothing where it is about 1."""
-    x, y = _medians(beside)
+    x, y = _medians(to_model)
     if not x.size:
         return ""
     level, _ = _centre(y)
     factor = 10**level
-    like = kind_beside_model(frf, beside, evidence)
+    like = kind_by_model(frf, to_model, evidence)
     if like is not None:
         return (
             f"are called {frf.kind}, and beside the model's they look like {like}, {factor:.3g} times the "
@@ -294,19 +294,19 @@ def _size_words(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -
     )
 
 
-def kind_beside_model(frf: FRF, beside: BesideModel, evidence: PhaseEvidence | None) -> FRFKind | None:
-    """Return the kind that FRFs look like beside the model's, None for their own.
+def kind_by_model(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None) -> FRFKind | None:
+    """Return the kind that FRFs look like compared with the model's, None for the stated one.
 
     Parameters
     ----------
     frf : FRF
         Measured; its strains say nothing of the kind.
-    beside : BesideModel
+    to_model : RatioToModel
     evidence : PhaseEvidence or None
         A kind whose phase it contradicts is left out.
     """
     kind, moving = frf.kind, ~frf.is_strain
-    x, y = _medians(BesideModel(beside.frequency, beside.ratio[:, moving], beside.computed[:, moving]))
+    x, y = _medians(RatioToModel(to_model.frequency, to_model.ratio[:, moving], to_model.computed[:, moving]))
     if not x.size:
         return None
     level, spread = _centre(y)

@@ -127,7 +127,7 @@ class Table:
             self.refuse(key, f"{_shown(value)} is not allowed; {words} is needed")
         return float(value)
 
-    def whole(self, key: str, default: Any = MISSING, least: int = 1, most: int = MOST) -> int:
+    def integer(self, key: str, default: Any = MISSING, least: int = 1, most: int = MOST) -> int:
         """Return a whole number, at least and at most a bound."""
         value = self.get(key, default)
         if value is default and default is not MISSING:

@@ -107,7 +107,7 @@ def without(text: str, *paths: Path) -> str:
         places = places_of(text)
         if path in places.pairs:
             first, last = places.pairs[path]
-            start, stop = _whole_lines(text, first, last)
+            start, stop = _full_lines(text, first, last)
             if start is None:
                 text = _cut(text, first, last)
                 continue
@@ -123,7 +123,7 @@ def without(text: str, *paths: Path) -> str:
     return text
 
 
-def _whole_lines(text: str, first: int, last: int) -> tuple[int | None, int]:
+def _full_lines(text: str, first: int, last: int) -> tuple[int | None, int]:
     """Return the lines that a pair alone is on; None for a pair inside an inline table."""
     start = text.rfind("\n", 0, first) + 1
     stop = text.find("\n", last)

@@ -62,10 +62,10 @@ def shear_std(top: Table) -> float:
 def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) -> list[Nuisance]:
     out = []
     for name in materials:
-        own = t.table(name)
+        inner = t.table(name)
         for key in ("E", "rho"):
-            out.append(Nuisance("frame", f"{key}:{name}", own.number(key, std[key], least=0)))
-        own.finish()
+            out.append(Nuisance("frame", f"{key}:{name}", inner.number(key, std[key], least=0)))
+        inner.finish()
     t.finish()
     return out
 
@@ -74,10 +74,10 @@ def _of_parts(t: Table, parts: Iterable[Superelement], std: float) -> list[Nuisa
     """Read the table of parts; a mass is known better than a stiffness, by :data:`MASS_SHARE`."""
     out = []
     for part in parts:
-        own = t.table(part.name)
-        out.append(Nuisance(part.name, "stiffness", own.number("stiffness", std, least=0)))
-        out.append(Nuisance(part.name, "mass", own.number("mass", MASS_SHARE * std, least=0)))
-        own.finish()
+        inner = t.table(part.name)
+        out.append(Nuisance(part.name, "stiffness", inner.number("stiffness", std, least=0)))
+        out.append(Nuisance(part.name, "mass", inner.number("mass", MASS_SHARE * std, least=0)))
+        inner.finish()
     t.finish()
     return out
 
@@ -85,22 +85,22 @@ def _of_parts(t: Table, parts: Iterable[Superelement], std: float) -> list[Nuisa
 def _of_joints(t: Table, joints: Iterable[Joint], std: float) -> list[Nuisance]:
     out = []
     for joint in joints:
-        own = t.table(joint.name)
-        whole = own.number("k", std, least=0)
+        inner = t.table(joint.name)
+        all_k = inner.number("k", std, least=0)
         for d in DIRECTIONS:
-            value = own.number(f"k{d}", whole, least=0)
+            value = inner.number(f"k{d}", all_k, least=0)
             if d in joint.elastic:
                 out.append(Nuisance(joint.name, f"k{d}", value))
-            elif f"k{d}" in own.values:
-                own.refuse(
+            elif f"k{d}" in inner.values:
+                inner.refuse(
                     f"k{d}",
                     f"joint '{joint.name}' has no stiffness in {d}; elastic are "
                     f"{', '.join(joint.elastic) or 'none'}",
                 )
-        eta = own.number("eta", 0.0, least=0)
+        eta = inner.number("eta", 0.0, least=0)
         if eta and not joint.eta:
-            own.refuse("eta", f"joint '{joint.name}' has no loss factor")
+            inner.refuse("eta", f"joint '{joint.name}' has no loss factor")
         out.append(Nuisance(joint.name, "eta", eta))
-        own.finish()
+        inner.finish()
     t.finish()
     return out

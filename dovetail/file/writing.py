@@ -33,12 +33,12 @@ def with_parameters(text: str, values: Mapping[ParameterRef, float]) -> str:
         else:
             rest.setdefault(effect, {})[name] = value
     text = with_values(text, changes)
-    for effect, own in rest.items():
+    for effect, parameters in rest.items():
         here = tree.get("values", {}).get(effect)
         if here is None:
-            text = text.rstrip("\n") + "\n\n" + toml_table(f"[values.{toml_key(effect)}]", own)
+            text = text.rstrip("\n") + "\n\n" + toml_table(f"[values.{toml_key(effect)}]", parameters)
         else:
-            text = with_values(text, {("values", effect, k): v for k, v in own.items()})
+            text = with_values(text, {("values", effect, k): v for k, v in parameters.items()})
     return text
 
 
@@ -65,7 +65,7 @@ def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
             return [("effects", i, name)]  # also where it is left at its default
     for kind in ("joints", "masses", "sprung_masses", "viscoelastic"):
         for i, one in enumerate(_tables(tree, kind)):
-            if _own_name(kind, i, one) == effect:
+            if _name_of(kind, i, one) == effect:
                 spots: list[Path] = [(kind, i, name), (kind, i, "k", name), (kind, i, "c", name)]
                 if name[:1] == "k" and name[1:] in DIRECTIONS:
                     d = DIRECTIONS.index(name[1:])
@@ -83,7 +83,7 @@ def _tables(tree: Tree, key: str) -> list[Any]:
     return found if isinstance(found, list) else []  # sensors may be in a file of their own
 
 
-def _own_name(kind: str, i: int, one: Mapping[str, Any]) -> str:
+def _name_of(kind: str, i: int, one: Mapping[str, Any]) -> str:
     """Return the name of a joint, a mass or an element."""
     if "name" in one:
         return one["name"]
@@ -127,19 +127,19 @@ def with_effects(text: str, effects: Sequence[Effect], *, since_baseline: bool =
         entries = _tables(tomllib.loads(text), "effects")
         names = [e.get("name", f"known {e['candidate']}") for e in entries]
         same = [i for i, e in enumerate(entries) if e["candidate"] == candidate]
-        own = parameter_values(effect)
+        values = parameter_values(effect)
         instead = [(names.index(name), key) for name, key in effect.replaces() if name in names]
         same = [i for i in same if entries[i].get("since_baseline", False) == since_baseline]
-        if instead and {i for i, _ in instead} <= set(same) and instead[0][1] in own:
+        if instead and {i for i, _ in instead} <= set(same) and instead[0][1] in values:
             i, key = instead[0]
-            text = with_values(text, {("effects", i, key): float(own[key])})
+            text = with_values(text, {("effects", i, key): float(values[key])})
             continue
         name = f"known {candidate}"
         number = 2
         while name in names:
             name, number = f"known {candidate} ({number})", number + 1
-        own_name = "" if name == f"known {candidate}" else name
-        table = effect_table(effect, candidate, own_name, since_baseline=since_baseline)
+        given_name = "" if name == f"known {candidate}" else name
+        table = effect_table(effect, candidate, given_name, since_baseline=since_baseline)
         text = text.rstrip("\n") + "\n\n" + table
     return text
 

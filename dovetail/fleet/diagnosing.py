@@ -19,7 +19,7 @@ def diagnose_unit(typical: TypicalUnit, file: str) -> Record:
     """Diagnose a unit; return its verdict, findings and faults."""
     from dovetail.report import words
 
-    begun = time.process_time()
+    start_time = time.process_time()
     d = typical.diagnosis_of(Path(file))
     return {
         "file": file,
@@ -35,7 +35,7 @@ def diagnose_unit(typical: TypicalUnit, file: str) -> Record:
             for f in d.findings
         ],
         "faults": [words.fault_text(f) for f in d.faults],
-        "cpu_seconds": time.process_time() - begun,
+        "cpu_seconds": time.process_time() - start_time,
     }
 
 
@@ -48,7 +48,7 @@ def diagnose_outliers(
     ----------
     triaged : Triaged
     n : int
-        At most so many; a unit that is more probably regular is not diagnosed.
+        Largest number; a unit that is more probably regular is not diagnosed.
     folder : Path
         Diagnoses with the same population are kept there.
     pool : Pool

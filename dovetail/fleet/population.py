@@ -84,7 +84,7 @@ class Population:
         """Units from the most to the least probable outlier."""
         return np.argsort(-self.odds, kind="stable")
 
-    def left(self, residual: NDArray[np.complex128]) -> Floats:
+    def scaled_residual(self, residual: NDArray[np.complex128]) -> Floats:
         """Return the rest of a unit in units of the spread, (n_lines, n_out, n_in), NaN where not counted."""
         return np.abs(residual - self.common) / (np.sqrt(2) * self.spread)
 

@@ -103,7 +103,7 @@ def run_fleet(
 
 
 def settings_of(fleet: Fleet) -> dict[str, str]:
-    """Return what a folder of results must have been begun with."""
+    """Return the settings that a folder of results must have been started with."""
     return {"fleet": _digest(fleet)}
 
 

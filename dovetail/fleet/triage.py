@@ -1,4 +1,4 @@
-"""Triage of one unit: its uncertain parameters by a few steps on the fleet's basis, and what is left."""
+"""Triage of one unit: its uncertain parameters by a few steps on the fleet's basis, and the residual."""
 
 import warnings
 from collections.abc import Sequence
@@ -88,8 +88,8 @@ class Fleet:
         fits = []
         for file in files[:PILOT]:
             with suppress(ValueError, OSError):  # it is listed where its turn comes
-                own, result = bare.fitted(bare.study_of(file))
-                fits.append((own.log_ratio(result, bare.lines), result))
+                first_problem, result = bare.fitted(bare.study_of(file))
+                fits.append((first_problem.log_ratio(result, bare.lines), result))
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
             parts = [np.nanmedian([getattr(r, key) for r, _ in fits], axis=0) for key in ("real", "imag")]
@@ -132,16 +132,16 @@ class Fleet:
         data = self._data_of(study)
         H = data.H.copy()
         H[self.lines] *= np.exp(self.common)
-        own = replace(self.problem, data=replace(data, H=H))
-        return own, fit(own, stages=own.stages[-1:], x_from=self.start)
+        problem = replace(self.problem, data=replace(data, H=H))
+        return problem, fit(problem, stages=problem.stages[-1:], x_from=self.start)
 
     def rest_of(self, study: Study) -> NDArray[np.complex128]:
         """Return ln(computed / measured) of a unit at its own parameters, at all lines; NaN if not counted.
 
         Nothing is taken off it.
         """
-        own, result = self.fitted(study)
-        return replace(own, data=self._data_of(study)).log_ratio(result)
+        problem, result = self.fitted(study)
+        return replace(problem, data=self._data_of(study)).log_ratio(result)
 
     def _data_of(self, study: Study) -> FitData:
         problem = self.problem
@@ -195,21 +195,21 @@ def triage(fleet: Fleet, unit: tuple[str, int, int]) -> dict[str, Any]:
         If it has other lines or channels than the first unit.
     """
     study = fleet.study_of(Path(unit[0]))
-    own, result = fleet.fitted(study)
+    problem, result = fleet.fitted(study)
     lines = fleet.lines
     n = len(result.solution.x)
     return {
         "x": result.solution.x,
         "covariance": result.solution.covariance[:n, :n],
-        "residual": own.log_ratio(result, lines).astype(np.complex64),
+        "residual": problem.log_ratio(result, lines).astype(np.complex64),
         "warnings": np.array(study.warnings, dtype=str),
     }
 
 
 def _require_alike(problem: FitProblem, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
-    own = problem.data.measurement.frf
-    if (outputs, inputs) != (own.outputs, own.inputs):
-        missing = [n for n in (*own.outputs, *own.inputs) if n not in (*outputs, *inputs)]
+    frf = problem.data.measurement.frf
+    if (outputs, inputs) != (frf.outputs, frf.inputs):
+        missing = [n for n in (*frf.outputs, *frf.inputs) if n not in (*outputs, *inputs)]
         lack = f"it lacks {', '.join(missing)}" if missing else "they are others than those of the first unit"
         msg = f"its channels are {', '.join(outputs)} to {', '.join(inputs)}; {lack}"
         raise UnitError(msg)

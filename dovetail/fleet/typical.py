@@ -58,7 +58,7 @@ class TypicalUnit:
         return cls(fleet, calibrated, between_units(triaged, study))
 
     def diagnosis_of(self, file: Path) -> Diagnosis:
-        """Find what a unit differs from the typical one by, beside the scatter of regular ones."""
+        """Find the effects by which a unit differs from the typical one beyond the usual scatter."""
         study = self.fleet.study_of(file)
         return diagnose(
             study.model,

@@ -90,12 +90,12 @@ def _where(triaged: Triaged, k: int) -> str:
         off = (triaged.units[k].x - p.mean) / np.sqrt(np.maximum(np.diag(p.scatter), 1e-300))
         worst = int(np.where(p.determined > 0.5, np.abs(off), 0.0).argmax())
         return f"{names_of(triaged)[worst]} {off[worst]:+.1f} deviations"
-    left = p.left(triaged.units[k].residual) ** 2
+    square = p.scaled_residual(triaged.units[k].residual) ** 2
     f = fleet.frequency
     edges = np.linspace(f[0], f[-1], BANDS + 1)
     band = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, BANDS - 1)
-    known = np.isfinite(left)
-    size = np.stack([np.where(known, left, 0)[band == b].sum(axis=(0, 2)) for b in range(BANDS)])
+    known = np.isfinite(square)
+    size = np.stack([np.where(known, square, 0)[band == b].sum(axis=(0, 2)) for b in range(BANDS)])
     number = np.stack([known[band == b].sum(axis=(0, 2)) for b in range(BANDS)])
     mean = size / np.maximum(number, 1)
     b, i = np.unravel_index(int(mean.argmax()), mean.shape)

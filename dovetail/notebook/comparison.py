@@ -1,4 +1,4 @@
-"""A comparison as a user meets it: numbers, tables and figures of computed beside measured FRFs."""
+"""A comparison for notebooks: numbers, tables and figures of computed and measured FRFs."""
 
 from base64 import b64encode
 from dataclasses import dataclass, fields
@@ -90,8 +90,8 @@ class Comparison(correlation.Comparison):
         data, measured, computed = problem.data, problem.measured, problem.frf(result)
         compared = correlation.compare(measured, computed, n_bands, data.mask)
         errors = Misfit(result.fit_db, result.held_out_db, compared.total_db, data.noise_db)
-        own = {f.name: getattr(compared, f.name) for f in fields(compared)}
-        return cls(**own, name=name, label=label, measured=measured, computed=computed,
+        inherited = {f.name: getattr(compared, f.name) for f in fields(compared)}
+        return cls(**inherited, name=name, label=label, measured=measured, computed=computed,
                    held_out=bands_of_lines(data.frequency, data.held_out), misfit=errors)  # fmt: skip
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
@@ -177,7 +177,7 @@ class Comparison(correlation.Comparison):
         return array
 
     def _repr_html_(self) -> str:
-        """Return the errors as a table beside a picture of sensors and bands."""
+        """Return the errors as a table with a picture of sensors and bands."""
         from viz.heat_maps import plot_misfit_matrix
         from viz.style import figure_png
 
@@ -190,5 +190,5 @@ class Comparison(correlation.Comparison):
         picture = b64encode(figure_png(figure, 80)).decode()
         look = 'style="max-width:100%;height:auto"'
         shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'
-        beside = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
-        return f"<p>{escape(inner(self.misfit))}</p><div {beside}>{head}{shown}</div>"
+        style = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
+        return f"<p>{escape(inner(self.misfit))}</p><div {style}>{head}{shown}</div>"

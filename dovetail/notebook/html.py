@@ -23,7 +23,7 @@ def _cell(text: str) -> str:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a number with so many decimals, an en dash where there is none."""
+    """Return a number with the given decimals, an en dash where there is none."""
     return f"{value:.{digits}f}" if value == value else "–"
 
 

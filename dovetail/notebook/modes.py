@@ -29,7 +29,7 @@ class ModeDiagnosis(mode_diagnosis.ModeDiagnosis):
         return f"<ModeDiagnosis {self.verdict}: {self.reason}>"
 
     def _repr_html_(self) -> str:
-        """Return the verdict, the credible set, and measured beside computed frequencies."""
+        """Return the verdict, the credible set, and measured and computed frequencies."""
         credible = [(explanation_text(e), f"{e.probability:.2f}") for e in self.credible]
         m = self.modes
         columns = (m.measured, m.nominal, m.fitted, m.found, m.mac_found)
@@ -103,12 +103,12 @@ class ModeComparison:
 
     def __repr__(self) -> str:
         """Return the errors on one line."""
-        held = f", {100 * self.held_out_error:.2g} % held out" if self.held_out.any() else ""
+        held_out = f", {100 * self.held_out_error:.2g} % held out" if self.held_out.any() else ""
         n = counted(len(self.measured), "mode")
-        return summary(self, f"{self.name}, {self.label}: {n}, {100 * self.error:.2g} % off{held}")
+        return summary(self, f"{self.name}, {self.label}: {n}, {100 * self.error:.2g} % off{held_out}")
 
     def _repr_html_(self) -> str:
-        """Return measured beside computed frequencies."""
+        """Return measured and computed frequencies."""
         off = 100 * (self.computed / self.measured - 1)
         columns = (self.measured, self.computed, off, 100 * self.std, self.mac)
         rows = [[number(x) for x in row] for row in zip(*columns, strict=True)]

@@ -18,7 +18,7 @@ CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "une
 
 
 def answer(result: RunResult, shown: Shown) -> list[Block]:
-    """Return verdict and probability, with the staircase beside the structure."""
+    """Return verdict and probability, with the staircase and the structure."""
     d = result.diagnosis
     values = [words.finding_text(f) for f in d.findings]
     form = [f"Form: {words.departure_text(f)}." for f in d.departures]
@@ -43,7 +43,7 @@ def verdict_box(
 
 
 def first_screen(study: Study, box: Group, *figures: Block) -> list[Block]:
-    """Return description and verdict, with the staircase beside the structure."""
+    """Return description and verdict, with the staircase and the structure."""
     return [Text(study.description), box, Group("answer", figures)]
 
 

@@ -25,7 +25,7 @@ def db(value: float) -> str:
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number with so many significant digits, a dash where there is none."""
+    """Return a number with the given significant digits, a dash where there is none."""
     return words.number(value, digits) if math.isfinite(value) else "–"
 
 

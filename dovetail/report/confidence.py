@@ -22,10 +22,10 @@ def mode_confidence(result: ModeRunResult) -> list[str]:
         f"{after:.2g} %. Noise and mesh account for {100 * d.noise_limit:.2g} %."
     ]
     if m.held_out.any():
-        held = [100 * m.errors(f, True) for f in (first, last)]
+        first_error, last_error = (100 * m.errors(f, True) for f in (first, last))
         out.append(
-            f"Modes that no fit has seen are {held[0]:.2g} % off before, {held[1]:.2g} % in the end. A "
-            "prediction that is met is worth more than a fit."
+            f"Modes that no fit has seen are {first_error:.2g} % off before, {last_error:.2g} % in the end. "
+            "A prediction that is met is worth more than a fit."
         )
     out += [f"{b.text[0].upper()}{b.text[1:]}. It counts in no error." for b in d.bad_readings]
     if len(d.credible) > 1:
@@ -60,9 +60,9 @@ def confidence(result: RunResult) -> list[str]:
             f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
         ]
     for label, (first, *_, end) in result.held_out_channels.items():
-        said = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
+        text = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
         nothing = "nothing of them can be compared"
-        out.append(f"FRFs of the {label}, which no fit has seen: {said if math.isfinite(end) else nothing}.")
+        out.append(f"FRFs of the {label}, which no fit has seen: {text if math.isfinite(end) else nothing}.")
     out.append(
         f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
         f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
@@ -102,13 +102,13 @@ def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
     else:
         text = replaced_text(d, subject, finding.effect.name)
     rival = finding.rival
-    own = next((r for r in ranked if r.name == finding.effect.name), None)
-    if own is None:
+    accepted = next((r for r in ranked if r.name == finding.effect.name), None)
+    if accepted is None:
         return text
     if rival is None:
         return f"{text} No other candidate was promising enough to be fitted to all lines."
     text += (
         f" The best of the other candidates, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB instead of "
-        f"{own.fit_db:.2f} dB."
+        f"{accepted.fit_db:.2f} dB."
     )
-    return text + (MORE_PROBABLE if rival.fit_db < own.fit_db and rival.score < own.score else "")
+    return text + (MORE_PROBABLE if rival.fit_db < accepted.fit_db and rival.score < accepted.score else "")

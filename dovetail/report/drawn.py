@@ -59,8 +59,8 @@ def staircase_alt(d: Diagnosis) -> str:
 
 def error_steps(d: Diagnosis) -> list[tuple[str, float, float | None]]:
     """Return label and errors of each step, on the lines of the fit and on those held out [dB]."""
-    held = (s.held_out_db if np.isfinite(s.held_out_db) else None for s in d.steps)
-    return [(words.step_label(s.label), s.fit_db, h) for s, h in zip(d.steps, held, strict=True)]
+    held_out = (s.held_out_db if np.isfinite(s.held_out_db) else None for s in d.steps)
+    return [(words.step_label(s.label), s.fit_db, h) for s, h in zip(d.steps, held_out, strict=True)]
 
 
 def compared_models(result: RunResult) -> Models:
@@ -104,8 +104,8 @@ def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
     """Return the FRFs with a finding and with its rival, each fitted, by label."""
     d = result.diagnosis
     ranked, name = d.rounds[k], d.findings[k].effect.name
-    own = next((r for r in ranked if r.name == name), ranked[0])
-    return {WITH_EFFECT: d.problem.frf(own.result), words.ranked_label(rival): d.problem.frf(rival.result)}
+    best = next((r for r in ranked if r.name == name), ranked[0])
+    return {WITH_EFFECT: d.problem.frf(best.result), words.ranked_label(rival): d.problem.frf(rival.result)}
 
 
 def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
@@ -163,7 +163,7 @@ def misfit_limit(result: RunResult) -> float:
 
 
 def error_bands(result: RunResult) -> list[tuple[float, float]]:
-    """Return the bands of the error maps, on whole hertz where these are fine enough [Hz]."""
+    """Return the bands of the error maps, on integer hertz where these are fine enough [Hz]."""
     c = result.comparisons[0]
     edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
     return [(float(a), float(b)) for a, b in pairwise(edges)]

@@ -255,8 +255,8 @@ def frf_store(
 def _integers(values: NDArray[np.float64], step: float) -> NDArray[np.int16]:
     """Return values (n_freq, n_out, n_in) as differences of integers, (n_out n_in n_freq,)."""
     known = np.isfinite(values)
-    whole = np.where(known, np.clip(np.round(np.where(known, values, 0.0) / step), -32767, 32767), GAP)
-    lines = np.moveaxis(whole.astype(np.int16), 0, 2).reshape(-1, len(values))
+    integers = np.where(known, np.clip(np.round(np.where(known, values, 0.0) / step), -32767, 32767), GAP)
+    lines = np.moveaxis(integers.astype(np.int16), 0, 2).reshape(-1, len(values))
     with np.errstate(over="ignore"):  # differences wrap round, and back where they are summed
         return np.diff(lines, axis=1, prepend=np.int16(0)).astype("<i2").ravel()
 

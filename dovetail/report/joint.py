@@ -51,7 +51,7 @@ def joint_result(
     for d in found.task.directions:
         stiff = next(rows[f"{kind} {d} {d}"] for kind in ("K", *LAWS) if f"{kind} {d} {d}" in rows)
         loss = rows.get(f"D {d} {d}")
-        held = study_stiffness(found, d)
+        k_study = study_stiffness(found, d)
         directions.append(
             {
                 "direction": d,
@@ -60,7 +60,7 @@ def joint_result(
                 "unit": joint_unit(d),
                 "determined": stiff["determined"],
                 "eta": None if loss is None or not stiff["value"] else loss["value"] / stiff["value"],
-                "k_study": None if np.isinf(held) else held,
+                "k_study": None if np.isinf(k_study) else k_study,
             }
         )
     return {
@@ -97,7 +97,7 @@ def joint_words(
     summary: list[dict[str, Any]],
     reason: str,
 ) -> list[str]:
-    """Return the printed lines: values with their uncertainty, open parameters, and values at lines beside.
+    """Return the printed lines: values with their uncertainty, open parameters, and values at lines.
 
     Parameters
     ----------
@@ -122,10 +122,10 @@ def _fitted(found: Estimate) -> list[str]:
     ]
     for row in found.rows():
         kind, a, b = row["parameter"].split(" ")[:3]
-        own = row["parameter"].split(" ")[3:]
-        name = f"{own[0] if own else _WORDS[kind]} {a}" + (f"·{b}" if a != b else "")
+        inner = row["parameter"].split(" ")[3:]
+        name = f"{inner[0] if inner else _WORDS[kind]} {a}" + (f"·{b}" if a != b else "")
         known = ""
-        if a == b and not own and kind in ("K", *LAWS):
+        if a == b and not inner and kind in ("K", *LAWS):
             value = study_stiffness(found, a)
             known = "rigid" if np.isinf(value) else f"{value:.4g}"
         unit = row["unit"].replace("N m/", "N·m/").replace("N m s/", "N·m·s/").replace("N s/", "N·s/")
@@ -178,12 +178,12 @@ def _open(found: Estimate) -> list[str]:
             f"  the data do not determine {', '.join(loose)}: their values are little more than "
             "the assumed start"
         )
-    own = set(fit.form.names)
+    names = set(fit.form.names)
     pairs = found.correlated(0.7)
     if pairs:
         shown = ", ".join(f"{a} with {b} {r:+.2f}" for a, b, r in pairs[:6])
         out.append(f"  correlated: {shown}{f', and {len(pairs) - 6} more' if len(pairs) > 6 else ''}")
-        if any(b in own for _, b, _ in pairs):
+        if any(b in names for _, b, _ in pairs):
             relative, words = fit.identifiability.weakest[0]
             out.append(f"  least certain combination: {words}, known to {relative:.0%}")
     far = [

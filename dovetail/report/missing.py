@@ -62,10 +62,10 @@ def _absent(finding: Finding, found: EffectParameter) -> str:
 
 
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
-    own = next((r for r in ranked if r.name == finding.effect.name), None)
-    known = [(own, "accepted"), *((t, "twin") for t in finding.twins)]
-    if own is not None:
-        known += [(r, "contains it") for r in ranked if r.contains(own) and r not in finding.twins][:2]
+    accepted = next((r for r in ranked if r.name == finding.effect.name), None)
+    known = [(accepted, "accepted"), *((t, "twin") for t in finding.twins)]
+    if accepted is not None:
+        known += [(r, "contains it") for r in ranked if r.contains(accepted) and r not in finding.twins][:2]
     known.append((finding.rival, "best other"))
     twins = (
         "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
@@ -78,7 +78,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     )
     return [
         Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
-        cells.ranking([(r, what) for r, what in known if r is not None], (0,) if own else ()),
+        cells.ranking([(r, what) for r, what in known if r is not None], (0,) if accepted else ()),
         Text(text),
     ]
 
@@ -119,7 +119,7 @@ def _hypotheses(result: RunResult, shown: Shown) -> list[Block]:
 
 def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> list[Block]:
     """Return the next measurement that would tell the effect from a twin."""
-    own = words.effect_label(finding.effect.kind, finding.effect.where)
+    effect = words.effect_label(finding.effect.kind, finding.effect.where)
     rows = [
         [words.proposal_text(p), f"{p.difference_db:.2f}", words.evidence_text(p.evidence)]
         for p in proposals[:6]
@@ -131,7 +131,7 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
         "the new data are as good as the present ones. A sensor counts with the present forces, a "
         "force with the present sensors."
     )
-    heading = Heading(f"To tell {own} from {words.ranked_label(twin)}")
+    heading = Heading(f"To tell {effect} from {words.ranked_label(twin)}")
     return [heading, TableBlock(head, rows, numbers=(1, 2)) if rows else none, Text(text)]
 
 

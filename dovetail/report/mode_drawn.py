@@ -1,10 +1,12 @@
 """What a report on modes draws: its still pictures and its interactive figures."""
 
+from collections.abc import Sequence
 from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
 from dovetail.mode_result import ModeRunResult, mode_steps
@@ -13,7 +15,7 @@ from dovetail.report.figures import Figures, moving_modes
 from dovetail.report.pictures import N_MODES, Album, Say, add_modes, mode_heading, plot_staircase
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.reported_modes import ReportedModes
-from updating.measurement.measurement import MOTION
+from updating.measurement.measurement import MOTION, Sensor
 from viz import frequencies, heat_maps
 from viz.interactive.error import probability_figure, staircase_figure
 from viz.interactive.frequencies import deviations_figure, mac_figure
@@ -45,8 +47,9 @@ def step_errors(d: ModeDiagnosis) -> list[tuple[str, float, float | None]]:
     added = f"+ {each[0]}" if len(each) == 1 else f"+ {len(each)} effects"
     out = []
     for label, f in mode_steps(d).items():
-        fit, held = (100 * d.modes.errors(f, k) for k in (False, True))
-        out.append((added if label.startswith("with ") else label, fit, held if np.isfinite(held) else None))
+        fit, held_out = (100 * d.modes.errors(f, k) for k in (False, True))
+        name = added if label.startswith("with ") else label
+        out.append((name, fit, held_out if np.isfinite(held_out) else None))
     return out
 
 
@@ -183,12 +186,14 @@ def measured_shapes(result: ModeRunResult, drawn: ReportedModes) -> dict[int, Me
     t = result.diagnosis.problem.targets
     if not t.has_shapes:
         return {}
-    points, directions = (np.array([getattr(s, key) for s in t.sensors]) for key in ("point", "direction"))
-    moving = np.array([s.quantity == MOTION for s in t.sensors])
-    out: dict[int, MeasuredShape] = {}
-    for i, k in enumerate(drawn.partner):
-        known = np.isfinite(t.shapes[:, i]) & moving
-        if k >= 0 and known.any():
-            shape = real_shape(t.shapes[known, i])
-            out[int(k)] = points[known], shape[:, None] * directions[known]
-    return out
+    shapes = ((int(k), shape_at(t.sensors, t.shapes[:, i])) for i, k in enumerate(drawn.partner) if k >= 0)
+    return {k: shape for k, shape in shapes if shape is not None}
+
+
+def shape_at(sensors: Sequence[Sensor], shape: NDArray[np.number]) -> MeasuredShape | None:
+    """Return the places and displacement vectors of a measured shape (n_sensors,); None without motions."""
+    points, directions = (np.array([getattr(s, key) for s in sensors]) for key in ("point", "direction"))
+    known = np.isfinite(shape) & np.array([s.quantity == MOTION for s in sensors])
+    if not known.any():
+        return None
+    return points[known], real_shape(shape[known])[:, None] * directions[known]

@@ -1,4 +1,4 @@
-"""The report of a run on modes: the same story as that of FRFs, told by natural frequencies and shapes."""
+"""The report of a run on modes: that of FRFs, with natural frequencies and shapes in their place."""
 
 import math
 from pathlib import Path
@@ -39,7 +39,7 @@ CORRECTED = (
 
 
 def write_report(result: ModeRunResult, drawn: ReportedModes, album: Album, path: Path) -> None:
-    """Write the report with its interactive figures, whole or not at all."""
+    """Write the report with its interactive figures atomically."""
     shown = Shown(album, make_mode_figures(result, drawn))
     with replacing(path) as scratch:
         scratch.write_text(report_page(mode_report(result, shown), shown.scripts()), encoding="utf-8")
@@ -134,8 +134,8 @@ def _compared(result: ModeRunResult) -> Section:
         f, std, zeta = m.modes.frequency, 100 * m.frequency_std, m.modes.zeta
         spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
         damped = "yes" if zeta is not None and np.isfinite(zeta).any() else "no"
-        sensors, held = len(m.sensors) if m.has_shapes else "–", ", ".join(map(str, m.held_out)) or "–"
-        rows.append([name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread, damped, sensors, held])
+        sensors, held_out = len(m.sensors) if m.has_shapes else "–", ", ".join(map(str, m.held_out)) or "–"
+        rows.append([name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread, damped, sensors, held_out])
     head = ["state", "data", "modes", "band [Hz]", "std of frequencies [%]", "damping", "sensors of shapes"]
     plane = study.modes.plane if study.modes else ""
     seen = [("motion that the test has seen", f"along {', '.join(plane)}")] if plane else []
@@ -210,7 +210,7 @@ def _mac_text(value: float) -> str:
 
 
 def _places(result: ModeRunResult) -> Section:
-    rows = [[words.place(name), f"{left:.2f}"] for name, left in result.diagnosis.places[:20]]
+    rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
     text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
     table = TableBlock(["place", "misfit left [-]"], rows, numbers=(1,), at_most=8)
     return Section("Where", [text, table] if rows else ())

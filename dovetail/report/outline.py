@@ -89,8 +89,8 @@ def packed_outline(report: made.Report) -> str:
                 parts.append((block.text, 2, []))
             else:
                 parts[-1][2].append(_values(block))
-    told = [part for part in parts if part[2] or part[1] < 2]
-    text = json.dumps([report.name, told], separators=(",", ":"))
+    kept = [part for part in parts if part[2] or part[1] < 2]
+    text = json.dumps([report.name, kept], separators=(",", ":"))
     return base64.b64encode(zlib.compress(text.encode(), 9)).decode("ascii")
 
 

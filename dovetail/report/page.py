@@ -51,7 +51,7 @@ def html(part: object) -> Markup:
 
 
 def tag(name: str, *content: object, **attributes: object) -> Markup:
-    """Return an element; in attributes' names ``class_`` stands for class, ``data_x`` for data-x."""
+    """Return an element; in attributes' names ``class_`` means class, ``data_x`` means data-x."""
     words = "".join(
         f' {k.rstrip("_").replace("_", "-")}="{html(v)}"'
         for k, v in attributes.items()
@@ -136,8 +136,8 @@ def _rows(block: TableBlock, first: int, end: int, numbers: set[int], marked: se
         ]
         body.append(tag("tr", *cells, class_="mark" if r in marked else None))
     caption = tag("caption", block.caption) if block.caption else ""
-    whole = tag("table", caption, tag("thead", top), tag("tbody", *body))
-    return tag("div", whole, class_="wide") + Markup("\n")
+    table = tag("table", caption, tag("thead", top), tag("tbody", *body))
+    return tag("div", table, class_="wide") + Markup("\n")
 
 
 @html.register
@@ -242,7 +242,7 @@ POLICY = "default-src 'none'; " + "; ".join(
 
 
 def page(title: str, *content: object) -> str:
-    """Return a whole page."""
+    """Return a complete page."""
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<title>{html(title)}</title>\n'

@@ -1,4 +1,4 @@
-"""The pictures of a run, as files; one that cannot be drawn is left out and named."""
+"""The pictures of a run, as files; a picture that cannot be drawn is left out and named."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -168,7 +168,7 @@ def _plot_ranking(result: RunResult, k: int) -> Figure:
 
 
 def _draw_frfs(result: RunResult, album: Album) -> None:
-    d, compared, held = result.diagnosis, compared_models(result), held_out_bands(result)
+    d, compared, unseen = result.diagnosis, compared_models(result), held_out_bands(result)
     measured, models, bands = d.measured, compared.frfs, compared.deviations
     shaded = "; shaded, the 95 % band of the last one's parameters." if bands else "."
     chosen = telling_pairs(result)
@@ -180,7 +180,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
         )
         shown = measured, models, pairs
         caption = f"Response / force: {listed}."
-        album.plot(f"frf-{n}", alt, caption, curves.plot_frf, *shown, held_out=held, deviations=bands)
+        album.plot(f"frf-{n}", alt, caption, curves.plot_frf, *shown, held_out=unseen, deviations=bands)
     for k, against in rivals(result).items():
         rival, drawn = words.ranked_label(against), fits_of(result, k, against)
         decisive = d.findings[k].decisive
@@ -188,9 +188,9 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
         listed = " and ".join(f"{o} / {i}" for o, i in pairs)
         alt = f"The FRFs {listed}, measured, with the effect and with its rival {rival}."
         caption = f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted."
-        album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, held_out=held)
+        album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, held_out=unseen)
     alt = f"Relative error of all FRFs together over frequency, for {', '.join(models)}."
-    more = {"floor": noise_of(d), "held_out": held, "smooth": smoothing(measured)}
+    more = {"floor": noise_of(d), "held_out": unseen, "smooth": smoothing(measured)}
     album.plot("frf-error", alt, FRF_ERROR, curves.plot_frf_error, measured, models, **more)
 
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from dovetail.report import words
 from dovetail.report.table import Column, Table, columns_of
+from dovetail.units.outcome import failed
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
-from updating.plan.check import Trial
+from updating.plan.check import FailedTrial, Trial
 from updating.plan.choose import Chosen
 from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
@@ -51,8 +52,8 @@ class KindRow:
 
 def size_text(effect: Effect) -> str:
     """Return the size of an effect in words of the field, or its first parameter."""
-    if said := effect.size_in_words():
-        return said
+    if size := effect.size_in_words():
+        return size
     p = effect.parameters()[0]
     shown = words.as_stiffness(EffectParameter(p.name, float(p.value), p.unit, np.nan))
     return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
@@ -92,7 +93,7 @@ def table_of_excluded(plan: Plan) -> Table:
 
 PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
-"""At most so many pairs that a test does not tell apart are printed."""
+"""Largest number of indistinguishable pairs that are printed."""
 SHARES = ("seen", "located", "named")
 EXCLUDED = (
     "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
@@ -109,13 +110,13 @@ def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
     f = data.frequency
-    left = plan.visibility.left
-    said = (
+    error = plan.visibility.left
+    text = (
         "with the residuals of the measured FRFs"
-        if left is None
-        else f"noise {data.noise_db:.2g} dB, and {left * DB_PER_NEPER:.2g} dB of error of a right model"
+        if error is None
+        else f"noise {data.noise_db:.2g} dB, and {error * DB_PER_NEPER:.2g} dB of error of a right model"
     )
-    return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {said}"
+    return f"{len(m.sensors)} sensors, {len(m.excitations)} excitations, {f[0]:.4g} to {f[-1]:.4g} Hz; {text}"
 
 
 def table_of_kinds(rows: Sequence[KindRow]) -> Table:
@@ -262,11 +263,15 @@ def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def table_of_check(checked: Sequence[Trial]) -> Table:
-    """Return what drawn data showed beside what the map predicts, by multiples of the size that is named."""
-    multiples = sorted({t.multiple for t in checked})
-    groups = [[t for t in checked if t.multiple == multiple] for multiple in multiples]
-    chances = np.array([np.mean([t.chances for t in some], axis=0) for some in groups])
+def table_of_check(checked: Sequence[Trial | FailedTrial]) -> Table:
+    """Return what drawn data showed beside what the map predicts, by multiples of the size that is named.
+
+    Sets whose diagnosis failed do not count, see :func:`failure_lines`.
+    """
+    diagnosed = [t for t in checked if isinstance(t, Trial)]
+    multiples = sorted({t.multiple for t in diagnosed})
+    groups = [[t for t in diagnosed if t.multiple == multiple] for multiple in multiples]
+    chances = np.array([np.mean([t.chances for t in some], axis=0) for some in groups]).reshape(-1, 2)
     return Table.of(
         "check",
         Column("size / named", multiples, show="g"),
@@ -285,6 +290,20 @@ def table_of_check(checked: Sequence[Trial]) -> Table:
     )
 
 
+def failure_lines(checked: Sequence[Trial | FailedTrial]) -> list[str]:
+    """Return the sets of data whose diagnosis failed, with the reasons."""
+    failures = [t for t in checked if isinstance(t, FailedTrial)]
+    head = f"{len(failures)} of {len(checked)} sets could not be diagnosed:"
+    return [head] * bool(failures) + [
+        f"  {words.effect_label(t.effect.kind, t.effect.where)}, size {t.multiple:g}: {_reason(t)}"
+        for t in failures
+    ]
+
+
+def _reason(trial: FailedTrial) -> str:
+    return failed(None, trial.error).failure
+
+
 def _with_interval(count: int, n: int) -> str:
     """Return a share with Wilson's interval of 95 % (J. Am. Stat. Assoc. 22, 1927, 209)."""
     z, p = 1.96, count / n
@@ -293,14 +312,23 @@ def _with_interval(count: int, n: int) -> str:
     return f"{100 * p:.0f} % ({max(low, 0):.0f}-{min(high, 100):.0f})"
 
 
-def check_dicts(checked: Sequence[Trial]) -> list[dict[str, Any]]:
-    """Return drawn data and their diagnoses for JSON."""
-    return [
-        {
-            "kind": t.effect.kind, "where": t.effect.where,
-            "values": {p.name: float(p.value) for p in t.effect.parameters()}, "size": t.multiple,
-            "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen, "named": t.named,
-            "probability_of_nothing": t.nothing, "probability": t.right, "found": t.best,
-        }
-        for t in checked
-    ]  # fmt: skip
+def check_dicts(checked: Sequence[Trial | FailedTrial]) -> dict[str, Any]:
+    """Return drawn data and their diagnoses for JSON, and the sets whose diagnosis failed."""
+    return {
+        "check": [
+            {
+                **_drawn(t), "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen,
+                "named": t.named, "probability_of_nothing": t.nothing, "probability": t.right,
+                "found": t.best,
+            }
+            for t in checked
+            if isinstance(t, Trial)
+        ],
+        "check_failures": [_drawn(t) | {"reason": _reason(t)} for t in checked if isinstance(t, FailedTrial)],
+    }  # fmt: skip
+
+
+def _drawn(trial: Trial | FailedTrial) -> dict[str, Any]:
+    effect = trial.effect
+    values = {p.name: float(p.value) for p in effect.parameters()}
+    return {"kind": effect.kind, "where": effect.where, "values": values, "size": trial.multiple}

@@ -86,8 +86,8 @@ def vague_text(d: Diagnosis) -> str:
         f"{effect_label(f.effect.kind, f.effect.where)} is not known in size: the standard deviation of its "
         f"{as_stiffness(p).name.replace('_', ' ')} exceeds the value"
         for f in d.findings
-        for p, own in zip(f.parameters, f.effect.parameters(), strict=True)
-        if not own.position and p.std > abs(p.value)
+        for p, nominal in zip(f.parameters, f.effect.parameters(), strict=True)
+        if not nominal.position and p.std > abs(p.value)
     ]
     return "; ".join(text[0].upper() + text[1:] for text in vague)
 

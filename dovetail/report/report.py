@@ -18,7 +18,7 @@ from fem.io.atomic import replacing
 
 
 def write_report(result: RunResult, album: Album, path: Path) -> None:
-    """Write the report with its interactive figures, whole or not at all."""
+    """Write the report with its interactive figures atomically."""
     figures = make_all(result)
     with replacing(path) as scratch:
         scratch.write_text(report_html(result, album, figures), encoding="utf-8")

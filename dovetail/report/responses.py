@@ -78,7 +78,7 @@ def modes(result: RunResult, shown: Shown) -> Section:
 
 
 def _measured_modes(result: RunResult) -> list[Block]:
-    """Return the measured modes beside those of each step, where the study has any beside its FRFs."""
+    """Return the measured modes and those of each step, where the study has modes in addition to FRFs."""
     m = result.measured_modes
     if m is None:
         return []
@@ -95,7 +95,7 @@ def _measured_modes(result: RunResult) -> list[Block]:
         for k, f in enumerate(m.measured)
     ]  # fmt: skip
     errors = [
-        [step, *(cells.number(100 * m.error(step, held), 2) for held in (False, True))] for step in m.computed
+        [step, *(cells.number(100 * m.error(step, out), 2) for out in (False, True))] for step in m.computed
     ]
     caption = "Root mean square of ln(f computed / f measured)"
     return [
@@ -107,7 +107,7 @@ def _measured_modes(result: RunResult) -> list[Block]:
 
 
 def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
-    """Return the modes that move; still shapes, and the one that changes most, where no script runs.
+    """Return the modes that move; still shapes, and the most changed one, where no script runs.
 
     ``arrows`` says what arrows and rings in the figure show.
     """

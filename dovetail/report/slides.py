@@ -24,7 +24,7 @@ LEFT_OUT = ("Assumptions and thresholds", "About this run", "Notes")
 
 
 def write_pptx(outline: Outline, path: Path) -> None:
-    """Write the story of a report as slides, whole or not at all.
+    """Write the story of a report as slides atomically.
 
     Raises
     ------

@@ -61,7 +61,7 @@ class Column:
 
     @property
     def in_words(self) -> bool:
-        """Whether the column holds words, which begin at the left."""
+        """Whether the column has words, which are left-aligned."""
         return any(isinstance(v, str) for v in self.values)
 
     def scaled(self) -> list[Any]:
@@ -127,13 +127,13 @@ class Table:
     def lines(self) -> list[str]:
         """Return the printed lines: a heading and the rows, each column as wide as it needs to be."""
         head, rows = self.texts()
-        left = [c.in_words for c in self.columns if "text" in c.places]
+        left_aligned = [c.in_words for c in self.columns if "text" in c.places]
         widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
         return [
             self.indent
             + "  ".join(
                 f"{text:{'<' if words else '>'}{width}}"
-                for text, words, width in zip(row, left, widths, strict=True)
+                for text, words, width in zip(row, left_aligned, widths, strict=True)
             ).rstrip()
             for row in (head, *rows)
         ]
@@ -166,7 +166,7 @@ def columns_of(
 
 
 def write_csv(path: Path, table: Table) -> None:
-    """Write a table as CSV with nine digits, whole or not at all; numbers that are None are ``nan``."""
+    """Write a table as CSV with nine digits atomically; numbers that are None are ``nan``."""
     head, rows = table.of_files()
     with replacing(path) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         for row in (head, *rows):
@@ -181,7 +181,7 @@ def _csv_cell(value: Any) -> str:
 
 
 def write_xlsx(path: Path | None, tables: Iterable[Table]) -> None:
-    """Write tables as the sheets of an Excel file, whole or not at all; missing numbers are empty cells.
+    """Write tables as the sheets of an Excel file atomically; missing numbers are empty cells.
 
     Raises
     ------

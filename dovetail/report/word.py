@@ -15,7 +15,7 @@ WIDE_TABLE = 5
 
 
 def write_docx(outline: Outline, path: Path) -> None:
-    """Write the story of a report as a Word document, whole or not at all.
+    """Write the story of a report as a Word document atomically.
 
     Raises
     ------

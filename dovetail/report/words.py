@@ -54,7 +54,7 @@ def frf_parts(d: Diagnosis) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, an en dash where there is none."""
+    """Return a number with the given significant digits, an en dash where there is none."""
     if not math.isfinite(value):
         return "rigid" if value == math.inf else "–"
     size = abs(value)
@@ -147,7 +147,7 @@ def parameters_text(parameters: Sequence[EffectParameter]) -> str:
 
 
 def finding_text(finding: Finding) -> str:
-    """Return an effect with its values beside the model's, on one line."""
+    """Return an effect with its values and the model's, on one line."""
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
@@ -279,10 +279,10 @@ def headline(result: RunResult) -> str:
     change = d.baseline is not None
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
-        told = _since(" ".join(map(sentence, d.findings)), change)
+        text = _since(" ".join(map(sentence, d.findings)), change)
         if d.steps[-1].level > d.limit:
-            told += " That explains the misfit only in part."
-        return f"{told} Besides, {faults}." if faults else told
+            text += " That explains the misfit only in part."
+        return f"{text} Besides, {faults}." if faults else text
     if d.verdict == NOTHING and change:
         return "Nothing has changed that these data can show."
     if d.verdict == NOTHING and not d.more_than_noise:
@@ -296,8 +296,8 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
-def _since(told: str, change: bool) -> str:
-    return f"Since the baseline: {told[:1].lower()}{told[1:]}" if change else told
+def _since(text: str, change: bool) -> str:
+    return f"Since the baseline: {text[:1].lower()}{text[1:]}" if change else text
 
 
 def mode_headline(result: ModeRunResult) -> str:

@@ -36,7 +36,7 @@ _SHARED: dict[str, Any] = {}
 
 @dataclass(frozen=True, slots=True)
 class ClusterPool:
-    """The workers of a Dask cluster, more or fewer as time goes by.
+    """The workers of a Dask cluster, whose number may change.
 
     Units that were on a worker that ends are computed once more, each alone, and have failed if that ends a
     worker too. So a unit that always ends its process takes two workers, however many are restarted or not.
@@ -81,27 +81,27 @@ class ClusterPool:
         return partial(self.client.submit, _call, function, sent, key, fingerprint(), pure=False)
 
     def _together(self, call: Any, units: Sequence[Unit], ahead: int) -> Generator[Outcome]:
-        """Yield the outcomes of units of which the scheduler holds so many at a time."""
+        """Yield the outcomes of units, with at most ``ahead`` at the scheduler at a time."""
         from distributed import as_completed
 
         waiting, running = deque(units), {}
 
-        def begun() -> Any:
+        def submit() -> Any:
             unit = waiting.popleft()
             future = call(unit)
             running[future] = unit
             return future
 
-        ended = as_completed([begun() for _ in range(min(len(waiting), ahead))], loop=self.client.loop)
+        ended = as_completed([submit() for _ in range(min(len(waiting), ahead))], loop=self.client.loop)
         try:
             for future in ended:
                 outcome = _outcome(future, running.pop(future))
                 future.release()
                 if waiting:
-                    ended.add(begun())
+                    ended.add(submit())
                 yield outcome
         finally:
-            with suppress(Exception):  # the scheduler may have gone
+            with suppress(Exception):  # the scheduler may have ended
                 self.client.cancel(list(running))
 
 
@@ -123,7 +123,7 @@ def _no_second_worker(client: Any) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(Exception):  # the scheduler may have gone
+        with suppress(Exception):  # the scheduler may have ended
             client.run_on_scheduler(allow, number=None)
 
 

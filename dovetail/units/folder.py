@@ -23,7 +23,7 @@ class FolderError(ValueError):
 
 @contextmanager
 def alone_in(folder: Path, command: str) -> Iterator[None]:
-    """Keep other runs out of a folder; its lock goes with the process, whichever way that ends.
+    """Keep other runs out of a folder; its lock ends with the process, however that ends.
 
     Raises
     ------
@@ -77,12 +77,12 @@ def read_records(file: Path, settings: Mapping[str, Any]) -> list[Record]:
     if not file.exists():
         return []
     raw = file.read_bytes()
-    whole = raw[: raw.rfind(b"\n") + 1]
-    if whole != raw:
+    complete = raw[: raw.rfind(b"\n") + 1]
+    if complete != raw:
         with replacing(file) as scratch:
-            scratch.write_bytes(whole)
+            scratch.write_bytes(complete)
     try:
-        lines = json_lines(whole)
+        lines = json_lines(complete)
     except ValueError as reason:
         msg = f"{file}: {reason}; it is not a file of this command"
         raise FolderError(msg) from None

@@ -48,7 +48,7 @@ class LocalProcesses:
     """Processes of this machine, by ``concurrent.futures``.
 
     A process that ends from outside breaks the pool. Its units are then computed again, each alone, and the
-    rest goes on in new processes. One that ends its own process once more has failed.
+    rest goes on in new processes. A unit that ends its process once more has failed.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Fingerprints of the program, and of what a unit depends on: results of others are not taken for its own."""
+"""Fingerprints of the program, and of what a unit depends on: results of other versions are not reused."""
 
 import hashlib
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Computing units one by one into a store, with the time left, until all are done or the user stops."""
+"""Computing units one by one into a store, with the remaining time, until all are done or the user stops."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -65,7 +65,7 @@ def work_through(
     KeyboardInterrupt
         With the number of units that are done, if the user stops the work.
     """
-    begun, total, ended = time.monotonic(), done + len(units), 0
+    start_time, total, ended = time.monotonic(), done + len(units), 0
     failures: list[Outcome] = []
     try:
         with closing(pool.outcomes(function, shared, units)) as outcomes:
@@ -74,8 +74,8 @@ def work_through(
                 ended += 1
                 if outcome.failure:
                     failures.append(outcome)
-                left = (time.monotonic() - begun) / ended * (len(units) - ended)
-                say(Step(outcome, done + ended, total, left))
+                remaining = (time.monotonic() - start_time) / ended * (len(units) - ended)
+                say(Step(outcome, done + ended, total, remaining))
     except KeyboardInterrupt:
         msg = f"{done + ended} of {total} are done; the same command continues with the others"
         raise KeyboardInterrupt(msg) from None

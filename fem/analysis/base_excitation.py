@@ -17,14 +17,14 @@ from fem.analysis.frf_solver import compute_frf
 from fem.analysis.participation import rigid_motion_field
 from fem.analysis.planar import refuse_motion
 from fem.analysis.selection import Selection, dof_columns
-from fem.analysis.statics import factor_held
+from fem.analysis.statics import factor_stiffness
 from fem.declarations import Role
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
 
 Motion = str | tuple[str, str]
-"""A direction of the whole base such as ``"z"``, or a support or grounded element and its direction."""
+"""A direction of all of the base such as ``"z"``, or a support or grounded element and its direction."""
 
 _ROUNDING = 1e-9
 """Forces below this part of the sum of their entries' absolute values are rounding."""
@@ -32,7 +32,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Forces:
-    """Vectors (n_dof,) of Z r - f_g, each with its own factor in ω."""
+    """Vectors (n_dof,) of Z r - f_g, each with a factor that depends on ω."""
 
     K: NDArray[np.float64]
     M: NDArray[np.float64]
@@ -93,7 +93,7 @@ def compute_base_frf(
     FRFError
         For an unknown ``mass_damping``, and as :func:`fem.analysis.frf_solver.compute_frf`.
     ModelError
-        For a motion of something that is not there or not held, and for a structure that nothing holds.
+        For a motion of something that does not exist or is free, and for a structure that nothing holds.
     """
     if mass_damping not in ("relative", "absolute"):
         msg = f"mass_damping is '{mass_damping}'; allowed are relative, absolute"
@@ -125,7 +125,7 @@ def compute_base_frf(
 def rigid_base_load(
     system: System, direction: str, about: ArrayLike | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the rigid motion r of the whole base and M r, shapes (n_dof,).
+    """Return the rigid motion r of all of the base and M r, shapes (n_dof,).
 
     In coordinates relative to the base an acceleration a of it acts as the forces -M r a.
 
@@ -167,11 +167,11 @@ def _followed(
     name, direction = motion
     refuse_motion(model, direction)
     label = f"{name} {direction.upper()}+"
-    held = {c.key: c for c in constraints}
+    by_key = {c.key: c for c in constraints}
     grounded = _grounded(model)
-    if (name, direction) in held:
-        own = held[name, direction]
-        start = particular(tuple(c for c in constraints if c is not own), own, model.n_dof)
+    if (name, direction) in by_key:
+        moved = by_key[name, direction]
+        start = particular(tuple(c for c in constraints if c is not moved), moved, model.n_dof)
         if not start.any():
             msg = f"'{name}' in {direction} cannot move alone: other constraints hold the same motion"
             raise ModelError(msg)
@@ -183,7 +183,7 @@ def _followed(
         base = rigid_motion_field(model, where)[:, DIRECTIONS.index(direction)]
     else:
         known: dict[str, str] = {}
-        for (holder, axis), c in held.items():
+        for (holder, axis), c in by_key.items():
             if not c.everywhere:
                 known[holder] = f"{known[holder]} {axis}" if holder in known else f"{holder} in {axis}"
         there = ", ".join([*known.values(), *(f"{n} in x … rz" for n in grounded)])
@@ -191,8 +191,8 @@ def _followed(
         raise ModelError(msg)
     r = start
     if not system.rigid.shape[1]:  # else any r that meets the constraints will do: forces of K remain
-        left = _forces(model, start, base, name).K
-        r = start - np.asarray(system.Q @ factor_held(system).solve(np.asarray(system.Q.T @ left)))
+        forces = _forces(model, start, base, name).K
+        r = start - np.asarray(system.Q @ factor_stiffness(system).solve(np.asarray(system.Q.T @ forces)))
     return r, _forces(model, r, base, name, settled=not system.rigid.shape[1]), label
 
 
@@ -215,7 +215,7 @@ def _grounded(model: Model) -> tuple[str, ...]:
     out = []
     for effect in model.effects:
         if isinstance(effect, Frame) or effect.within_members or Role.GYROSCOPIC in effect.role:
-            continue  # a rotor resists its own turning in space, not that beside its foot
+            continue  # a rotor resists its rotation in space, not that relative to its foot
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):
                 if X is None:
@@ -266,7 +266,7 @@ def _forces(
 def _loads(
     model: Model, forces: _Forces, omega: NDArray[np.float64], mass_damping: str
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.complex128]]]:
-    """Return the loads (n_dof,) on q and their factors (n_freq,), with the structure's own damping."""
+    """Return the loads (n_dof,) on q and their factors (n_freq,), with the structure's damping."""
     damping = model.damping
     alpha = damping.alpha if mass_damping == "absolute" else 0.0
     stiffness = 1 + 1j * (damping.loss_factor + omega * damping.beta)

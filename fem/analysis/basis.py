@@ -55,15 +55,15 @@ class Basis:
 
         Without what it lacks of them in directions that are less than a ``share`` of their sizes.
         """
-        held = {c.key: c for c in system.model.constraints()}
-        violated = [held[key] for key in self.keys]
+        by_key = {c.key: c for c in system.model.constraints()}
+        violated = [by_key[key] for key in self.keys]
         amount = np.array([c.coefficients @ shapes[c.dofs] for c in violated]).reshape(-1, shapes.shape[1])
         vectors = np.asarray(system.Q.T @ (shapes - self.T[:, self.n_main :] @ amount))
         if share:
-            left = vectors - self.V @ (self.V.T @ (system.M @ vectors))
-            left /= np.maximum(_sizes(system, vectors), 1e-300)
-            squares, directions = np.linalg.eigh(left.T @ (system.M @ left))
-            vectors = left @ directions[:, squares > share**2]
+            missing = vectors - self.V @ (self.V.T @ (system.M @ vectors))
+            missing /= np.maximum(_sizes(system, vectors), 1e-300)
+            squares, directions = np.linalg.eigh(missing.T @ (system.M @ missing))
+            vectors = missing @ directions[:, squares > share**2]
         return self._with(system, vectors)
 
     def _with(self, system: System, vectors: NDArray[np.float64]) -> "Basis":
@@ -138,7 +138,7 @@ def without_modes(
     """Return loads (n_free, k) without the part that moves the modes.
 
     Their response then has no part in the modes either. Taken away from a response instead, that part would
-    leave its rounding behind: on soft cords a structure as a whole moves 1e8 times as far as it is bent.
+    leave its rounding behind: on soft cords a structure moves 1e8 times as far as it is bent.
     """
     return loads - system.M @ (modes @ (modes.T @ loads))
 
@@ -199,10 +199,10 @@ def _constraint_modes(
         return np.zeros((n_dof, 0)), np.zeros((n_dof, 0))
     K, M, _, _ = sum_contributions(system.model.contributions(), n_dof)
     shifted = K - pairs.shift * M
-    held = system.model.constraints()
+    constraints = system.model.constraints()
     out = []
     for constraint in release:
-        others = tuple(c for c in held if c.key != constraint.key)
+        others = tuple(c for c in constraints if c.key != constraint.key)
         u = particular(others, constraint, n_dof)
         if not u.any():
             out.append(u)

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from fem.analysis.buckling_limits import limits
 from fem.analysis.initial_stress import prestressed
 from fem.analysis.modes import DENSE_LIMIT
-from fem.analysis.statics import StaticSolution, factor_held, solve_static
+from fem.analysis.statics import StaticSolution, factor_stiffness, solve_static
 from fem.linalg.solvers import Factor
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
@@ -88,7 +88,7 @@ def solve_buckling(
     Raises
     ------
     ModelError
-        For a structure that is not held, a load without section forces that act on its motions, or an
+        For a structure that is not supported, a load without section forces that act on its motions, or an
         unknown sign.
     """
     if sign not in SIGNS:
@@ -149,7 +149,7 @@ def _largest(
 
     Unless ``repeated``, one of each set of equal eigenvalues may be all that is found of it.
     """
-    factor = factor_held(system) if factor is None else factor
+    factor = factor_stiffness(system) if factor is None else factor
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or 2 * n > n_free // 3:
         K = system.K.toarray()

@@ -61,14 +61,14 @@ def _of_shear_centres(model: Model, frame: Frame, share: Mapping[str, float]) ->
         section = frame.members[member].section
         away = float(np.hypot(*section.shear_centre))
         if part > ACCURACY and away > ACCURACY * np.sqrt(section.A):
-            left_out = (
+            missing = (
                 "Wagner's terms are"
                 if member in coupled
                 else ("Wagner's terms and the coupling of torsion with bending are")
             )
             yield (
                 f"member '{member}' ({section.label}) has its shear centre {away:.3g} m from its centroid: "
-                f"{left_out} left out, and the load factor may be too high or too low"
+                f"{missing} left out, and the load factor may be too high or too low"
             )
 
 

@@ -178,7 +178,7 @@ def solve_campbell(
     Parameters
     ----------
     model : Model
-        With members that have a ``spin``; a `Spin` of its own gives way to the speeds.
+        With members that have a ``spin``; the speeds replace its `Spin`.
     speeds : array_like (n_speeds,)
         Rising, from 0 or more, of a member with spin 1 [rad/s].
     n : int

@@ -2,8 +2,8 @@
 
 K̂ = K (1 + iη) + iD with the structure's loss factor η, Ĉ = C + αM + βK + the modal ratios' matrix, C with the
 skew matrices of rotors. The problem is projected on a basis of real modes, solved there, and its residual in
-the whole system, brought back by the shifted stiffness, makes the basis larger until every pole's residual is
-small (Davidson's method). Elements that depend on frequency have their stiffness at each mode's own damped
+the full system, multiplied by the inverse of the shifted stiffness, extends the basis until every residual is
+small (Davidson's method). Elements that depend on frequency have their stiffness at each mode's damped
 frequency.
 """
 
@@ -210,7 +210,7 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
     ----------
     system : System
     n : int
-        Number of modes beside rigid-body ones; overdamped ones count.
+        Number of modes besides rigid-body ones; overdamped ones count.
     pairs : Eigenpairs, optional
         Undamped modes of the system, of which the basis is made, where they are known.
 
@@ -238,8 +238,8 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
         upper, lower = _projected(problem, V, n)
         found, new, worst = [], [], []
         for root in (*upper, *lower):
-            whole, missing = _lifted(problem, V, root)
-            found.append(whole)
+            full, missing = _lifted(problem, V, root)
+            found.append(full)
             worst.append(max(size for _, size in missing))
             new += [part(w) for w, size in missing if size > TOLERANCE for part in (np.real, np.imag)]
         if not new or V.shape[1] >= system.n_free - problem.rigid.shape[1]:
@@ -254,7 +254,7 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
 def _lifted(
     problem: _Problem, V: NDArray[np.float64], root: Root
 ) -> tuple[Root, list[tuple[NDArray[np.complex128], float]]]:
-    """Return a root with its vectors in the whole system, and the residuals of these."""
+    """Return a root with its vectors in the full system, and the residuals of these."""
     x = V @ root.right
     missing = [problem.residual(root.s, x)]
     if problem.system.reciprocal:
@@ -297,10 +297,10 @@ def _start(problem: _Problem, pairs: Eigenpairs) -> NDArray[np.float64]:
     Without these responses a mode that creeps in one damper would hide behind faster ones of the basis.
     """
     n = problem.system.n_free
-    whole = np.zeros((n, 0))
+    empty = np.zeros((n, 0))
     if n <= DENSE_LIMIT and not problem.system.laws:
-        return _grown(problem, whole, np.eye(n) / np.sqrt(problem.G.diagonal()))
-    V = _grown(problem, whole, pairs.vectors)
+        return _grown(problem, empty, np.eye(n) / np.sqrt(problem.G.diagonal()))
+    V = _grown(problem, empty, pairs.vectors)
     forces = locals_of(problem.system, reciprocal=False).U.toarray()
     for _ in range(2):
         if forces.shape[1]:
@@ -342,8 +342,8 @@ def _projected(problem: _Problem, V: NDArray[np.float64], n: int) -> tuple[list[
     upper, lower = ([r for r in roots if (r.s.imag >= 0) == above] for above in (True, False))
     if laws:
         # more than n, as laws may change the order
-        own = [with_laws(small, root) for root in upper[: n + max(4, n // 2)]]
-        return sorted(different(own, M), key=lambda root: abs(root.s))[:n], []
+        refined = [with_laws(small, root) for root in upper[: n + max(4, n // 2)]]
+        return sorted(different(refined, M), key=lambda root: abs(root.s))[:n], []
     if problem.real:
         lower = []
     elif len(upper) > n:

@@ -2,7 +2,7 @@
 
 A member of n equal elements has at each frequency a dynamic stiffness of its two ends. It comes from joining
 one element with its like, the two with theirs, and so on: log₂ n eliminations of one point, whatever the
-mesh. Nothing is left out, so that the FRFs are those of the whole model with any number of modes in the band.
+mesh. Nothing is left out, so that the FRFs are those of the full model with any number of modes in the band.
 Members whose elements differ keep their points.
 """
 
@@ -79,7 +79,7 @@ class Condensed:
     def receptance(self, frequency: NDArray[np.float64], outputs: Array, inputs: Array) -> Array:
         """Return receptances (n_freq, n_out, n_in) at some frequencies [Hz].
 
-        A modal damping ratio ζ counts as a loss factor 2ζ of the whole stiffness at each line: the same at
+        A modal damping ratio ζ counts as a loss factor 2ζ of all stiffness at each line: the same at
         resonances, for it has no matrix. Lines at which the matrix is singular are infinite.
 
         Parameters
@@ -110,15 +110,15 @@ class Condensed:
             return joints + _SECONDS_PER_FRONT + _SECONDS_PER_OPERATION * n**3
         (Z,) = _Pattern.of(self).matrices(*self._factors(np.ones(1)), self.elements[:1])
         plan = plan_elimination(Z)
-        own = np.array([front.last - front.first for front in plan.fronts], dtype=float)
+        pivots = np.array([front.last - front.first for front in plan.fronts], dtype=float)
         edge = np.array([len(front.boundary) for front in plan.fronts], dtype=float)
-        operations = own**3 + 3 * own**2 * edge + 3 * own * edge**2
-        return joints + _SECONDS_PER_FRONT * len(own) + _SECONDS_PER_OPERATION * float(operations.sum())
+        operations = pivots**3 + 3 * pivots**2 * edge + 3 * pivots * edge**2
+        return joints + _SECONDS_PER_FRONT * len(pivots) + _SECONDS_PER_OPERATION * float(operations.sum())
 
     def least_modes(self, frequency: float) -> int:
         """Return about the least number of modes that may lie below a frequency [Hz].
 
-        It is that of the bending modes of chains between held ends, at kL = (n + ½)π: to hold points raises
+        It is that of the bending modes of chains between clamped ends, at kL = (n + ½)π: to fix points raises
         natural frequencies. A chain with a corner may have one fewer.
         """
         waves = self.bending * np.sqrt(2 * np.pi * frequency) / np.pi
@@ -264,10 +264,10 @@ def condense(system: System, *places: Array) -> Condensed:
     dofs = _dofs_of(model.mesh.lines[lines])
     rest = (*others, Contribution(dofs[alone], *(X[alone] for X in matrices)))
     inner = np.concatenate([np.zeros(0, dtype=np.int64), *(run.points[1:-1] for run in runs)])
-    left = np.ones(model.n_dof, dtype=bool)
-    left[(6 * inner[:, None] + np.arange(6)).ravel()] = False
-    Q = sp.csc_array(sp.diags_array(left.astype(float)) @ system.Q)
-    kept = np.flatnonzero(np.diff(system.Q[left].tocsc().indptr))
+    remaining = np.ones(model.n_dof, dtype=bool)
+    remaining[(6 * inner[:, None] + np.arange(6)).ravel()] = False
+    Q = sp.csc_array(sp.diags_array(remaining.astype(float)) @ system.Q)
+    kept = np.flatnonzero(np.diff(system.Q[remaining].tocsc().indptr))
     Q = sp.csr_array(Q[:, kept])
     without = tuple(replace(c, law=None, K=c.static) for c in rest)
     summed = tuple(sp.csr_array(Q.T @ X @ Q) for X in sum_contributions(without, model.n_dof))
@@ -353,13 +353,13 @@ def _dofs_of(ends: NDArray[np.int64]) -> NDArray[np.int64]:
 def _on_lines(model: Model) -> tuple[NDArray[np.int64], Array, tuple[Contribution, ...]]:
     """Return lines with elements on them, K, M, C and D of each (4, n, 12, 12), and all other elements."""
     parts = model.contributions()
-    own = [
+    on_lines = [
         c for c in parts if c.lines is not None and c.law is None and len(np.unique(c.lines)) == len(c.lines)
     ]
-    others = tuple(c for c in parts if not any(c is each for each in own))
-    lines = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.lines for c in own)]))  # type: ignore[list-item]
+    others = tuple(c for c in parts if not any(c is each for each in on_lines))
+    lines = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.lines for c in on_lines)]))  # type: ignore[list-item]
     matrices = np.zeros((4, len(lines), 12, 12))
-    for c in own:
+    for c in on_lines:
         at = np.searchsorted(lines, c.lines)  # type: ignore[arg-type]
         for total, X in zip(matrices, (c.K, c.M, c.C, c.D), strict=True):
             if X is not None:
@@ -374,18 +374,18 @@ def _free_points(
     n = system.model.mesh.n_points
     Q = system.Q.tocsr()
     alone = np.diff(system.Q.tocsc().indptr) == 1
-    whole = np.zeros(Q.shape[0], dtype=bool)
+    free = np.zeros(Q.shape[0], dtype=bool)
     single = np.flatnonzero(np.diff(Q.indptr) == 1)
-    whole[single] = alone[Q.indices[Q.indptr[single]]]
-    whole[np.diff(Q.indptr) == 0] = True  # rotations of cables, or held
+    free[single] = alone[Q.indices[Q.indptr[single]]]
+    free[np.diff(Q.indptr) == 0] = True  # rotations of cables, or fixed
     for c in system.model.constraints():
         if not c.everywhere:
-            whole[c.dofs] = False
+            free[c.dofs] = False
     for part in others:
-        whole[part.dofs.ravel()] = False
+        free[part.dofs.ravel()] = False
     for X in places:
-        whole[sp.csc_array(X).indices] = False
-    return np.asarray(whole[: 6 * n].reshape(-1, 6).all(axis=1))
+        free[sp.csc_array(X).indices] = False
+    return np.asarray(free[: 6 * n].reshape(-1, 6).all(axis=1))
 
 
 def _chains(ends: NDArray[np.int64], free: NDArray[np.bool_]) -> Iterator[_Chain]:
@@ -395,16 +395,16 @@ def _chains(ends: NDArray[np.int64], free: NDArray[np.bool_]) -> Iterator[_Chain
         at.setdefault(a, []).append(k)
         at.setdefault(b, []).append(k)
     through = {p for p, lines in at.items() if free[p] and len(lines) == 2}
-    left = dict.fromkeys(range(len(ends)))
+    remaining = dict.fromkeys(range(len(ends)))
     first = [k for p, lines in at.items() if p not in through for k in lines]
-    for start in (*first, *left):  # lines left in the end are rings, which may begin anywhere
-        if start not in left:
+    for start in (*first, *remaining):  # lines that remain in the end are rings, which may begin anywhere
+        if start not in remaining:
             continue
         a, b = ends[start].tolist()
         point, k = (b if a in through and b not in through else a), start
         elements, turned, points = [], [], [point]
-        while k in left:
-            del left[k]
+        while k in remaining:
+            del remaining[k]
             backwards = ends[k, 0] != point
             point = int(ends[k, 0] if backwards else ends[k, 1])
             elements.append(k)

@@ -75,22 +75,22 @@ class Excitation:
                 f"({t.size}, k) are expected"
             )
             raise ModelError(msg)
-        own = {}
+        accelerations = {}
         for direction, values in (base or {}).items():
             if direction not in DIRECTIONS:
                 msg = f"the base moves in '{direction}'; allowed are {', '.join(DIRECTIONS)}"
                 raise ModelError(msg)
-            own[direction] = np.array(values, dtype=float)
-            if own[direction].shape != t.shape:
+            accelerations[direction] = np.array(values, dtype=float)
+            if accelerations[direction].shape != t.shape:
                 msg = (
-                    f"the base's acceleration in {direction} has shape {own[direction].shape}; "
+                    f"the base's acceleration in {direction} has shape {accelerations[direction].shape}; "
                     f"({t.size},) is expected"
                 )
                 raise ModelError(msg)
-        if not all(np.isfinite(X).all() for X in (F, p, *own.values())):
+        if not all(np.isfinite(X).all() for X in (F, p, *accelerations.values())):
             msg = "the excitation has values that are not finite numbers"
             raise ModelError(msg)
-        return cls(t, F, p, own)
+        return cls(t, F, p, accelerations)
 
     @property
     def step(self) -> float:

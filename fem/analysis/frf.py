@@ -69,7 +69,7 @@ class Accuracy:
         Number of modes, and of all vectors, modes included; 0 for ``"direct"``.
     bound : ndarray (n_freq, n_out, n_in) or None
         A bound of the error of each value, but for rounding [unit of the FRF]. None where none is known: for
-        direct solutions, which have rounding alone, and with damping of whole members.
+        direct solutions, which have rounding alone, and with damping of members.
     worst : float
         The largest bound of an FRF relative to its peak over all lines of the computation [-]; NaN if
         unknown.

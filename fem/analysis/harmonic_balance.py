@@ -110,7 +110,7 @@ class Steady:
         moves = self.amplitude > 0
         a = np.where(moves, self.amplitude, 1.0)
         k = np.where(moves, self._element.stiffness_at(a), 0.0)
-        by_a, by_own = self._element.slopes_at(a)
+        by_a, by_parameter = self._element.slopes_at(a)
         D = 1 + k * part.g[:, None]
         relative = by_a * a * part.g[:, None] / D  # d ln(1 + kg) by ln a
         against = 1 + relative.real
@@ -123,19 +123,19 @@ class Steady:
             - d.c[..., None] * (q * part.h)[:, None, :]
             - part.c[:, :, None] * (q * d.h + dq * part.h)[..., None, :]
         )
-        own = np.empty((len(names), *self.H.shape), dtype=complex)
+        by_element = np.empty((len(names), *self.H.shape), dtype=complex)
         for i, name in enumerate(names):
-            direct = by_own[name]
+            direct = by_parameter[name]
             ln_a = -(direct * part.g[:, None] / D).real / against
             dk = np.where(moves, direct + by_a * a * ln_a, 0.0)
-            own[i] = -part.c[:, :, None] * (dk / D**2 * part.h)[:, None, :]
-        return by_structure, own
+            by_element[i] = -part.c[:, :, None] * (dk / D**2 * part.h)[:, None, :]
+        return by_structure, by_element
 
 
 def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """Return amplitudes, with those where the excess turns nearest to crossing zero, and the excess there.
 
-    Two solutions beside a fold may lie between two amplitudes at which it has the same sign.
+    Two solutions near a fold may lie between two amplitudes at which it has the same sign.
 
     Parameters
     ----------

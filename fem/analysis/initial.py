@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.analysis.statics import factor_held
+from fem.analysis.statics import factor_stiffness
 from fem.model import DIRECTIONS, ModelError, lever_matrix
 from fem.system import System
 
@@ -13,14 +13,14 @@ Floats = NDArray[np.float64]
 
 
 def deflected(system: System, displacements: Mapping[tuple[int, str], float]) -> Floats:
-    """Return the displacements of a structure in equilibrium whose points are held displaced, (n_dof,).
+    """Return the displacements in equilibrium of a structure with prescribed ones at points, (n_dof,).
 
     u = K⁻¹ Bᵀ (B K⁻¹ Bᵀ)⁻¹ d with the displacements d = B u, so that forces act on these points alone.
 
     Parameters
     ----------
     system : System
-        Held by supports.
+        Fixed by supports.
     displacements : mapping of (int, str) to float
         By point and direction, such as ``{(3, "x"): 0.01}`` [m, rad].
 
@@ -34,7 +34,7 @@ def deflected(system: System, displacements: Mapping[tuple[int, str], float]) ->
         return np.zeros(system.model.n_dof)
     dofs = [6 * point + DIRECTIONS.index(direction) for point, direction in displacements]
     B = np.asarray(system.Q[dofs].todense())
-    X = factor_held(system).solve(B.T)
+    X = factor_stiffness(system).solve(B.T)
     flexibility = B @ X
     size = np.sqrt(np.maximum(np.diagonal(flexibility), np.finfo(float).tiny))
     scaled = flexibility / np.outer(size, size)
@@ -68,13 +68,13 @@ def moving_as_one(
         If supports hold all of its points in a direction in which it moves.
     """
     model, at, v = system.model, np.asarray(points, dtype=int), np.asarray(velocity, dtype=float)
-    whole = np.zeros((model.mesh.n_points, 6))
-    whole[at] = lever_matrix(model.mesh.points[at] - np.asarray(about, dtype=float)) @ v
-    free = (abs(system.Q[: whole.size]).sum(axis=1) > 0).reshape(whole.shape)
+    motion = np.zeros((model.mesh.n_points, 6))
+    motion[at] = lever_matrix(model.mesh.points[at] - np.asarray(about, dtype=float)) @ v
+    free = (abs(system.Q[: motion.size]).sum(axis=1) > 0).reshape(motion.shape)
     for direction, speed, moves in zip(DIRECTIONS, v, free[at].any(axis=0), strict=True):
         if speed and not moves:
             msg = f"nothing moves in {direction}, in which an initial velocity is given: supports hold it"
             raise ModelError(msg)
     out = np.zeros(model.n_dof)
-    out[: whole.size] = np.where(free, whole, 0.0).ravel()
+    out[: motion.size] = np.where(free, motion, 0.0).ravel()
     return out

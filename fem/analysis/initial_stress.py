@@ -163,8 +163,8 @@ def lever_forces(static: StressedState) -> LeverForces:
             for c in effect.contribute(model):
                 for dofs, K in zip(c.dofs, () if c.static is None else np.real(c.static), strict=False):
                     if (key := tuple(dofs.tolist())) in place and len(key) in (6, 12):
-                        own = effect.location if isinstance(effect, PointPair) else place[key]
-                        out += forces_at(model, dofs, own, K @ u[dofs])
+                        location = effect.location if isinstance(effect, PointPair) else place[key]
+                        out += forces_at(model, dofs, location, K @ u[dofs])
         out += effect.arm_forces(model, state)
     out = [f for f in out if np.any(f.arm) and np.any(f.force)]
     return LeverForces(

@@ -1,6 +1,6 @@
 """Loads between the nodes: their places on the lines, and the nodal forces that do their work.
 
-Distributed and concentrated loads and the lines' own weight become `SpreadLoads`, from which section forces
+Distributed and concentrated loads and the lines' weight become `SpreadLoads`, from which section forces
 follow; `nodal_loads` and `nodal_weights` are the right-hand side of K u = f.
 """
 
@@ -21,7 +21,7 @@ from fem.mesh import Location
 from fem.model import Model, ModelError
 
 N_WEIGHT_STRETCHES = 32
-"""Stretches of a tapered line along which its own weight is linear."""
+"""Stretches of a tapered line along which its weight is linear."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +51,8 @@ class SpreadLoads:
 
     def case_of(self, column: int) -> "SpreadLoads":
         """Return the loads of one load case alone."""
-        own = np.flatnonzero(self.case == column)
-        return SpreadLoads(self.line[own], 0 * self.case[own], self.xi[own], self.force[own], self.axes)
+        rows = np.flatnonzero(self.case == column)
+        return SpreadLoads(self.line[rows], 0 * self.case[rows], self.xi[rows], self.force[rows], self.axes)
 
 
 def loads_on_members(
@@ -206,7 +206,7 @@ def rigidity_at(model: Model, line: int, xi: NDArray[np.float64]) -> NDArray[np.
 
 
 def nodal_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the nodal forces of gravity on the lines' own mass, shape (n_lines, 12, n_cases)."""
+    """Return the nodal forces of gravity on the lines' mass, shape (n_lines, 12, n_cases)."""
     mesh = model.mesh
     out = np.zeros((mesh.n_lines, 12, gravity.shape[1]))
     if not gravity.any():
@@ -252,7 +252,7 @@ def with_weights(
     gravity: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> SpreadLoads:
-    """Return loads between the ends of lines with the lines' own weight and that of masses on members."""
+    """Return loads between the ends of lines with the lines' weight and that of masses on members."""
     if not gravity.any():
         return spread
     mesh, (frame,) = model.mesh, model.of_kind(Frame)

@@ -28,7 +28,7 @@ class LineLoad:
     axes : str
         ``"global"`` or ``"local"``: the axes of the components.
     start, stop : float
-        Arc lengths from the member's first end [m]; the whole member unless given.
+        Arc lengths from the member's first end [m]; all of the member unless given.
     """
 
     member: str

@@ -32,7 +32,7 @@ _LOWEST = 1e3
 
 
 class MechanismError(ModelError):
-    """A structure with motions that nothing opposes besides rigid-body motions of the whole.
+    """A structure with motions that nothing opposes besides its rigid-body motions.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ def solve_modes(
     Raises
     ------
     MechanismError
-        For a motion without stiffness that is not a rigid-body motion of the whole structure.
+        For a motion without stiffness that is not a rigid-body motion of the structure.
     ModelError
         If the check counts other than were found, and a second search does not find them, or if a motion
         without mass has a negative stiffness.
@@ -349,7 +349,7 @@ def _counted(
 
 
 def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float64]) -> RitzPairs:
-    """Return the n lowest eigenpairs beside rigid-body motions by SLEPc, which counts them as well."""
+    """Return the n lowest eigenpairs besides rigid-body motions by SLEPc, which counts them as well."""
     found = lowest_by_processes(system.K, system.M, shift, n, rigid)
     if found.n_below:
         msg = (
@@ -362,7 +362,7 @@ def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float6
 
 def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[float, Factor, float | None, int]:
     """Choose the shift as :func:`_shifted` does, and leave factorising to other processes."""
-    shift = _small_shift(system, held=rigid.shape[1] == 0)
+    shift = _small_shift(system, fixed=rigid.shape[1] == 0)
     reference = None
     if rigid.shape[1]:
         first = _by_processes(system, shift, 1, rigid)
@@ -371,10 +371,10 @@ def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[floa
     return shift, late_factor(system.K - shift * system.M), reference, 0
 
 
-def _small_shift(system: System, held: bool) -> float:
+def _small_shift(system: System, fixed: bool) -> float:
     """Return a shift σ so small that rounding just allows it."""
     n_lines = max(system.model.mesh.n_lines, 1)
-    return -_highest(system) * max((1e-4 / n_lines) ** 2, 1e-14 if held else 1e-12)
+    return -_highest(system) * max((1e-4 / n_lines) ** 2, 1e-14 if fixed else 1e-12)
 
 
 def _highest(system: System) -> float:
@@ -406,15 +406,15 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
     """
     K, M, Q, model = system.K, system.M, system.Q, system.model
     q = Q.T @ rigid_motions(model) @ reproduced(model, Q, model.constraints())
-    held, reference = q.shape[1] == 0, None
-    shift = _small_shift(system, held)
+    fixed, reference = q.shape[1] == 0, None
+    shift = _small_shift(system, fixed)
     try:
         factor = factorise(K - shift * M)
         n_below = n_negative(K - shift * M, factor)
     except SingularMatrixError:  # by rounding, as M has no negative masses
         n_below = 1
         shift, factor = _below_all(system, 10 * shift)
-    if not held:
+    if not fixed:
         X = np.hstack([q, np.random.default_rng(1).standard_normal((system.n_free, 3 + n_below))])
         for _ in range(3):
             X = factor.solve(np.asarray(M @ X))
@@ -528,8 +528,8 @@ def _motions(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.flo
     reach = np.ones(len(u))
     at = reach[: 6 * system.model.mesh.n_points].reshape(-1, 6)
     at[:, 3:] = size
-    left, _, _ = np.linalg.svd(reach[:, None] * u, full_matrices=False)
-    u = left[:, :n] / reach[:, None]
+    U, _, _ = np.linalg.svd(reach[:, None] * u, full_matrices=False)
+    u = U[:, :n] / reach[:, None]
     return u / np.abs(reach[:, None] * u).max(axis=0)
 
 
@@ -568,5 +568,5 @@ def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDA
     n = vectors.shape[1] - rigid.shape[1]
     return (
         f"the structure is a mechanism: {n} motion(s) have no stiffness besides {rigid.shape[1]} "
-        f"rigid-body motion(s) of the whole; most free: {', '.join(words)}"
+        f"rigid-body motion(s); most free: {', '.join(words)}"
     )

@@ -27,7 +27,7 @@ _ROUNDING = 1e-7
 """Force relative to the largest, below which a bar carries nothing."""
 _DIGITS = 1e-14
 """Part of stiffness times displacement that rounding leaves of a force that is 0 [-]."""
-_HELD = 1e-4
+_SOLE_SUPPORT = 1e-4
 """Force of a slack bar relative to the largest, above which nothing else carries the load."""
 _ROUNDS = 200
 
@@ -88,7 +88,7 @@ def solve_one_sided(model: Model, case: LoadCase) -> OneSided:
         system = assemble(changed, reciprocal=False)
         found = solve_static(system, case)
         N = np.array([found.line_forces[model.mesh.members[n], :, 0, 0].mean() for n in names])
-        # Heat and misfits leave no force in a determinate structure: that on held nodes gives the size.
+        # Heat and misfits leave no force in a determinate structure: that on fixed nodes gives the size.
         parts = found.line_forces[:, :, :3], found.equilibrium.fixed[:, :3]
         size = max(*(float(np.abs(x).max(initial=0.0)) for x in parts), 1e-300)
         moved = float(np.abs(system.Q.T @ found.displacements[:, 0]).max(initial=0.0))
@@ -115,9 +115,9 @@ def _refuse_mechanism(
     case: LoadCase, names: list[str], slack: NDArray[np.bool_], N: NDArray[np.float64], size: float
 ) -> None:
     """Raise an error where a slack bar still carries a part of the load: nothing else does."""
-    held = np.where(slack, np.abs(N), 0.0)
-    if slack.any() and held.max() > _HELD * size:
-        name = names[int(held.argmax())]
+    carried = np.where(slack, np.abs(N), 0.0)
+    if slack.any() and carried.max() > _SOLE_SUPPORT * size:
+        name = names[int(carried.argmax())]
         msg = (
             f"load case '{case.name}': bar '{name}' goes slack, and nothing else holds the structure against "
             "the load; give it a brace that the load pulls, or a bar that carries both ways"
@@ -132,11 +132,11 @@ def _with_slack(model: Model, slack: list[str]) -> Model:
     effects = []
     for effect in model.effects:
         if isinstance(effect, Frame):
-            own: dict[str, MemberProperties] = dict(effect.members)
+            members: dict[str, MemberProperties] = dict(effect.members)
             for name in slack:
-                if name in own:
-                    own[name] = _loose(own[name])
-            effect = replace(effect, members=own)
+                if name in members:
+                    members[name] = _loose(members[name])
+            effect = replace(effect, members=members)
         effects.append(effect)
     return replace(model, effects=tuple(effects))
 

@@ -28,7 +28,7 @@ class Participation:
     moving : ndarray (6,)
         Sum of the effective masses of all modes: the mass not carried directly by supports [kg, kg m²].
     total : ndarray (6,)
-        rᵀ M r of the whole structure [kg, kg m²].
+        rᵀ M r of the structure [kg, kg m²].
     about : ndarray (3,)
         Where the axes of the rotations meet [m].
     """
@@ -107,13 +107,13 @@ class Energies:
     Attributes
     ----------
     parts : tuple of str
-        Names of members, then of the effects beside the frame.
+        Names of members, then of the effects other than the frame.
     strain, kinetic : ndarray (n_parts, n_modes)
         Shares of the mode's largest strain and kinetic energy [-]. Each column adds up to 1, or to 0 for the
         strain of a rigid-body mode; parts that soften, as a pressure, have a negative share (of motions that
         grow, whose energy is negative, parts that stiffen).
     damping : ndarray (n_parts + 1, n_modes)
-        Contribution of each part to the modal damping ratio; the last is the structure's as a whole [-].
+        Contribution of each part to the modal damping ratio; the last is that of the structure [-].
     """
 
     parts: tuple[str, ...]
@@ -159,29 +159,29 @@ def compute_energies(model: Model, modes: Modes) -> Energies:
     for effect in model.effects:
         if isinstance(effect, Frame):
             for member, rows in model.mesh.members.items():
-                own = effect.contribution_of(model, rows)
+                contributions = effect.contribution_of(model, rows)
                 N = getattr(effect.members[member], "pretension", 0.0)
                 pulled = (effect.geometric_stiffness(model, member, N),) if N else ()
-                parts[member] = (*own, *pulled)
+                parts[member] = (*contributions, *pulled)
     for effect in model.effects:
-        own = () if isinstance(effect, Frame) else effect.contribute(model)
-        if own:
+        contributions = () if isinstance(effect, Frame) else effect.contribute(model)
+        if contributions:
             name = effect.name if effect.name not in parts else f"{effect.name} ({effect.kind})"
-            parts[name] = own
-    work = np.array([sum(_work(c, phi, omega) for c in own) for own in parts.values()])
+            parts[name] = contributions
+    work = np.array([sum(_work(c, phi, omega) for c in contributions) for contributions in parts.values()])
     strain, kinetic, lost = np.moveaxis(work, 1, 0)
-    whole, mass = strain.sum(axis=0), kinetic.sum(axis=0)
+    total, mass = strain.sum(axis=0), kinetic.sum(axis=0)
     elastic = omega > 0
     damping = model.damping
     square = np.where(elastic, 2 * omega**2 * mass, np.inf)
     of_all = damping.ratio_at(modes.frequency) + np.where(
         elastic, damping.alpha / np.where(elastic, 2 * omega, 1.0), 0.0
     )
-    of_all = of_all + (damping.beta * omega + damping.loss_factor) * whole / square
+    of_all = of_all + (damping.beta * omega + damping.loss_factor) * total / square
     of_all = np.where(elastic, of_all, 0.0)
     return Energies(
         tuple(parts),
-        np.where(omega != 0, strain / np.where(omega != 0, whole, 1.0), 0.0),
+        np.where(omega != 0, strain / np.where(omega != 0, total, 1.0), 0.0),
         kinetic / mass,
         np.vstack([lost / square, of_all]),
     )

@@ -15,7 +15,7 @@ _ROUNDING = 1e-9
 def refuse_out_of_plane(model: Model, cases: Sequence[LoadCase], forces: NDArray[np.float64]) -> None:
     """Raise a ModelError for load cases that act out of the plane of a planar model.
 
-    Moments that gravity or an offset makes about axes in the plane are those of the plane's own guides.
+    Moments that gravity or an offset makes about axes in the plane are those of the plane's guides.
 
     Parameters
     ----------

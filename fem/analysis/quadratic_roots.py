@@ -75,7 +75,7 @@ def _unit(X: NDArray[Any]) -> NDArray[np.complex128]:
 
 
 def with_laws(problem: Quadratic, root: Root) -> Root:
-    """Iterate a root until the laws are those of its own damped frequency."""
+    """Iterate a root until the laws are those of its damped frequency."""
     M = problem.M
     for _ in range(_LAW_ROUNDS):
         above = [r for r in all_roots(problem, abs(root.s.imag)) if r.s.imag >= 0]

@@ -165,7 +165,7 @@ def resonance_lines(system: System, low: float, high: float, corners: ArrayLike 
         poles = solve_complex_modes(system, int(keep.sum()) + _MORE_WHIRLING).poles
         poles = poles[poles.imag > 0]
         f, z = np.abs(poles) / (2 * np.pi), np.maximum(-poles.real / np.abs(poles), _LEAST_RATIO)
-    near = [own * (1 + ratio * np.sinh(_arsinh_steps(ratio))) for own, ratio in zip(f, z, strict=True)]
+    near = [f0 * (1 + ratio * np.sinh(_arsinh_steps(ratio))) for f0, ratio in zip(f, z, strict=True)]
     n = int(np.ceil(np.log2(high / low) * _PER_OCTAVE)) + 2
     every = np.concatenate([*near, np.geomspace(low, high, n), np.asarray(corners, dtype=float), f])
     return np.unique(every[(every >= low) & (every <= high)])

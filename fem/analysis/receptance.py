@@ -1,7 +1,7 @@
 """Receptances by superposition, with a bound of the contribution of the vectors left out.
 
-The structure's own damping (structural, Rayleigh, modal ratios) keeps the modes apart; local dampers and
-elements that depend on frequency enter by Woodbury's identity. docs/theory-fem.md derives the bound.
+Structural, Rayleigh and modal damping do not couple the modes; local dampers and elements that depend on
+frequency enter by Woodbury's identity. docs/theory-fem.md derives the bound.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ It is then taken for a member with a loss factor rather than a damper.
 """
 
 _FEW_JOINTS = 10
-"""With more joints and springs than this, members' loss factors are not taken for one of the whole."""
+"""With more joints and springs than this, members' loss factors do not count as one of the structure."""
 
 _SOLVE_COLUMNS = 64
 """Right-hand sides that are solved at once where only products of the solutions are needed."""
@@ -37,7 +37,7 @@ _CHUNK = 1_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Locals:
-    """Damping that the structure's own does not contain.
+    """Damping in addition to structural, Rayleigh and modal damping.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Locals:
     wide : tuple
         Terms on many DOFs: of each ("C", "D" or its Law) the sparse (n_free, n_free) matrix.
     loss : float
-        Loss factor of K as a whole that is taken out of ``D`` and ``wide`` [-]: that of the members'
+        Loss factor of all of K that is taken out of ``D`` and ``wide`` [-]: that of the members'
         material, which joints and springs then lack.
     """
 
@@ -70,12 +70,12 @@ class Locals:
 
     def wide_factors(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
         """Return the factor of each wide matrix at each line."""
-        own = {"C": 1j * omega, "D": np.full(len(omega), 1j)}
-        return [own[of] if isinstance(of, str) else law_change(of, omega) for of, _ in self.wide]
+        factors = {"C": 1j * omega, "D": np.full(len(omega), 1j)}
+        return [factors[of] if isinstance(of, str) else law_change(of, omega) for of, _ in self.wide]
 
 
 def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
-    """Separate a system's own damping into local and wide parts; rotors too if ``reciprocal`` is False.
+    """Separate a system's dampers into local and wide parts; rotors too if ``reciprocal`` is False.
 
     Each local element gives an orthonormal basis of the range of its C, D and K with a law.
     """
@@ -93,9 +93,9 @@ def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
     loss = loss if lacking <= _FEW_JOINTS else 0.0
     for part in parts:
         law = part.law
-        # the law's part without its static stiffness, which K contains, and the loss that K as a whole has
-        own = {"C": part.C, "D": _less(part.D, part.static, loss), "law": None if law is None else part.K}
-        have = {key: X for key, X in own.items() if X is not None and X.any()}
+        # the law's part without its static stiffness, which K contains, and the loss factor of all of K
+        damping = {"C": part.C, "D": _less(part.D, part.static, loss), "law": None if law is None else part.K}
+        have = {key: X for key, X in damping.items() if X is not None and X.any()}
         if not have:
             continue
         acts = np.any([X.any(axis=(1, 2)) for X in have.values()], axis=0)
@@ -248,8 +248,8 @@ class _Lines:
         undamped = k[:, None] * s.stiffness + m[:, None] * s.mass
         positive = np.maximum(s.stiffness, 0.0)  # motions that grow have no damping ratio
         root = np.sqrt(positive * s.mass)
-        own = np.divide(positive, s.mass, out=np.full(len(root), np.inf), where=s.mass > 0)
-        zeta = d.ratio_at(np.sqrt(own) / (2 * np.pi))
+        omega2 = np.divide(positive, s.mass, out=np.full(len(root), np.inf), where=s.mass > 0)
+        zeta = d.ratio_at(np.sqrt(omega2) / (2 * np.pi))
         z = undamped + 2j * omega[:, None] * (zeta * root) if zeta.any() else undamped
         return cls(omega, k, m, z, undamped)
 
@@ -259,7 +259,7 @@ def receptance(
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64] | None]:
     """Return receptances (n_freq, n_out, n_in) at some lines, and a bound of the error of each.
 
-    The bound is None where none is known: with damping of whole members.
+    The bound is None where none is known: with damping of members.
     """
     H = np.empty((len(omega), s.responses.shape[1], s.n_in), dtype=complex)
     bound = np.empty(H.shape) if bounds and not s.wide else None
@@ -284,7 +284,7 @@ def receptance_blocks(
     step = max(1, _CHUNK // max(n_out * n_in, 1))
     plain = not (s.wide or s.local.C.size or s.residual is not None)
     buffer = np.empty((min(step, len(omega)), n_out, n_in), dtype=complex) if out is None else None
-    left = np.ascontiguousarray(s.responses.T)
+    outputs = np.ascontiguousarray(s.responses.T)
     edges = np.linspace(0, n_out, 1 + (max(1, min(n_out // 48, 8)) if symmetric else 1)).astype(int)
     work = np.empty((s.n_vectors, n_in), dtype=complex)
     for start in range(0, len(omega), step):
@@ -302,9 +302,9 @@ def receptance_blocks(
             for a, b in pairwise(edges):
                 first = a if symmetric else 0
                 if H.flags.c_contiguous and first == 0 and b - a == n_out:
-                    np.matmul(left, work.view(float), out=H[k].view(float))
+                    np.matmul(outputs, work.view(float), out=H[k].view(float))
                 else:
-                    H[k, a:b, first:] = (left[a:b] @ work.view(float)[:, 2 * first :]).view(complex)
+                    H[k, a:b, first:] = (outputs[a:b] @ work.view(float)[:, 2 * first :]).view(complex)
                 if symmetric:
                     H[k, b:, a:b] = H[k, a:b, b:].T
         yield lines, H
@@ -326,13 +326,13 @@ def _receptance(
     G = _real_times(forces.T, y)
     if s.residual is not None:
         G = G + s.residual[1] / at.k[:, None, None]
-    own = s.local.stiffness(omega)
+    S = s.local.stiffness(omega)
     eye = np.eye(forces.shape[1])
-    # W = s (I + G s)⁻¹
+    # W = S (I + G S)⁻¹
     try:
-        W = np.linalg.solve(eye + own @ G[:, :, n_in:], own)
+        W = np.linalg.solve(eye + S @ G[:, :, n_in:], S)
     except np.linalg.LinAlgError:
-        W = np.full(own.shape, np.nan + 0j)
+        W = np.full(S.shape, np.nan + 0j)
     reaction = W @ G[:, :, :n_in]
     damped = H[:, :, :n_in] - H[:, :, n_in:] @ reaction
     # A line next to a resonance of the rest, which only dampers limit: there the two terms cancel.
@@ -340,21 +340,21 @@ def _receptance(
     back = W @ np.swapaxes(H[:, :, n_in:], 1, 2)
     if s.residual is None:
         for i in np.flatnonzero(near.any(axis=1)):
-            Z = np.diag(at.z[i]) + forces @ own[i] @ forces.T
+            Z = np.diag(at.z[i]) + forces @ S[i] @ forces.T
             try:
                 X = np.linalg.solve(Z, np.hstack([s.loads, s.responses]))
             except np.linalg.LinAlgError:
                 continue
             damped[i] = s.responses.T @ X[:, :n_in]
             move = forces.T @ X
-            reaction[i] = own[i] @ move[:, :n_in]
-            back[i] = own[i] @ move[:, s.loads.shape[1] :]
-            W[i] = own[i] - own[i] @ move[:, n_in : s.loads.shape[1]] @ own[i]
+            reaction[i] = S[i] @ move[:, :n_in]
+            back[i] = S[i] @ move[:, s.loads.shape[1] :]
+            W[i] = S[i] - S[i] @ move[:, n_in : s.loads.shape[1]] @ S[i]
     return damped, _bound(s, at, y, (W, reaction, back), damped) if bounds else None
 
 
 def _coupled(s: Superposition, at: _Lines) -> NDArray[np.complex128]:
-    """Return receptances where damping of whole members couples all vectors: one solution for each line."""
+    """Return receptances where damping of members couples all vectors: one solution for each line."""
     n = s.n_vectors
     Z = np.zeros((len(at.omega), n, n), dtype=complex)
     Z[:, np.arange(n), np.arange(n)] = at.z

@@ -3,7 +3,7 @@
 Within a step the force is p(t) = p₀ + (p₁ - p₀) t/h, for which the state follows in closed form (Nigam and
 Jennings, Bull. Seism. Soc. Am. 59, 1969): x₁ = A x₀ + B₀ p₀ + B₁ p₁. The coefficients are those of the
 exponential of the state matrix with p and its slope as further states, so that rigid-body motion and
-overdamped modes need no forms of their own.
+overdamped modes need no other forms.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Modes of slender structures, whose lowest eigenvalues rounding of the assembled stiffness would hide.
 
 The eigenvalues of a chain of N elements span N⁴: entries of K that are rounded by ε leave an error of up to
-ε N⁴ of the lowest. Elements' own deformations keep their digits: the rigid-body motion of an element is
+ε N⁴ of the lowest. Elements' deformations keep their digits: the rigid-body motion of an element is
 subtracted first, and only the rest is multiplied by its stiffness.
 """
 
@@ -38,7 +38,7 @@ def refined(system: System, pairs: RitzPairs, rigid: Floats, factor: Factor | No
     system : System
     pairs : RitzPairs
     rigid : ndarray (n_free, n_rigid)
-        M-orthonormal rigid-body motions, beside which the pairs are.
+        M-orthonormal rigid-body motions, to which the pairs are orthogonal.
     factor : Factor, optional
         Of K - σM; without it, vectors are combined only.
     """
@@ -61,7 +61,7 @@ def refined_lowest(
     """Return eigenpairs with the lowest corrected as by :func:`refined`, where rounding hides these.
 
     They are combined by themselves: high modes would round them off in the Ritz matrix. Rounding of these is
-    small beside their eigenvalues, so that they are made orthogonal to the lowest, and not the reverse.
+    small next to their eigenvalues, so that they are made orthogonal to the lowest, and not the reverse.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ from fem.analysis.modes import Modes, solve_modes
 from fem.analysis.participation import compute_energies
 from fem.analysis.section_forces import line_mass, line_stiffness
 from fem.analysis.selection import Selection, dof_vectors
-from fem.analysis.statics import constraint_forces, factor_held
+from fem.analysis.statics import constraint_forces, factor_stiffness
 from fem.analysis.tabulated import Tabulated
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
@@ -50,7 +50,7 @@ class SpectrumResponse:
     effective_mass : ndarray (n_modes, n_dir)
         Γ² [kg, kg m²].
     total_mass : ndarray (n_dir,)
-        rᵀMr of the whole structure [kg, kg m²].
+        rᵀMr of the structure [kg, kg m²].
     displacement, acceleration : ndarray (n_out,)
         Relative to the base, and absolute pseudo-acceleration [m, m/s²].
     outputs : tuple of str
@@ -133,7 +133,7 @@ def solve_spectrum(
     Parameters
     ----------
     system : System
-        Held by supports.
+        Fixed by supports.
     spectra : mapping of str to Tabulated
         Pseudo-acceleration S_a over frequency, for the damping that the modes have, by direction ``"x"`` …
         ``"rz"`` [m/s², rad/s²]. Outside its frequencies it has the values of its ends.
@@ -154,7 +154,7 @@ def solve_spectrum(
     Raises
     ------
     ModelError
-        For a structure that is not held, an unknown combination or direction, or no spectrum.
+        For a structure that is not supported, an unknown combination or direction, or no spectrum.
     """
     if combination not in COMBINATIONS:
         msg = f"the combination is '{combination}'; allowed are {', '.join(COMBINATIONS)}"
@@ -162,7 +162,7 @@ def solve_spectrum(
     if not spectra:
         msg = "no spectrum is given; give one for a direction, such as {'x': Tabulated.of(frequency, sa)}"
         raise ModelError(msg)
-    factor = factor_held(system)
+    factor = factor_stiffness(system)
     model = system.model
     modes = solve_modes(system, n_modes, max_frequency)
     phi = np.asarray(np.real(modes.shapes), dtype=float)
@@ -183,13 +183,13 @@ def solve_spectrum(
         rest = np.asarray(system.Q.T @ (driven - M @ (phi @ gamma)))
         u = np.column_stack([phi * (gamma * sa / omega**2), rigid * (system.Q @ factor.solve(rest))])
         a = np.column_stack([phi * (gamma * sa), rigid * (r - phi @ gamma)])
-        found = {"u": rows.T @ u, "a": rows.T @ a, "whole": u, "lines": _line_forces(model, u, a)}
+        found = {"u": rows.T @ u, "a": rows.T @ a, "dofs": u, "lines": _line_forces(model, u, a)}
         for key, peaks in found.items():
-            own = combined(np.moveaxis(peaks, -1, 0), correlation) ** 2
-            squares[key] = squares.get(key, np.zeros(own.shape)) + own
+            square = combined(np.moveaxis(peaks, -1, 0), correlation) ** 2
+            squares[key] = squares.get(key, np.zeros(square.shape)) + square
         for key, peaks in constraint_forces(supports, np.asarray(K @ u - M @ a)).items():
-            own = combined(peaks[:, None], correlation) ** 2
-            at_supports[key] = at_supports.get(key, 0.0) + float(own[0])
+            square = combined(peaks[:, None], correlation) ** 2
+            at_supports[key] = at_supports.get(key, 0.0) + float(square[0])
         total = float(r @ driven)
         levels.append(sa)
         masses.append(gamma**2)
@@ -207,7 +207,7 @@ def solve_spectrum(
         np.sqrt(squares["u"]),
         np.sqrt(squares["a"]),
         labels,
-        np.sqrt(squares["whole"]),
+        np.sqrt(squares["dofs"]),
         np.array(force),
         MappingProxyType({key: float(np.sqrt(value)) for key, value in at_supports.items()}),
         np.sqrt(squares["lines"]),

@@ -1,4 +1,4 @@
-"""Second-order statics (P-Δ): a load case in equilibrium with the geometric stiffness of its own forces.
+"""Second-order statics (P-Δ): a load case in equilibrium with the geometric stiffness of its forces.
 
     Model ─ load case → solve_second_order → SecondOrder
 
@@ -24,7 +24,7 @@ from fem.analysis.loads import LoadCase
 from fem.analysis.modes import n_negative
 from fem.analysis.section_forces import line_stiffness
 from fem.analysis.static_rounding import energy_rounding, residual_rounding
-from fem.analysis.statics import Loading, StaticSolution, factor_held
+from fem.analysis.statics import Loading, StaticSolution, factor_stiffness
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Model, ModelError
 from fem.recent import Recent
@@ -44,7 +44,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondOrder:
-    """The response to one load case with the geometric stiffness of its own section forces.
+    """The response to one load case with the geometric stiffness of its section forces.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class SecondOrder:
 
 
 def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
-    """Solve a load case with the geometric stiffness of its own section forces.
+    """Solve a load case with the geometric stiffness of its section forces.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
     b = loading.on_coordinates(system, K)
     factor, q = None, b
     if system.n_free:
-        factor = factor_held(wide)
+        factor = factor_stiffness(wide)
         q = factor.solve(b)
         q += factor.solve(b - system.K @ q)
     elastic = line_stiffness(system.model)

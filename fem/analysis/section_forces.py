@@ -44,7 +44,7 @@ class LineEquilibrium:
     initial : ndarray (n_lines, 2, 2, 3)
         Forces and moments of geometric stiffness at both nodes (`initial_forces`).
     loads : SpreadLoads
-        Loads between the ends, own weight included.
+        Loads between the ends, the lines' weight included.
     strain : ndarray (n_lines, 6, n_cases)
         Initial strains.
     gravity : ndarray (3, n_cases)
@@ -127,7 +127,7 @@ def initial_forces(model: Model, axes: LineAxes, K: NDArray[np.float64]) -> NDAr
 
 def section_forces(
     model: Model,
-    held: LineEquilibrium,
+    equilibrium: LineEquilibrium,
     u: NDArray[np.float64],
     lines: NDArray[np.int64],
     xi: NDArray[np.float64],
@@ -137,7 +137,7 @@ def section_forces(
     They hold the part before the cut in equilibrium with its node's force and its loads. Under geometric
     stiffness that part is displaced, and the initial forces on it add moments; axes stay as they were.
     """
-    spread, initial, ends = held.loads, held.initial, held.ends
+    spread, initial, ends = equilibrium.loads, equilibrium.initial, equilibrium.ends
     axes = spread.axes
     a, b = np.moveaxis(model.mesh.points[model.mesh.lines[lines]] + axes.offset[lines], 1, 0)
     place = a + xi[:, None] * (b - a)
@@ -198,7 +198,7 @@ def _moments_of_displacement(
 
 
 def motion_between_nodes(
-    model: Model, held: LineEquilibrium, u: NDArray[np.float64], line: int, xi: NDArray[np.float64]
+    model: Model, equilibrium: LineEquilibrium, u: NDArray[np.float64], line: int, xi: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the motion that the loads on a line add between its nodes, shape (n, 6, n_cases).
 
@@ -206,10 +206,10 @@ def motion_between_nodes(
     ∫ (x - s) κ ds. Ends that slip in releases and springs move as
     :func:`fem.elements.connections.moved_by_loads` has it, and a rotation brings the second end to its place.
     """
-    axes, (frame,) = held.loads.axes, model.of_kind(Frame)
+    axes, (frame,) = equilibrium.loads.axes, model.of_kind(Frame)
     a, b = axes.zone[line, 0], 1 - axes.zone[line, 1]
-    at_rest = replace(held, ends=held.fixed[:, :6], initial=0 * held.initial)
-    breaks = np.unique(np.clip([a, b, *held.loads.xi[held.loads.line == line].ravel()], a, b))
+    at_rest = replace(equilibrium, ends=equilibrium.fixed[:, :6], initial=0 * equilibrium.initial)
+    breaks = np.unique(np.clip([a, b, *equilibrium.loads.xi[equilibrium.loads.line == line].ravel()], a, b))
 
     n_points = tapered.N_STATIONS if frame.has_tapers else 4
 
@@ -218,7 +218,7 @@ def motion_between_nodes(
         extra = section_forces(model, at_rest, u, lines, at)
         rigidity = np.broadcast_to(rigidity_at(model, line, at)[:, :, None], extra.shape)
         e = np.divide(extra, rigidity, out=np.zeros_like(extra), where=rigidity > 0)
-        return e + held.strain[line]
+        return e + equilibrium.strain[line]
 
     def integrated(x: float) -> NDArray[np.float64]:
         total = np.zeros((6, u.shape[1]))

@@ -103,7 +103,7 @@ def normal_stresses(
     sections = _sections(properties, fraction)
     if not all(s.outlines for s in sections):
         return None
-    found = np.array([_extremes(s, own) for s, own in zip(sections, forces, strict=True)])
+    found = np.array([_extremes(s, force) for s, force in zip(sections, forces, strict=True)])
     return found[:, 0], found[:, 1]
 
 

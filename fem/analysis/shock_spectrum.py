@@ -71,9 +71,9 @@ def shock_response_spectrum(
     pieces = 2 ** np.ceil(np.log2(np.maximum(f * h * _PER_PERIOD, 1.0))).astype(int)
     out = np.empty(f.size)
     for n in np.unique(pieces):
-        own = np.flatnonzero(pieces == n)
+        chosen = np.flatnonzero(pieces == n)
         fine = np.interp(np.arange((t.size - 1) * n + 1) / n, np.arange(t.size), a)
-        out[own] = _largest(fine, h / n, 2 * np.pi * f[own], zeta, response, part)
+        out[chosen] = _largest(fine, h / n, 2 * np.pi * f[chosen], zeta, response, part)
     return out
 
 

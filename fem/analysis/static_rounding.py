@@ -41,7 +41,7 @@ def force_rounding(
     ----------
     system : System
     factor : Factor or None
-        Of the system's stiffness; None where every point is held.
+        Of the system's stiffness; None where every point is fixed.
     equilibrium : LineEquilibrium
     u : ndarray (n_dof, n_cases)
         [m, rad].
@@ -51,11 +51,11 @@ def force_rounding(
     lines, nodes = residual_rounding(K, on_lines, dofs, equilibrium, u)
     ends = lines.reshape(-1, 2, 2, 3, u.shape[1])
     ends[:, :, 1] += equilibrium.loads.axes.span[:, None, None, None] * ends[:, :, 0]  # moments at a cut
-    held = np.setdiff1d(np.arange(len(u)), sp.csr_array(system.Q).nonzero()[0])
+    fixed = np.setdiff1d(np.arange(len(u)), sp.csr_array(system.Q).nonzero()[0])
     direct = np.stack([ends[:, :, k].max(axis=(0, 1, 2), initial=0.0) for k in (0, 1)])
     for k in (0, 1):
-        own = held[held % 6 // 3 == k]
-        direct[k] = np.maximum(direct[k], nodes[own].max(axis=0, initial=0.0))
+        chosen = fixed[fixed % 6 // 3 == k]
+        direct[k] = np.maximum(direct[k], nodes[chosen].max(axis=0, initial=0.0))
     if factor is not None:
         direct += _influence(system, factor, K, on_lines, dofs, nodes)
     return np.sqrt(3) * direct  # in any direction

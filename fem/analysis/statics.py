@@ -90,14 +90,14 @@ class StaticSolution:
         """Forces [N] and moments [N·m], of members and reactions, that rounding may make; (2, n_cases).
 
         See :func:`fem.analysis.static_rounding.force_rounding`. Computed when first asked for, with a
-        factorisation of its own.
+        separate factorisation.
         """
         value: NDArray[np.float64] = self._kept.get("rounding", self._rounding)
         return value
 
     def _rounding(self) -> NDArray[np.float64]:
         system = assemble(self.model, reciprocal=False)
-        factor = factor_held(system) if system.n_free else None
+        factor = factor_stiffness(system) if system.n_free else None
         return force_rounding(system, factor, self.equilibrium, self.displacements)
 
     @property
@@ -132,7 +132,7 @@ class StaticSolution:
 
         The motion of the nodes, and that of the loads between them while these rest: the strains beyond those
         of the shape functions, integrated twice. Ends that slip in releases and springs move with the member,
-        as places beside them do; rigid zones and their ends move with the node.
+        as places next to them do; rigid zones and their ends move with the node.
 
         Parameters
         ----------
@@ -145,18 +145,18 @@ class StaticSolution:
         ndarray (n, 6, n_cases)
             [m, rad].
         """
-        mesh, held = self.model.mesh, self.equilibrium
+        mesh, state = self.model.mesh, self.equilibrium
         at = [mesh.locate(member, s) for s in np.array(positions, dtype=float, ndmin=1)]
         lines, xi = np.array([a.line for a in at], dtype=np.int64), np.array([a.xi for a in at])
         (frame,) = self.model.of_kind(Frame)
         dofs, N = frame.motions_at(mesh, lines, xi, slipped=True)
         u = np.einsum("bij,bjc->bic", np.real(N), self.displacements[dofs])
-        zone = held.loads.axes.zone[lines]
+        zone = state.loads.axes.zone[lines]
         in_zones = (zone > 0) & (np.column_stack([xi, 1 - xi]) < zone + 1e-9)
-        loaded = np.unique(np.concatenate([held.loads.line, np.flatnonzero(held.strain.any((1, 2)))]))
+        loaded = np.unique(np.concatenate([state.loads.line, np.flatnonzero(state.strain.any((1, 2)))]))
         for line in np.intersect1d(loaded, lines):
             here = np.flatnonzero((lines == line) & ~in_zones.any(axis=1))
-            u[here] += motion_between_nodes(self.model, held, self.displacements, int(line), xi[here])
+            u[here] += motion_between_nodes(self.model, state, self.displacements, int(line), xi[here])
         return u
 
     def case(self, name: str) -> int:
@@ -210,13 +210,13 @@ class Loading:
     cases : tuple of LoadCase
     axes : LineAxes
     spread : SpreadLoads
-        Loads between the ends of lines, without own weight.
+        Loads between the ends of lines, without the lines' weight.
     strain : ndarray (n_lines, 6, n_cases)
         Initial strains.
     gravity : ndarray (3, n_cases)
         [m/s²].
     on_lines, weights : ndarray (n_lines, 12, n_cases)
-        Nodal forces of the loads on lines, and of the lines' own weight [N, N·m].
+        Nodal forces of the loads on lines, and of the lines' weight [N, N·m].
     f : ndarray (n_dof, n_cases)
         Forces on all DOFs [N, N·m].
     constraints : tuple of Constraint
@@ -301,9 +301,9 @@ class Loading:
         resisted = K @ u
         out_of_balance = resisted - self.f
         reactions = self.reactions(out_of_balance)
-        held = self.equilibrium(model, line_stiffness(model) if stiffness is None else stiffness, u)
+        state = self.equilibrium(model, line_stiffness(model) if stiffness is None else stiffness, u)
         n = np.arange(model.mesh.n_lines)
-        forces = np.stack([section_forces(model, held, u, n, np.full(n.size, x)) for x in (0.0, 1.0)], axis=1)
+        forces = np.stack([section_forces(model, state, u, n, np.full(n.size, x)) for x in (0.0, 1.0)], 1)
         scale = _force_scale(model)
         sizes = [abs(scale * X).max(axis=0) for X in (self.f, resisted, K @ self.prescribed)]
         return StaticSolution(
@@ -314,7 +314,7 @@ class Loading:
             MappingProxyType(_ground_springs(model, u)),
             forces,
             abs(scale * out_of_balance).max(axis=0) / np.maximum(np.max(sizes, axis=0), 1e-300),
-            held,
+            state,
         )
 
 
@@ -391,10 +391,10 @@ def _prescribed(
 def _check_loaded_dofs(system: System, constraints: tuple[Constraint, ...], f: NDArray[np.float64]) -> None:
     """Raise an error for a load where there is neither stiffness nor mass."""
     missed = np.abs(f - system.Q @ (system.Q.T @ f)) > 1e-9 * np.abs(f).max(axis=0)
-    held = np.zeros(len(f), dtype=bool)
+    fixed = np.zeros(len(f), dtype=bool)
     for c in constraints:
-        held[c.dofs] = True
-    lost = np.flatnonzero(~held & missed.any(axis=1))
+        fixed[c.dofs] = True
+    lost = np.flatnonzero(~fixed & missed.any(axis=1))
     if lost.size:
         dof = int(lost[0])
         msg = (
@@ -405,16 +405,16 @@ def _check_loaded_dofs(system: System, constraints: tuple[Constraint, ...], f: N
 
 
 def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve K q = b, with one step of refinement; q is empty where every point is held."""
+    """Solve K q = b, with one step of refinement; q is empty where every point is fixed."""
     if not system.n_free:
         return b
-    factor = factor_held(system)
+    factor = factor_stiffness(system)
     q = factor.solve(b)
     return q + factor.solve(b - system.K @ q)
 
 
-def factor_held(system: System, like: Factor | None = None) -> Factor:
-    """Factorise the stiffness of a structure that is held.
+def factor_stiffness(system: System, like: Factor | None = None) -> Factor:
+    """Factorise the stiffness of a supported structure.
 
     The order of elimination of ``like``, of a matrix with the same pattern of entries, is used again.
 

@@ -117,13 +117,13 @@ def _refined(
 
     Four rounds narrow the bracket 5⁴ times. Near a maximum the error of the size falls with its square.
     """
-    s, own = places, sizes[:, k]
+    s, values = places, sizes[:, k]
     for _ in range(4):
-        i = int(own.argmax())
+        i = int(values.argmax())
         s = np.linspace(s[max(i - 1, 0)], s[min(i + 1, len(s) - 1)], 11)
-        own = _sizes(solution, member, s)[:, k]
-    i = int(own.argmax())
-    return float(own[i]), float(s[i])
+        values = _sizes(solution, member, s)[:, k]
+    i = int(values.argmax())
+    return float(values[i]), float(s[i])
 
 
 def forces_on_lines(solution: StaticSolution, pieces: int) -> NDArray[np.float64]:
@@ -155,8 +155,8 @@ def stresses_on_lines(solution: StaticSolution, pieces: int) -> dict[str, NDArra
     properties = {m: p for f in solution.model.of_kind(Frame) for m, p in f.members.items()}
     for member, rows in mesh.members.items():
         x = along[rows, :1] + np.linspace(0, 1, pieces + 1) * np.diff(along[rows], axis=1)
-        own = forces[rows].reshape(-1, 6, forces.shape[-1])
-        found = section_stresses(properties[member], np.clip(x.ravel(), 0, 1), own)
+        of_member = forces[rows].reshape(-1, 6, forces.shape[-1])
+        found = section_stresses(properties[member], np.clip(x.ravel(), 0, 1), of_member)
         for name, values in ({} if found is None else found.by_name).items():
             out[name][rows] = values.reshape(len(rows), pieces + 1, -1)
     return out

@@ -4,7 +4,7 @@
 
 Motions of the base are followed in relative coordinates, M q'' + C q' + K q = -M r a(t), as are forces. In
 time structural damping has no equation of motion: a mode gets the viscous ratio with the same loss in a
-cycle at its own frequency.
+cycle at its frequency.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from fem.analysis.excitation import Excitation, TimeResponse
 from fem.analysis.modes import solve_eigenpairs
 from fem.analysis.recurrence import coupled, oscillators, twice_integrated
 from fem.analysis.selection import Selection, dof_vectors
-from fem.analysis.statics import factor_held
+from fem.analysis.statics import factor_stiffness
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, ModelError
 from fem.system import System
@@ -135,7 +135,7 @@ class _Problem:
     rows: Floats  # (n_out, n_dof)
     base: tuple[tuple[Floats, Floats], ...]  # motions (n_dof,) for a unit of the base, and its acceleration
     start: tuple[Floats, Floats]  # (n_free,) each
-    ratios: Floats  # (n_modes,): viscous ratios beside C, α and β
+    ratios: Floats  # (n_modes,): viscous ratios in addition to C, α and β
     labels: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -234,18 +234,18 @@ def _by_modes(problem: _Problem, kept: NDArray[np.int64]) -> tuple[Floats, Float
     """
     system, h = problem.system, problem.excitation.step
     phi, k, damping = problem.phi, problem.eigenvalues, system.model.damping
-    own = damping.alpha + damping.beta * k + 2 * problem.ratios * np.sqrt(k)
+    modal_damping = damping.alpha + damping.beta * k + 2 * problem.ratios * np.sqrt(k)
     C = np.asarray(phi.T @ (system.C @ phi)) if system.C.nnz else np.zeros((k.size, k.size))
     B = phi.T @ problem.F
     start = tuple(phi.T @ (system.M @ x) for x in problem.start)
     alone = not np.any(C - np.diag(np.diagonal(C)))
     forces = problem.p @ B.T
     if alone:
-        own = own + np.diagonal(C)
-        y, v = oscillators(k, own, forces, h, (start[0], start[1]))
-        a = forces - v * own - y * k
+        modal_damping = modal_damping + np.diagonal(C)
+        y, v = oscillators(k, modal_damping, forces, h, (start[0], start[1]))
+        a = forces - v * modal_damping - y * k
     else:
-        C = C + np.diag(own)
+        C = C + np.diag(modal_damping)
         y, v = coupled(np.diag(k), C, B, problem.p, h, (start[0], start[1]))
         a = forces - v @ C.T - y * k
     L, rest = problem.L @ phi, _static_rest(problem)
@@ -258,7 +258,7 @@ def _static_rest(problem: _Problem) -> Floats:
     system, phi = problem.system, problem.phi
     if system.rigid.shape[1] or not problem.F.shape[1]:
         return np.zeros_like(problem.F)
-    return factor_held(system).solve(problem.F - system.M @ (phi @ (phi.T @ problem.F)))
+    return factor_stiffness(system).solve(problem.F - system.M @ (phi @ (phi.T @ problem.F)))
 
 
 # By all DOFs ------------------------------------------------------------------------------------------------
@@ -296,7 +296,7 @@ class _Effective:
 
 
 def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: float) -> Floats:
-    """Solve M a = f; where DOFs have no mass, with a little stiffness beside M."""
+    """Solve M a = f; where DOFs have no mass, with a little stiffness added to M."""
     try:
         return factorise(M).solve(force)
     except SingularMatrixError:
@@ -325,8 +325,8 @@ def _by_newmark(
     a = _first_acceleration(M, K, rest, h)
     out = np.empty((3, len(problem.p), len(problem.L)))
     out[:, 0] = np.stack([u, v, a]) @ problem.L.T
-    whole = np.zeros((u.size, kept.size))
-    whole[:, kept == 0] = u[:, None]
+    at_kept = np.zeros((u.size, kept.size))
+    at_kept[:, kept == 0] = u[:, None]
     for k in range(1, len(problem.p)):
         u_next = u + h * v + h**2 * (0.5 - beta) * a
         v_next = v + h * (1 - gamma) * a
@@ -335,7 +335,7 @@ def _by_newmark(
         a = effective.solve(b)
         u, v = u_next + beta * h**2 * a, v_next + gamma * h * a
         out[:, k] = np.stack([u, v, a]) @ problem.L.T
-        whole[:, kept == k] = u[:, None]
+        at_kept[:, kept == k] = u[:, None]
         if alpha:
             rest = force - C @ v - K @ u
-    return out[0], out[1], out[2], whole
+    return out[0], out[1], out[2], at_kept

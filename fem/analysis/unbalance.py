@@ -114,14 +114,14 @@ def solve_unbalance(
     columns, labels = dof_vectors(rest, outputs)
     forces = np.stack([cosine, sine])
     u = np.zeros((speed.size, columns.shape[1]), dtype=complex)
-    for k, own in enumerate(speed):
-        omega = abs(ratio * own)
+    for k, rate in enumerate(speed):
+        omega = abs(ratio * rate)
         if omega > 0:
-            system = _at(still, turning, G, own)
+            system = _at(still, turning, G, rate)
             found = compute_frf(
                 system, [omega / (2 * np.pi)], columns.T, forces, "receptance", method="direct"
             ).H[0]
-            u[k] = omega**2 * (found[:, 0] - 1j * np.sign(ratio * own) * found[:, 1])
+            u[k] = omega**2 * (found[:, 0] - 1j * np.sign(ratio * rate) * found[:, 1])
         if progress is not None:
             progress(k + 1, speed.size)
     return UnbalanceResponse(speed, ratio, labels, u)

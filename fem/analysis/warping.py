@@ -83,8 +83,8 @@ def warping_gains(
             continue
         p, length = frame.members[member], model.mesh.member_length(member)
         k2 = np.pi**2 * 2 * (1 + p.material.nu) * warping_constant(p.section) / (p.section.J * length**2)
-        whole = np.asarray(0.0), np.asarray(length)
-        twist = stiffness_of_stretch(frame, model, member, *whole, (0, 0, 0, 1, 0, 0))
+        ends = np.asarray(0.0), np.asarray(length)
+        twist = stiffness_of_stretch(frame, model, member, *ends, (0, 0, 0, 1, 0, 0))
         rows = model.mesh.members[member]
         work = line_work(model, (replace(twist, lines=rows),), shapes).sum(axis=0)
         yield member, float(np.sqrt(k2)), k2 * work / strain

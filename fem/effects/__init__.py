@@ -59,8 +59,8 @@ def effect_classes() -> dict[str, type[Effect]]:
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
         for cls in vars(module).values():
-            own = isinstance(cls, type) and issubclass(cls, Effect) and cls.__module__ == module.__name__
-            if own and "kind" in vars(cls):
+            local = isinstance(cls, type) and issubclass(cls, Effect) and cls.__module__ == module.__name__
+            if local and "kind" in vars(cls):
                 out[cls.kind] = cls
     return dict(sorted(out.items()))
 

@@ -33,7 +33,7 @@ class AddedMass(Effect):
     mass : float
         Mass [kg].
     inertia : ndarray (3, 3)
-        Inertia tensor about its own centre, global axes [kg·m²].
+        Inertia tensor about its centre of mass, global axes [kg·m²].
     arm : ndarray (3,)
         From the point to its centre of mass [m].
     spins : bool
@@ -151,7 +151,7 @@ class PointMass(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return M = m Nᵀ N with the beam's own shape functions N for translations."""
+        """Return M = m Nᵀ N with the beam's shape functions N for translations."""
         (frame,) = model.of_kind(Frame)
         dofs, N = frame.shapes_at(model.mesh, self.member, self.position)
         N = N[:3]

@@ -20,7 +20,7 @@ LEAST_U, MOST_U = -1.5, 3.5
 REACH = 0.5
 """Length of the stretch, in parts of how far the section reaches from its axis [-].
 
-A member that ends on an elastic half-space of its own material turns there as if it were longer by 0.34 of
+A member that ends on an elastic half-space of the same material turns there as if it were longer by 0.34 of
 its depth (a rigid square, Dobry and Gazetas), a logarithm of -0.9.
 """
 
@@ -84,8 +84,8 @@ def _clamps(model: Model) -> Iterator[ClampForm]:
             continue
         (m,) = members
         at = list(mesh.member_points(m)).index(support.point)
-        own = axes[mesh.members[m][min(at, len(mesh.members[m]) - 1)]]
-        along_y, along_z = (section_extent(model, m, own, side) for side in own[1:])
+        line_axes = axes[mesh.members[m][min(at, len(mesh.members[m]) - 1)]]
+        along_y, along_z = (section_extent(model, m, line_axes, side) for side in line_axes[1:])
         largest = max(along_y, along_z)
         y, z = along_y / largest, along_z / largest
         s, length = float(mesh.member_positions(m)[at]), mesh.member_length(m)

@@ -20,8 +20,8 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refu
 class DistributedMass(OnMember):
     """A mass per length on a stretch of a member, at its axis.
 
-    M = mass ∫ NᵀN dx over the stretch, N the translations. Short, it is a ``point_mass``; over the whole
-    member it is ``member_density``, which is proposed beside it.
+    M = mass ∫ NᵀN dx over the stretch, N the translations. Short, it is a ``point_mass``; over all of the
+    member it is ``member_density``, which is also proposed.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class DistributedMass(OnMember):
     length : float
         Length of the member [m].
     reference : float
-        The member's own mass per length, which sets the scale [kg/m].
+        The member's mass per length, which sets the scale [kg/m].
     """
 
     kind: ClassVar[str] = "distributed_mass"
@@ -58,7 +58,7 @@ class DistributedMass(OnMember):
 
     @classmethod
     def over(cls, mesh: Mesh, member: str, properties: MemberProperties, mass: float) -> "DistributedMass":
-        """Return a mass per length on the whole of a member [kg/m]: cladding, insulation, contents."""
+        """Return a mass per length on all of a member [kg/m]: cladding, insulation, contents."""
         length = mesh.member_length(member)
         return cls(
             name=f"mass along {member}", member=member, mass=mass, position=length / 2, width=length,
@@ -105,7 +105,7 @@ class DistributedMass(OnMember):
         return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Give the member 3, 10 and 40 % of its own mass, on a quarter and on half of its length."""
+        """Give the member 3, 10 and 40 % of its mass, on a quarter and on half of its length."""
         return tuple(
             {"mass": f * self.reference, "position": x * self.length, "width": w * self.length}
             for w, places in ((0.25, (0.125, 0.375, 0.625, 0.875)), (0.5, (0.25, 0.75)))
@@ -139,7 +139,7 @@ class DistributedMass(OnMember):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FluidAddedMass(OnMember):
-    """A mass per length of a whole member that only motion along one of its section's axes feels.
+    """A mass per length of a member that only motion along one of its section's axes feels.
 
     Water around a flat section: π ρ b²/4 per length across the width b, next to nothing along it (Blevins,
     Formulas for Natural Frequency and Mode Shape, ch. 14). Seen from one side alone, ``member_density`` is
@@ -153,7 +153,7 @@ class FluidAddedMass(OnMember):
     mass : float
         Mass per length [kg/m].
     reference : float
-        The member's own mass per length, which sets the scale [kg/m].
+        The member's mass per length, which sets the scale [kg/m].
     """
 
     kind: ClassVar[str] = "fluid_added_mass"
@@ -194,7 +194,7 @@ class FluidAddedMass(OnMember):
         return stiffness_of_sprung(model, self.member)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """From 0.7 % to three times the member's own mass."""
+        """From 0.7 % to three times the member's mass."""
         return tuple({"mass": f * self.reference} for f in (0.007, 0.02, 0.07, 0.2, 0.5, 1.0, 3.0))
 
     @classmethod

@@ -69,7 +69,7 @@ class Foundation(_Foundation):
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
         meaning="a support that gives way and dissipates in a direction in which the model holds it",
-        places="each held direction of each support, and of all alike",
+        places="each fixed direction of each support, and of all alike",
     )
     loss_factor: Any
 
@@ -88,7 +88,7 @@ class Foundation(_Foundation):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each held direction of each support, and of all supports alike."""
+        """Each fixed direction of each support, and of all supports alike."""
         return cls._each(model, loss_factor=0.1)
 
 
@@ -118,7 +118,7 @@ class FoundationDashpot(_Foundation):
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `tau` [s]",
         meaning="the same with a dashpot of `tau` times the stiffness",
-        places="each held direction of each support, and of all alike",
+        places="each fixed direction of each support, and of all alike",
     )
     tau: Any
 
@@ -137,5 +137,5 @@ class FoundationDashpot(_Foundation):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each held direction of each support, and of all supports alike."""
+        """Each fixed direction of each support, and of all supports alike."""
         return cls._each(model, tau=1e-3)

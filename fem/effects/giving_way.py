@@ -53,11 +53,11 @@ class GivesWay(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that one element loses, and its mass that follows the kink."""
         line, frame = self.line(model), sheared_frame(model)
-        beside = [c for e in self._beside(model, line) for c in self._on_line(e, model, line)]
+        changes = [c for e in self._altering_effects(model, line) for c in self._on_line(e, model, line)]
         if pull := frame.members[self.member].pretension:
             row = int(np.flatnonzero(model.mesh.members[self.member] == line)[0])
-            beside.append(frame.geometric_stiffness(model, self.member, pull).element(row))
-        return (cut(frame, model, self.member, self.place(model), self.direction, self.compliance, beside),)
+            changes.append(frame.geometric_stiffness(model, self.member, pull).element(row))
+        return (cut(frame, model, self.member, self.place(model), self.direction, self.compliance, changes),)
 
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""
@@ -72,7 +72,7 @@ class GivesWay(OnMember):
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend, those of other effects included."""
         refs = list(elements_of(model, self.member, "E", "rho"))
-        for effect in self._beside(model, self.series_line(model)):
+        for effect in self._altering_effects(model, self.series_line(model)):
             refs += [*parameters_of(effect), *effect.refers_to(model)]
         return tuple(dict.fromkeys(refs))
 
@@ -88,7 +88,7 @@ class GivesWay(OnMember):
         """Whether another effect alters the member."""
         return other.alters(model, self.member)
 
-    def _beside(self, model: Model, line: int | None) -> Iterator[Effect]:
+    def _altering_effects(self, model: Model, line: int | None) -> Iterator[Effect]:
         """Yield the effects that alter the element: all, but of those that give way the ones before it."""
         first = True
         for effect in model.effects:

@@ -16,7 +16,7 @@ from fem.model import DIRECTIONS, Contribution, Model, Parameter
 class GroundDamper(OnPoint):
     """A dashpot to the ground in one global direction at one point: iωc.
 
-    A spring with a dashpot beside it is this and ``ground_spring``. Where the model holds the point,
+    A spring and a dashpot in parallel are this and ``ground_spring``. Where the model holds the point,
     ``foundation_dashpot`` is the candidate.
 
     Attributes

@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.declarations import Entry, Marker, Role, Yardstick
 from fem.effects.joint import Joint, PointPair, joint_unit
-from fem.effects.places import OnPoint, fastening_places, held_directions, odd_stiffness, typical_stiffness
+from fem.effects.places import OnPoint, fastening_places, fixed_directions, odd_stiffness, typical_stiffness
 from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
@@ -62,13 +62,13 @@ class GroundSpring(OnPoint):
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Return translations of members' ends and of inner joints, and directions that supports leave free.
 
-        Not in directions that are held, nor where a joint leads to the ground: its own stiffness is a
+        Not in directions that are fixed, nor where a joint leads to the ground: its stiffness is a
         candidate there. Of the two sides of a rigid joint one is enough where they lie at the same place:
         elsewhere the one turns about the other.
         """
         if not model.of_kind(Frame):
             return ()
-        held = held_directions(model)
+        fixed = fixed_directions(model)
         grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
         rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
         at, near = model.mesh.points, TOGETHER * model.mesh.size
@@ -84,7 +84,7 @@ class GroundSpring(OnPoint):
             if point in grounded or point in other_sides:
                 continue
             for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
-                if d not in held.get(point, ()):
+                if d not in fixed.get(point, ()):
                     out.append(
                         cls(
                             name=f"ground_spring:{label}.{d}", point=point, place=place, direction=d,

@@ -1,4 +1,4 @@
-"""Effects that hold a frame: changes of its members whose moduli stay those of when they were proposed."""
+"""Effects that contain a frame: changes of its members with the moduli of the model that proposed them."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -21,7 +21,7 @@ ITERATIONS = 6
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class HoldsFrame(Effect):
-    """A change of members, formed by a frame of its own.
+    """A change of members, formed by the frame that it contains.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class HoldsFrame(Effect):
     frame: Frame
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
-        """Return nothing: the moduli are those of the frame that it holds."""
+        """Return nothing: the moduli are those of the frame that it contains."""
         return ()
 
     def with_mass_of_higher_order(self) -> Self:

@@ -21,7 +21,7 @@ SOFT = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SensorForm(Effect):
-    """Mass of every sensor beside what the study states; the same at each place.
+    """Mass of every sensor in addition to what the study states; the same at each place.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class SensorForm(Effect):
     role: ClassVar[Role] = Role.MASS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg]",
-        meaning="mass of each sensor beside the stated one",
+        meaning="mass of each sensor in addition to the stated one",
         places="all places of sensors, together",
     )
     points: tuple[int, ...]

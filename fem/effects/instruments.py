@@ -136,8 +136,8 @@ class Stinger(AtPoint):
     """The stiffness that a stinger adds where it is attached, along it or alike across it.
 
     K = k d dᵀ along the excitation's direction d, k (I - d dᵀ) across. Across acts whatever the force cell
-    measures; along, only parts between cell and structure or beside the cell act. It is there whatever
-    is driven. At a member's end along an axis, ``ground_spring`` is the same and is not proposed beside it; a
+    measures; along, only parts between cell and structure or parallel to the cell act. It is there whatever
+    is driven. At a member's end along an axis, ``ground_spring`` is the same and is not proposed as well; a
     suspension nearby is a twin.
 
     Attributes

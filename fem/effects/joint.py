@@ -90,7 +90,7 @@ class Spread(Effect):
     def mean(
         self, model: Model, point: int, other: int | None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
-        """Return DOFs (n,) and rows (6, n) of the motion that stands for a point; None where it is its own.
+        """Return DOFs (n,) and rows (6, n) of the motion in place of a point's; None where it is the point's.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Spread(Effect):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PointPair(Effect):
-    """An element between two points, or between a point and the ground, at a place and in axes of its own.
+    """An element between two points, or between a point and the ground, with a place and axes.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class PointPair(Effect):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Joint(PointPair):
-    """A massless or massive joint, in global directions or in axes of its own.
+    """A massless or massive joint, in global or other axes.
 
     The relative motion δ of its two sides at ``location`` is resisted by K(1 + iη) δ + iωC δ; a direction in
     ``rigid`` has none. M is a 6×6 mass matrix at the location, shared equally by the two sides.
@@ -240,7 +240,7 @@ class Joint(PointPair):
 
     @property
     def elastic(self) -> tuple[str, ...]:
-        """Directions with a stiffness of their own."""
+        """Directions with a stiffness."""
         diagonal = np.real(np.diag(self.K))
         return tuple(d for d, k in zip(DIRECTIONS, diagonal, strict=True) if k > 0 and d not in self.rigid)
 

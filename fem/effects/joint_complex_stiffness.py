@@ -1,4 +1,4 @@
-"""Joints whose stiffness in one direction has a loss factor of its own: rubber, a loose bolt."""
+"""Joints whose stiffness has a loss factor in one direction only: rubber, a loose bolt."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ class JointComplexStiffness(JointStiffness):
     def relevant(
         self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
     ) -> float | None:
-        """Return None: a loss beside a stiffness has no size that is relevant."""
+        """Return None: a loss factor of a stiffness has no size that is relevant."""
         return None
 
     @classmethod

@@ -15,10 +15,10 @@ from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, Parame
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointCoupling(OnJoint):
-    """An entry beside the diagonal of a joint's stiffness: k_ij = coupling · √(k_ii k_jj).
+    """An off-diagonal entry of a joint's stiffness: k_ij = coupling · √(k_ii k_jj).
 
     ΔK = coupling √(k_ii k_jj) (b_i b_jᵀ + b_j b_iᵀ), with the joint's loss factor. Within its bounds the
-    joint's whole stiffness stays positive definite. An eccentric joint couples x with ry and rz and so on:
+    joint's stiffness matrix stays positive definite. An eccentric joint couples x with ry and rz and so on:
     ``joint_offset`` is its twin there.
 
     Attributes
@@ -39,9 +39,7 @@ class JointCoupling(OnJoint):
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`coupling` [-]",
-        meaning=(
-            "an entry beside the diagonal of a joint's stiffness, in multiples of the root of the two on it"
-        ),
+        meaning=("an off-diagonal entry of a joint's stiffness, in multiples of √(k_ii k_jj)"),
         places="each pair of elastic directions of each joint",
     )
     first: str

@@ -1,4 +1,4 @@
-"""Damping of joints beyond that of the model: of one direction or of a whole joint."""
+"""Damping of joints beyond that of the model: of one direction or of all."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ from fem.model import Array, Effect, Model, lever_matrix
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointHole(OnSide):
-    """A hole beside the centre line of one part: the lever on its side alone is longer.
+    """A hole off the centre line of one part: the lever on its side alone is longer.
 
     Attributes
     ----------
@@ -29,10 +29,10 @@ class JointHole(OnSide):
     kind: ClassVar[str] = "joint_hole"
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("diamond", "orange")
-    statement: ClassVar[str] = "{thing} has its hole beside the centre line"
+    statement: ClassVar[str] = "{thing} has its hole off the centre line"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
-        meaning="a joint whose hole lies beside the centre line of one part; the other part stays",
+        meaning="a joint whose hole lies off the centre line of one part; the other part stays",
         places="each side of each elastic joint, both directions across the member",
     )
     direction: str

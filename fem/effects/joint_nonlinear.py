@@ -23,7 +23,7 @@ from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class AmplitudeDependent(OnJoint):
-    """An element beside a joint's spring in one direction, with the matrices of one amplitude.
+    """An element in parallel with a joint's spring in one direction, with the matrices of one amplitude.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class AmplitudeDependent(OnJoint):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointCubic(AmplitudeDependent):
-    """A cubic spring beside a joint's own, f = k₃ δ³: k(a) = ¾ k₃ a².
+    """A cubic spring in parallel with a joint's spring, f = k₃ δ³: k(a) = ¾ k₃ a².
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class JointCubic(AmplitudeDependent):
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`cubic` [N/m³ or N·m/rad³]",
-        meaning="a cubic spring beside a joint's own, from two force levels",
+        meaning="a cubic spring in parallel with a joint's spring, from two force levels",
         places="each elastic direction of each joint, with two force levels",
     )
     cubic: Any
@@ -130,8 +130,8 @@ class JointCubic(AmplitudeDependent):
         self, amplitude: NDArray[np.float64]
     ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
         """Return 3/2 k₃ a, and ¾ a² by k₃."""
-        own = {"cubic": (0.75 * amplitude**2).astype(complex)}
-        return (1.5 * self.cubic * amplitude).astype(complex), own
+        by_parameter = {"cubic": (0.75 * amplitude**2).astype(complex)}
+        return (1.5 * self.cubic * amplitude).astype(complex), by_parameter
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Equivalent stiffnesses of 10⁻³ to 30 times the joint's, softening up to nine tenths of it."""
@@ -147,7 +147,7 @@ class JointCubic(AmplitudeDependent):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointGap(AmplitudeDependent):
-    """A spring beside a joint's own that acts only beyond a gap on either side.
+    """A spring in parallel with a joint's spring that acts only beyond a gap on either side.
 
     k(a) = k (1 - 2/π (asin(g/a) + (g/a) √(1 - (g/a)²))) for a > g, 0 below.
 
@@ -163,7 +163,7 @@ class JointGap(AmplitudeDependent):
     role: ClassVar[Role] = Role.STIFFNESS
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `gap` [m or rad]",
-        meaning="a spring beside a joint's own that acts beyond a gap on either side, from two force levels",
+        meaning="a spring parallel to a joint's that acts beyond a gap on either side, from two force levels",
         places="each elastic direction of each joint, with two force levels",
     )
     stiffness: Any
@@ -200,11 +200,11 @@ class JointGap(AmplitudeDependent):
         x = np.minimum(self.gap / amplitude, 1.0)
         root = np.sqrt(1 - x**2)
         by_x = -4 / np.pi * self.stiffness * root
-        own = {
+        by_parameter = {
             "stiffness": (1 - 2 / np.pi * (np.arcsin(x) + x * root)).astype(complex),
             "gap": (by_x / amplitude).astype(complex),
         }
-        return (-by_x * x / amplitude).astype(complex), own
+        return (-by_x * x / amplitude).astype(complex), by_parameter
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Stiffnesses of a hundredth to a hundred times the joint's, and gaps below the amplitude."""
@@ -222,7 +222,7 @@ class JointGap(AmplitudeDependent):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointFriction(AmplitudeDependent):
-    """Dry friction beside a joint's spring, F sign(dδ/dt): k(a) = i 4F/(πa), less the larger the motion.
+    """Dry friction parallel to a joint's spring, F sign(dδ/dt): k(a) = i 4F/(πa), less the larger the motion.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ class JointFriction(AmplitudeDependent):
     role: ClassVar[Role] = Role.DISSIPATION
     entry: ClassVar[Entry | None] = Entry(
         quantities="`force` [N or N·m]",
-        meaning="dry friction beside a joint's spring, from two force levels",
+        meaning="dry friction in parallel with a joint's spring, from two force levels",
         places="each elastic direction of each joint, with two force levels",
     )
     force: Any

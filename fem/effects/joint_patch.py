@@ -21,7 +21,7 @@ _ON_TOP = 0.7
 _NEAR = 1.5
 """Its length is less than this multiple of that at which they touch."""
 _SQUARE = 0.99
-"""A joint's own axis is the normal of its flats from this cosine."""
+"""An axis of a joint is the normal of its flats from this cosine."""
 _N_ALONG = 7
 """Points of Gauss along a patch."""
 _MOTIONS = 256
@@ -140,7 +140,7 @@ class JointPatch(Spread):
             across /= np.linalg.norm(across)
             (about,) = np.nonzero(np.abs(joint.axes @ across) > _SQUARE)
             if about.size:
-                gives = sum(1 / _disc(model, side, own, across) for side, own in zip(pair, axes, strict=True))
+                gives = sum(1 / _disc(model, side, R, across) for side, R in zip(pair, axes, strict=True))
                 out[name, f"k{DIRECTIONS[3 + int(about[0])]}"] = 1 / gives
         return out
 
@@ -193,9 +193,7 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
         return None
     across /= sine
     apart = model.mesh.points[element.point2] - model.mesh.points[element.point1]
-    touching = sum(
-        section_extent(model, end[0], own, across) for end, own in zip((one, two), axes, strict=True)
-    )
+    touching = sum(section_extent(model, end[0], R, across) for end, R in zip((one, two), axes, strict=True))
     if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < _NEAR * touching:
         return None
     half1 = section_extent(model, two[0], axes[1], along1) / sine
@@ -223,12 +221,12 @@ def with_patch(model: Model, patch: JointPatch) -> Model:
 
 def turning_parameters(model: Model) -> tuple[ParameterRef, ...]:
     """Return the stiffnesses about the normal that joints have of patches with a ``twist``."""
-    own = model.values()
+    values = model.values()
     return tuple(
         ref
         for patch in model.of_kind(JointPatch)
         for ref, k in patch.turning(model).items()
-        if patch.twist > 0 and np.isclose(own.get(ref, 0.0), patch.twist * k, rtol=1e-9)
+        if patch.twist > 0 and np.isclose(values.get(ref, 0.0), patch.twist * k, rtol=1e-9)
     )
 
 
@@ -283,9 +281,9 @@ def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:
     radii = np.sqrt(np.array([section.Iz, section.Iy]) / section.A)
     axes = frame.rotations(mesh, [place.line for place in places])
     moved, rigid, weights = [], [], []
-    for own, motion, place, (_, y, z), w in zip(dofs, N, places, axes, weight, strict=True):
+    for line_dofs, motion, place, (_, y, z), w in zip(dofs, N, places, axes, weight, strict=True):
         rows = np.zeros((6, len(every)))
-        rows[:, np.searchsorted(every, own)] = motion
+        rows[:, np.searchsorted(every, line_dofs)] = motion
         for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             off = a * radii[0] * y + b * radii[1] * z
             moved.append(lever_matrix(off)[:3] @ rows)

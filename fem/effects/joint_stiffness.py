@@ -68,7 +68,7 @@ class JointStiffness(Effect):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return (k - k_assumed) b bᵀ (1 + iη) with each joint's own loss factor."""
+        """Return (k - k_assumed) b bᵀ (1 + iη) with each joint's loss factor."""
         change = self.stiffness - (self.assumed if np.isfinite(self.assumed) else 0.0)
         out = []
         for name in self.joints:
@@ -85,7 +85,7 @@ class JointStiffness(Effect):
         return () if np.isfinite(self.assumed) else tuple((name, self.direction) for name in self.joints)
 
     def replaces(self) -> tuple[tuple[str, str], ...]:
-        """Return the joints' own stiffnesses in this direction, or those of effects known for them."""
+        """Return the joints' stiffnesses in this direction, or those of effects known for them."""
         if self.known:
             return tuple((name, "stiffness") for name in self.known)
         return (
@@ -145,10 +145,10 @@ class JointStiffness(Effect):
                 bounds = (1e-4 * k, 1e4 * k) if np.isfinite(k) else (1e-6, 1e18)
                 start = k if np.isfinite(k) else 1e6
                 name = f"joint_stiffness:{'+'.join(group)}.{d}"
-                own = tuple(e.name for e in known if set(e.joints) & set(group))
+                known_names = tuple(e.name for e in known if set(e.joints) & set(group))
                 out.append(
                     cls(
-                        name=name, joints=group, direction=d, stiffness=start, assumed=k, known=own,
+                        name=name, joints=group, direction=d, stiffness=start, assumed=k, known=known_names,
                         bounds=bounds,
                     )
                 )  # fmt: skip

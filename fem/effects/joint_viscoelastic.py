@@ -19,7 +19,7 @@ _REFERENCE = 100.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _JointViscoelastic(OnJoint):
-    """Common part: a direction, elastic or rigid in the model, and the law's part beside the spring."""
+    """Common part: a direction, elastic or rigid in the model, and a branch parallel to the spring."""
 
     direction: str
     assumed: float
@@ -45,8 +45,8 @@ class _JointViscoelastic(OnJoint):
         i = DIRECTIONS.index(self.direction)
         k = self.stiffness if self.rigid else self.of(model).K[i, i]
         K = k * np.outer(b, b)
-        beside = Contribution(dofs[None], (share * K)[None], law=law)
-        return (Contribution(dofs[None], K[None]), beside) if self.rigid else (beside,)
+        branch = Contribution(dofs[None], (share * K)[None], law=law)
+        return (Contribution(dofs[None], K[None]), branch) if self.rigid else (branch,)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the joint's stiffness in the direction, where it has one."""
@@ -84,7 +84,7 @@ class _JointViscoelastic(OnJoint):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointZener(_JointViscoelastic):
-    """A spring and a dashpot in series beside a joint's spring: k (1 + r iωτ / (1 + iωτ)).
+    """A spring and a dashpot in series, parallel to a joint's spring: k (1 + r iωτ / (1 + iωτ)).
 
     The model's k stays where it has one: ΔZ = k r iωτ / (1 + iωτ). Where the model is rigid, k is a parameter
     too. With a small τ it is a dashpot (``joint_viscous_damping``), with a large one a stiffer joint
@@ -110,7 +110,7 @@ class JointZener(_JointViscoelastic):
     marker: ClassVar[Marker | None] = Marker("diamond", "sky")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`ratio` [-], `tau` [s], `stiffness` [N/m or N·m/rad] where the model is rigid",
-        meaning="a spring and a dashpot in series beside a joint's spring",
+        meaning="a spring and a dashpot in series, parallel to a joint's spring",
         places="each direction of each joint",
     )
     ratio: Any
@@ -126,7 +126,7 @@ class JointZener(_JointViscoelastic):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the spring where the model is rigid, and the branch beside it."""
+        """Return the spring where the model is rigid, and the branch parallel to it."""
         return self._parts(model, self.ratio, Maxwell(self.tau))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -144,7 +144,7 @@ class JointZener(_JointViscoelastic):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class JointFractional(_JointViscoelastic):
-    """A spring-pot beside a joint's spring: k (1 + s (iω/ω₀)^α), ω₀ = 2π · 100 Hz.
+    """A spring-pot parallel to a joint's spring: k (1 + s (iω/ω₀)^α), ω₀ = 2π · 100 Hz.
 
     The fractional Kelvin-Voigt law, of rubber over many decades. The model's k stays where it has one; where
     the model is rigid, k is a parameter too. With an exponent near 0 it is a loss factor
@@ -171,7 +171,7 @@ class JointFractional(_JointViscoelastic):
     marker: ClassVar[Marker | None] = Marker("diamond", "vermilion")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`strength` [-], `exponent` [-], `stiffness` [N/m or N·m/rad] where the model is rigid",
-        meaning="a spring-pot beside a joint's spring: a fractional Kelvin-Voigt joint, `strength` at 100 Hz",
+        meaning="a spring-pot parallel to a joint's spring (fractional Kelvin-Voigt), `strength` at 100 Hz",
         places="each direction of each joint",
     )
     strength: Any
@@ -187,7 +187,7 @@ class JointFractional(_JointViscoelastic):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the spring where the model is rigid, and the spring-pot beside it."""
+        """Return the spring where the model is rigid, and the spring-pot parallel to it."""
         return self._parts(model, self.strength, SpringPot(1 / (2 * np.pi * _REFERENCE), self.exponent))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:

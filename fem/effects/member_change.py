@@ -60,7 +60,7 @@ class _MemberChange(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each member, where there are at least two; with one member the material's own parameter says it."""
+        """Each member, where there are at least two; with one member it is the material's parameter."""
         members = list(model.mesh.members)
         return tuple(cls(name=f"{cls.kind}:{m}", member=m) for m in members) if len(members) > 1 else ()
 
@@ -127,7 +127,7 @@ class MemberStiffness(_MemberChange):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each member, where there are at least two; with one member the material's own parameter says it."""
+        """Each member, where there are at least two; with one member it is the material's parameter."""
         every = (e for e in super(MemberStiffness, cls).propose(model) if isinstance(e, MemberStiffness))
         return tuple(replace(e, affine=not is_sprung(model, e.member)) for e in every)
 

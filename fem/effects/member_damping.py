@@ -14,7 +14,7 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 class MemberDamping(OnMember):
     """A loss factor of one member, beyond that of its material: D = η K.
 
-    Where all members are alike it is the damping of the whole structure, which every fit has.
+    Where all members are alike it is the damping of the structure, which every fit has.
 
     Attributes
     ----------

@@ -120,9 +120,9 @@ class OnSide(Effect):
         rows = np.zeros((6, 0))
         if other is not None:
             rows = -turned @ lever_matrix(joint.location - model.mesh.points[other])
-        held = np.zeros(0, dtype=np.int64) if other is None else dofs_of(other)
+        others = np.zeros(0, dtype=np.int64) if other is None else dofs_of(other)
         D = joint.D + joint.eta * joint.K
-        moved = self.place(model).connect(turned @ self.arm(model, joint), held, rows, joint.K, joint.C, D)
+        moved = self.place(model).connect(turned @ self.arm(model, joint), others, rows, joint.K, joint.C, D)
         dofs, B = joint.relative(model)
         K, C, D = (-energy(X, B)[None] if np.any(X) else None for X in (joint.K, joint.C, D))
         return moved, Contribution(dofs[None], K, None, C, D)
@@ -158,8 +158,8 @@ class AlongMember(OnSide):
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters of the joint and of the member's elements."""
-        own = (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
-        return (*own, *cut_parameters(model, self.member))
+        refs = (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
+        return (*refs, *cut_parameters(model, self.member))
 
     def follows(self, other: Effect, model: Model) -> bool:
         """Whether another effect gives way in the member."""

@@ -42,7 +42,7 @@ class MovingBase(Effect):
         if rank < len(self.directions):
             msg = (
                 f"'{self.name}' moves along {len(self.directions)} directions, of which {rank} are "
-                "independent; one direction that the others make up is not a motion of its own"
+                "independent; a direction that is a combination of others is no further motion"
             )
             raise ModelError(msg)
 
@@ -75,7 +75,7 @@ class MovingBase(Effect):
 def base_moved(model: Model, directions: NDArray[np.float64], name: str = "moving base") -> Model:
     """Return a model whose supports and grounds move along some directions (k, 3) with a heavy base.
 
-    Rayleigh's αM then resists the motion beside the base, as modal damping does.
+    Rayleigh's αM then resists the motion relative to the base, as modal damping does.
 
     Raises
     ------
@@ -89,8 +89,8 @@ def base_moved(model: Model, directions: NDArray[np.float64], name: str = "movin
         if part.M is not None:
             r = still.motions(part.dofs)
             mass += float(np.einsum("bik,bij,bjk->k", r, part.M, r).max())
-    held = any(still.constrained(c) is not c for c in model.constraints() if not c.everywhere)
-    if not held and all(still.resisted(part) is part for part in model.contributions()):
+    constrained = any(still.constrained(c) is not c for c in model.constraints() if not c.everywhere)
+    if not constrained and all(still.resisted(part) is part for part in model.contributions()):
         msg = (
             "nothing holds the structure along the motion of its base; a base that moves needs supports, or "
             "joints and springs to the ground"

@@ -173,7 +173,7 @@ class OnPoint(AtPoint):
 
 
 def odd_stiffness(effect: Effect, structure: Yardstick) -> Iterator[tuple[str, str]]:
-    """Yield the stiffnesses of an effect that are absurd beside those of the structure."""
+    """Yield the stiffnesses of an effect that are absurd compared with those of the structure."""
     for p in effect.parameters():
         k = float(np.real(p.value))
         if p.unit in ("N/m", "N·m/rad") and 0 < k < np.inf:
@@ -309,8 +309,8 @@ def n_lines_at(model: Model) -> NDArray[np.int64]:
     return np.bincount(model.mesh.lines.ravel(), minlength=model.mesh.n_points)
 
 
-def held_directions(model: Model) -> dict[int, set[str]]:
-    """Return the directions in which each point is held by a constraint on it alone."""
+def fixed_directions(model: Model) -> dict[int, set[str]]:
+    """Return the directions in which each point is fixed by a constraint on it alone."""
     out: dict[int, set[str]] = {}
     for c in model.constraints():
         if len(c.dofs) == 1 and c.dofs[0] < 6 * model.mesh.n_points:
@@ -341,11 +341,11 @@ def welded_ends(model: Model) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
     for member, end, point in member_ends(model):
         if count[point] < 2 or is_bar(model, member):
             continue
-        own = axes[model.mesh.members[member][0 if end == 1 else -1]]
-        known = first.get(point, np.zeros((0, 3))) if count[point] == 2 and point not in others else own[:0]
-        new = ~(np.abs(own @ known.T) > PARALLEL).any(axis=1)
+        R = axes[model.mesh.members[member][0 if end == 1 else -1]]
+        known = first.get(point, np.zeros((0, 3))) if count[point] == 2 and point not in others else R[:0]
+        new = ~(np.abs(R @ known.T) > PARALLEL).any(axis=1)
         out.append((member, end, tuple(d for d, yes in zip(DIRECTIONS[3:], new, strict=True) if yes)))
-        first.setdefault(point, own)
+        first.setdefault(point, R)
     return tuple(out)
 
 
@@ -355,8 +355,8 @@ def typical_stiffness(model: Model, direction: str) -> float:
     Where there are no members, the median of the parts' stiffness at one of their points.
     """
     if not model.mesh.members:
-        held = [part.held_stiffness(direction) for part in model.of_kind(Superelement)]
-        return float(np.median([k for k in held if k > 0] or [1.0]))
+        stiffness = [part.point_stiffness(direction) for part in model.of_kind(Superelement)]
+        return float(np.median([k for k in stiffness if k > 0] or [1.0]))
     power = 3 if direction in DIRECTIONS[:3] else 1
     each = [
         3 * min(bending_stiffness(model, m, d) for d in ("ry", "rz")) / model.mesh.member_length(m) ** power

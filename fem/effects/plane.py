@@ -84,22 +84,22 @@ class Plane(Effect):
             msg = f"{where} does not fit into a model in the plane {self.plane}: {why}"
             raise ModelError(msg)
         released = {key for effect in model.effects for key in effect.released()}
-        held = frozenset(
+        fixed = frozenset(
             int(c.dofs[0])
             for effect in model.effects
             if effect is not self
             for c in effect.constraints(model)
             if len(c.dofs) == 1 and c.key not in released
         )
-        key = "plane", self.name, self.plane, held
-        return model.mesh.kept.get(key, lambda: tuple(self._constraints(model.mesh.n_points, held)))
+        key = "plane", self.name, self.plane, fixed
+        return model.mesh.kept.get(key, lambda: tuple(self._constraints(model.mesh.n_points, fixed)))
 
-    def _constraints(self, n_points: int, held: frozenset[int]) -> Iterator[Constraint]:
+    def _constraints(self, n_points: int, fixed: frozenset[int]) -> Iterator[Constraint]:
         offsets = [(d, DIRECTIONS.index(d)) for d in self.out]
         for point in range(n_points):
             for d, k in offsets:
                 dof = 6 * point + k
-                if dof not in held:
+                if dof not in fixed:
                     yield Constraint(
                         (self.name, f"{point} {d}"), np.array([dof]), _ONE, releasable=False, everywhere=True
                     )
@@ -178,10 +178,10 @@ def _acts_on(effect: Effect, model: Model, dofs: NDArray[np.bool_]) -> bool:
     n = 6 * model.mesh.n_points
     known = np.append(dofs[:n], np.ones(larger.n_dof - n, dtype=bool))
     parts = present.contribute(larger)
-    own = present.constraints(larger)
-    if not parts and not own:
+    constraints = present.constraints(larger)
+    if not parts and not constraints:
         return True
-    if any(known[c.dofs].any() for c in own):
+    if any(known[c.dofs].any() for c in constraints):
         return True
     for part in parts:
         used = known[part.dofs]

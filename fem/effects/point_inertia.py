@@ -60,7 +60,7 @@ class PointInertia(OnMember):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return I NᵀN with the beam's own shape functions N for rotations."""
+        """Return I NᵀN with the beam's shape functions N for rotations."""
         dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.position)
         return (Contribution(dofs[None], M=(self.inertia * (N[3:].T @ N[3:]))[None]),)
 
@@ -78,11 +78,10 @@ class PointInertia(OnMember):
         out: list[Self] = []
         for m in model.mesh.members if model.of_kind(Frame) else ():
             length = model.mesh.member_length(m)
-            own = member_mass(model, m) * length**2 / 12
             out.append(
                 cls(
                     name=f"point_inertia:{m}", member=m, position=length / 2, inertia=0.0, length=length,
-                    reference=own,
+                    reference=member_mass(model, m) * length**2 / 12,
                 )
             )  # fmt: skip
         return tuple(out)

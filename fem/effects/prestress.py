@@ -123,8 +123,8 @@ class Prestress(Effect):
             (m, np.asarray(s).tobytes(), np.asarray(N).tobytes()) for m, (s, N) in self.tension.items()
         )
         arrays = [a for f in self.forces.values() for a in (f.start, f.stop, f.values.ravel())]
-        whole = np.concatenate(arrays).tobytes() if arrays else b""
-        return axial, tuple(self.forces), tuple(f.start.size for f in self.forces.values()), whole
+        values = np.concatenate(arrays).tobytes() if arrays else b""
+        return axial, tuple(self.forces), tuple(f.start.size for f in self.forces.values()), values
 
     def _members(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.tension, *self.forces)))

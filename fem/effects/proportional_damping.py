@@ -1,4 +1,4 @@
-"""Damping models of the whole structure: in proportion to mass, or to stiffness.
+"""Damping models of all of the structure: in proportion to mass, or to stiffness.
 
 Every fit has a damping ratio that varies with frequency, which both of these are twins of; so they are not
 proposed. They are here for models.

@@ -72,8 +72,8 @@ class RigidEndZone(Effect):
         """Return the stiffness that the zones gain."""
         frame, zones = sheared_frame(model), []
         for m, end in self.ends:
-            p, whole = frame.members[m], model.mesh.member_length(m)
-            start, towards = (p.rigid1, 1) if end == 1 else (whole - p.rigid2, -1)
+            p, member_length = frame.members[m], model.mesh.member_length(m)
+            start, towards = (p.rigid1, 1) if end == 1 else (member_length - p.rigid2, -1)
             zones.append((m, start, self.length, towards))
         return (stiffening(frame, model, zones, _FLEXIBILITY),)
 
@@ -85,8 +85,8 @@ class RigidEndZone(Effect):
 
     def _room(self, model: Model, member: str, end: int) -> tuple[float, float]:
         """Return where a zone begins, and how far it may go up the member [m]."""
-        p, whole = frame_of(model).members[member], model.mesh.member_length(member)
-        return (p.rigid1, self.longest) if end == 1 else (whole - p.rigid2, -self.longest)
+        p, member_length = frame_of(model).members[member], model.mesh.member_length(member)
+        return (p.rigid1, self.longest) if end == 1 else (member_length - p.rigid2, -self.longest)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the members' stiffness depends."""
@@ -98,13 +98,13 @@ class RigidEndZone(Effect):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each end of a member, other than a bar, that is welded, jointed or held, and all of them alike."""
+        """Each end of a member, other than a bar, that is welded, jointed or fixed, and all of them alike."""
         if not model.of_kind(Frame):
             return ()
         count = n_lines_at(model)
         joined = {p for j in model.of_kind(PointPair) for p in (j.point1, j.point2) if p is not None}
-        own = [c.dofs for c in model.constraints() if not c.everywhere]
-        joined |= {int(dof) // 6 for dofs in own for dof in dofs}
+        constrained = [c.dofs for c in model.constraints() if not c.everywhere]
+        joined |= {int(dof) // 6 for dofs in constrained for dof in dofs}
         ends = [
             (m, end, 0.2 * model.mesh.member_length(m))
             for m, end, point in member_ends(model)

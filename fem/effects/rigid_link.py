@@ -83,7 +83,7 @@ class MultiPointConstraint(Effect):
     Attributes
     ----------
     terms : tuple of (int, str, float)
-        Point, global direction (x y z rx ry rz) and coefficient [-, or m beside rotations].
+        Point, global direction (x y z rx ry rz) and coefficient [-, or m for rotations].
     """
 
     kind: ClassVar[str] = "multi_point_constraint"

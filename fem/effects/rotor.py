@@ -13,8 +13,8 @@ from fem.effects.joint import Joint
 from fem.effects.places import (
     AtPoint,
     fastening_places,
+    fixed_directions,
     frame_of,
-    held_directions,
     typical_length,
     typical_mass,
 )
@@ -89,10 +89,10 @@ class Rotor(AtPoint):
         if not model.of_kind(Frame):
             return ()
         size = typical_mass(model) * typical_length(model) ** 2
-        held, out = held_directions(model), []
+        fixed, out = fixed_directions(model), []
         rigid = {j.point2 for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)}
         for point, place, label in _places(model):
-            if point in rigid or {"rx", "ry", "rz"} <= held.get(point, set()):
+            if point in rigid or {"rx", "ry", "rz"} <= fixed.get(point, set()):
                 continue
             for name, (x, y, z) in zip("xyz", _axes(model, point), strict=True):
                 out.append(

@@ -92,7 +92,7 @@ class ShearCentre(Effect):
         return elements_of(model, self.member, "E")
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
-        """Return the section's own distance."""
+        """Return the section's distance."""
         return ({"share": 1.0},)
 
     @classmethod

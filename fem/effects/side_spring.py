@@ -63,7 +63,7 @@ class SideSpring(OnMember):
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return k nᵀn with the beam's own shape functions."""
+        """Return k nᵀn with the beam's shape functions."""
         mesh = model.mesh
         dofs, N = frame_of(model).shapes_at(mesh, self.member, self.position)
         line = mesh.locate(self.member, float(np.real(self.position))).line

@@ -121,9 +121,9 @@ class SolidCorner(Effect):
 
     def alters(self, model: Model, member: str, line: int | None = None) -> bool:
         """Whether a zone may be on the line."""
-        whole = model.mesh.member_length(member)
+        length = model.mesh.member_length(member)
         return any(
-            z.member == member and reaches(model, member, line, z.start, z.towards * min(z.longest, whole))
+            z.member == member and reaches(model, member, line, z.start, z.towards * min(z.longest, length))
             for z in self.zones
         )
 
@@ -230,7 +230,7 @@ def _apart(model: Model, zones: list[_Zone]) -> tuple[_Zone, ...]:
     out = []
     for z in zones:
         beyond = [abs(s - z.start) for s in places[z.member] if (s - z.start) * z.towards > 0]
-        whole = model.mesh.member_length(z.member)
-        room = min([whole - z.start if z.towards > 0 else z.start, *(0.5 * b for b in beyond)])
+        length = model.mesh.member_length(z.member)
+        room = min([length - z.start if z.towards > 0 else z.start, *(0.5 * b for b in beyond)])
         out.append(z._replace(longest=0.9 * room))
     return tuple(out)

@@ -1,4 +1,4 @@
-"""Sprung masses: bodies on springs and dashpots beside the structure, such as tuned absorbers."""
+"""Sprung masses: bodies on springs and dashpots at the structure, such as tuned absorbers."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -27,9 +27,9 @@ from fem.model import (
 class SprungMass(Effect):
     """A rigid body that a point carries on springs in some directions, and rigidly in the others.
 
-    Its coordinates s are the motions of the body relative to the point's own, at the body's centre: the body
+    Its coordinates s are the motions of the body relative to the point, at the body's centre: the body
     moves by R T u + E s with the lever T from the point, the axes R and the sprung directions E. So a motion
-    of the whole structure leaves s = 0, and gravity and a moving base act on the whole mass.
+    of the structure as one leaves s = 0, and gravity and a moving base act on all of the mass.
 
     Attributes
     ----------
@@ -127,18 +127,17 @@ class SprungMass(Effect):
         R = np.kron(np.eye(2), self.axes)
         B = np.hstack([R @ lever_matrix(self.arm), np.eye(6)[:, at]])
         K, C = np.zeros((6 + n, 6 + n), dtype=kind), np.zeros((6 + n, 6 + n), dtype=kind)
-        own = np.arange(6, 6 + n)
-        K[own, own] = list(self.k.values())
-        C[own, own] = [self.c.get(d, 0.0) for d in self.k]
+        sprung = np.arange(6, 6 + n)
+        K[sprung, sprung] = list(self.k.values())
+        C[sprung, sprung] = [self.c.get(d, 0.0) for d in self.k]
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))[None]
         return (Contribution(dofs, K=K[None], M=(B.T @ G @ B)[None], C=C[None], D=(self.eta * K)[None]),)
 
     def body_motion(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return DOFs, and by them the translation (3, n) of the body's centre, global."""
         along = [DIRECTIONS.index(d) for d in self.k]
-        own = np.eye(6)[:3, along]
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))
-        return dofs, np.hstack([lever_matrix(self.arm)[:3], self.axes.T @ own])
+        return dofs, np.hstack([lever_matrix(self.arm)[:3], self.axes.T @ np.eye(6)[:3, along]])
 
     def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
         """Return its weight at its arm."""

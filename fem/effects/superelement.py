@@ -31,7 +31,7 @@ from fem.model import DIRECTIONS, Contribution, Effect, Model, ModelError, Param
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Superelement(Effect):
-    """A part given by its matrices, reduced to its points and to modes with these points held.
+    """A part given by its matrices, reduced to its points and to modes with these points fixed.
 
     K, M, C, D act on six coordinates of each of ``points`` and on the amplitudes of the fixed-interface modes
     (Craig & Bampton, AIAA J. 6, 1968, 1313-1319), which are internal coordinates of the model. Build it with
@@ -46,9 +46,9 @@ class Superelement(Effect):
     C, D : ndarray (m, m) or None
         Reduced viscous and structural damping.
     recovery : ndarray (n, m)
-        From these coordinates to the rows of the part's own matrices.
+        From these coordinates to the rows of the part's matrices.
     fixed_frequency : ndarray (n_internal,)
-        Natural frequencies with the points held [Hz].
+        Natural frequencies with the points fixed [Hz].
     left_out : ndarray (6 · len(points), 6 · len(points))
         G = Σ p pᵀ/ω² over the fixed-interface modes that were left out, p their participation φᵀ(M Ψ + M_zb);
         see :meth:`frequency_error` [kg s² …].
@@ -103,7 +103,7 @@ class Superelement(Effect):
 
         The interface nodes are replaced by the points they are tied to; everything else follows statically
         from the points (exact in statics with any number of modes), plus the lowest modes with the points
-        held.
+        fixed.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Superelement(Effect):
         ------
         ModelError
             If the interface does not fit the part, the part is not free though ``held`` is false, has motions
-            without stiffness when the points are held, or K or M is not positive semidefinite.
+            without stiffness when the points are fixed, or K or M is not positive semidefinite.
 
         Warns
         -----
@@ -205,8 +205,8 @@ class Superelement(Effect):
         moved = np.where(self.part.direction == 1, 1.0, 0.0)
         return float(moved @ (self.part.M @ moved))
 
-    def held_stiffness(self, direction: str) -> float:
-        """Return the median over its points of the stiffness in a direction with all others held."""
+    def point_stiffness(self, direction: str) -> float:
+        """Return the median over its points of the stiffness in a direction with all others fixed."""
         d = self.K.diagonal()[: 6 * len(self.points)].reshape(-1, 6)[:, DIRECTIONS.index(direction)]
         return float(np.median(d[d > 0])) if (d > 0).any() else 0.0
 
@@ -243,7 +243,7 @@ class Superelement(Effect):
         )
 
     def motion(self, model: Model, shapes: NDArray[Any]) -> NDArray[Any]:
-        """Return the motion of the part's own rows, shape (n, k), for motions of the model (n_dof, k)."""
+        """Return the motion of the part's rows, shape (n, k), for motions of the model (n_dof, k)."""
         return self.recovery @ shapes[self.dofs(model)]
 
     def frequency_error(

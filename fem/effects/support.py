@@ -16,12 +16,12 @@ _ONE.flags.writeable = False
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Support(AtPoint):
-    """A point held in some directions.
+    """A point that is fixed in some directions.
 
     Attributes
     ----------
     fixed : tuple of str
-        Directions that are held, of x, y, z, rx, ry, rz (global).
+        Directions that are fixed, of x, y, z, rx, ry, rz (global).
     """
 
     kind: ClassVar[str] = "support"
@@ -40,10 +40,10 @@ class Support(AtPoint):
         return np.eye(3)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """None: a rigid support has nothing to estimate; support flexibility is an effect of its own."""
+        """None: a rigid support has nothing to estimate; support flexibility is another effect."""
         return ()
 
     def constraints(self, model: Model) -> tuple[Constraint, ...]:
-        """One for each held direction."""
+        """One for each fixed direction."""
         dofs = 6 * self.point + np.array([DIRECTIONS.index(d) for d in self.fixed], dtype=np.int64)
         return tuple(Constraint((self.name, d), dofs[i : i + 1], _ONE) for i, d in enumerate(self.fixed))

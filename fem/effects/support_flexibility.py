@@ -34,7 +34,7 @@ class SupportFlexibility(OnSupports):
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad]",
         meaning="a support that gives way in a direction in which the model holds it",
-        places="each held direction of each support, and of all alike",
+        places="each fixed direction of each support, and of all alike",
     )
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -69,10 +69,10 @@ class SupportFlexibility(OnSupports):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Each held direction of each support, and of all supports alike."""
-        held = {d: tuple(s.name for s in model.of_kind(Support) if d in s.fixed) for d in DIRECTIONS}
+        """Each fixed direction of each support, and of all supports alike."""
+        supports = {d: tuple(s.name for s in model.of_kind(Support) if d in s.fixed) for d in DIRECTIONS}
         out = []
-        for d, names in held.items():
+        for d, names in supports.items():
             groups = [(n,) for n in names] + ([names] if len(names) > 1 else [])
             out += [
                 cls(name=f"support_flexibility:{'+'.join(g)}.{d}", supports=g, direction=d, stiffness=1e6)

@@ -42,7 +42,7 @@ class ZoneForm(OnStretches):
     """Stretches of members inside of a connection, stiffer by a factor e^u and heavier by a share.
 
     Where the members lie in a plane, bending in it is stiffer by e^(u + plane): a member that is welded to
-    another holds it over its own depth in this plane alone.
+    another holds it over its depth in this plane alone.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class ZoneForm(OnStretches):
     mass : float
         Share of the stretches' mass that they have more [-].
     inertia : float
-        Rotary inertia that they have more, since what connects members lies beside their centre lines: a
+        Additional rotary inertia, since what connects members lies off their centre lines: a
         share of ∫ m s² ds along each stretch, s from the place of the connection [-].
     heavy : Recent
         Their mass and rotary inertia by frame and mesh; effects with other values share them.

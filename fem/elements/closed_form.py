@@ -31,17 +31,17 @@ def closed_mass(g: Lines) -> tuple[Array, ...]:
     m, L = g.rho * g.A * g.L, g.L
     planes = []
     for phi, I in ((g.phi_y, g.Iz), (g.phi_z, g.Iy)):
-        own = m / (210 * (1 + phi) ** 2)
+        unit = m / (210 * (1 + phi) ** 2)
         turn = g.rotary * g.rho * I / (30 * L * (1 + phi) ** 2)
         planes.append(
             np.stack(
                 [
-                    own * (70 * phi**2 + 147 * phi + 78) + 36 * turn,
-                    own * (35 * phi**2 + 63 * phi + 27) - 36 * turn,
-                    own * (35 * phi**2 + 77 * phi + 44) * L / 4 - turn * (15 * phi - 3) * L,
-                    -own * (35 * phi**2 + 63 * phi + 26) * L / 4 - turn * (15 * phi - 3) * L,
-                    own * (7 * phi**2 + 14 * phi + 8) * L**2 / 4 + turn * (10 * phi**2 + 5 * phi + 4) * L**2,
-                    -own * (7 * phi**2 + 14 * phi + 6) * L**2 / 4 + turn * (5 * phi**2 - 5 * phi - 1) * L**2,
+                    unit * (70 * phi**2 + 147 * phi + 78) + 36 * turn,
+                    unit * (35 * phi**2 + 63 * phi + 27) - 36 * turn,
+                    unit * (35 * phi**2 + 77 * phi + 44) * L / 4 - turn * (15 * phi - 3) * L,
+                    -unit * (35 * phi**2 + 63 * phi + 26) * L / 4 - turn * (15 * phi - 3) * L,
+                    unit * (7 * phi**2 + 14 * phi + 8) * L**2 / 4 + turn * (10 * phi**2 + 5 * phi + 4) * L**2,
+                    -unit * (7 * phi**2 + 14 * phi + 6) * L**2 / 4 + turn * (5 * phi**2 - 5 * phi - 1) * L**2,
                 ]
             )
         )
@@ -70,7 +70,7 @@ def closed_mass(g: Lines) -> tuple[Array, ...]:
 def higher_order_mass(g: Lines) -> tuple[Array, ...]:
     """Return the terms that mass of higher order adds, as the factors of :func:`global_blocks`.
 
-    An element deforms as under forces at its ends; the motion that its own inertia adds stores more. To the
+    An element deforms as under forces at its ends; the motion that its inertia adds stores more. To the
     second order of its length the mass for that is ρA L²/12 ∫ u'² dx of stretching, ρIp L²/12 ∫ θ'² dx of
     torsion and ρA L²/12 ∫ v' γ dx of shear.
     """

@@ -37,12 +37,12 @@ def connect_ends(rigid: Lines, layout: Layout) -> Lines:
     if not soft.size:
         return rigid
     ends = layout.ends[layout.soft[rigid.rows[soft]]]
-    held = np.isinf(ends)
+    fixed = np.isinf(ends)
     K = local_stiffness(some_lines(rigid, soft))
-    slip = end_slips(K, np.where(held, 1.0, ends), np.where(held, 0.0, 1.0)) @ rigid.T[soft]
+    slip = end_slips(K, np.where(fixed, 1.0, ends), np.where(fixed, 0.0, 1.0)) @ rigid.T[soft]
     T = rigid.T.astype(slip.dtype)
     T[soft] -= slip
-    return replace(rigid, T=T, soft=soft, slip=slip, ends=np.where(held, 0.0, ends), held=held)
+    return replace(rigid, T=T, soft=soft, slip=slip, ends=np.where(fixed, 0.0, ends), fixed=fixed)
 
 
 def moved_by_loads(g: Lines, stretched: Array, force: Array) -> Array:
@@ -68,7 +68,7 @@ def moved_by_loads(g: Lines, stretched: Array, force: Array) -> Array:
         Local [m, rad].
     """
     K = np.real(local_stiffness(with_rigid_ends(g))[0])
-    hold, give = np.where(g.held[0], 1.0, g.ends[0]), np.where(g.held[0], 0.0, 1.0)
+    hold, give = np.where(g.fixed[0], 1.0, g.ends[0]), np.where(g.fixed[0], 0.0, 1.0)
     out: Array = np.linalg.solve(np.diag(hold) + give[:, None] * K, give[:, None] * (K @ stretched - force))
     return out
 
@@ -89,11 +89,11 @@ def with_connections(g: Lines, K: Array) -> Array:
 
 def line_slips(g: Lines, K: Array) -> Array:
     """Return :func:`end_slips` of the lines with connections, from their stiffness K without."""
-    return end_slips(K, np.where(g.held, 1.0, g.ends), np.where(g.held, 0.0, 1.0))
+    return end_slips(K, np.where(g.fixed, 1.0, g.ends), np.where(g.fixed, 0.0, 1.0))
 
 
 def mass_from_nodes(g: Lines, M: Array) -> Array:
-    """Return the local mass for motions of the nodes from that for motions of the lines' own ends."""
+    """Return the local mass for motions of the nodes from that for motions of the lines' ends."""
     if not g.soft.size:
         return M
     return to_global(M, np.eye(12) - line_slips(g, local_stiffness(with_rigid_ends(g))))

@@ -26,7 +26,7 @@ def cut(
     position: Any,
     direction: str,
     compliance: Any,
-    beside: Sequence[Contribution] = (),
+    others: Sequence[Contribution] = (),
 ) -> Contribution:
     """Return the change of K, M and D where a member gives way at a place, in one direction.
 
@@ -58,20 +58,20 @@ def cut(
         x y z rx ry rz, local.
     compliance : float
         c [m/N or rad/(N·m)].
-    beside : sequence of Contribution
+    others : sequence of Contribution
         Changes of the element by other effects.
     """
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))
     # the cuts of one line are asked for together, in all directions
-    g, K0, whole = frame.kept.get(("uncut", mesh, at.line), lambda: _uncut_line(frame, mesh, at.line))
+    g, K0, M0 = frame.kept.get(("uncut", mesh, at.line), lambda: _uncut_line(frame, mesh, at.line))
     xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
     x = flexible_fraction(g, np.atleast_1d(xi))[0]
     m, rigid = slipped(g, x, direction)
-    # a slip at the first end turns that end alone: the same strains, without the turn of the whole element
+    # a slip at the first end turns that end alone: the same strains, without the turn of the element
     turned = m - rigid if x == 0.0 else m
     at_end = x in (0.0, 1.0)
-    stiff, added, excess = _changes(g, beside, at_end)
+    stiff, added, excess = _changes(g, others, at_end)
     q = K0 @ m
     opposed = m @ q
     if stiff is not None:
@@ -82,10 +82,10 @@ def cut(
     M = None
     if not g.lumped[0]:
         if at_end and added is not None:
-            whole = whole + added
-        beyond = whole * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
-        b = beyond @ rigid - whole @ m
-        beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ whole @ m
+            M0 = M0 + added
+        beyond = M0 * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
+        b = beyond @ rigid - M0 @ m
+        beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ M0 @ m
         bent = slip * np.outer(b, q)
         M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
     D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
@@ -139,7 +139,7 @@ def slips(
     x = np.array([flexible_fraction(g, np.atleast_1d(a + b))[0] for a, b in zip(places, steps, strict=True)])
     M, rigid = (
         np.stack(part, axis=1)
-        for part in zip(*(slipped(g, own, d) for own, (_, _, d, _) in zip(x, cuts, strict=True)), strict=True)
+        for part in zip(*(slipped(g, xk, d) for xk, (_, _, d, _) in zip(x, cuts, strict=True)), strict=True)
     )
     Q, c = K @ M, np.array([slip[3] for slip in cuts])
     S = np.linalg.solve(np.eye(len(c)) + c[:, None] * (M.T @ Q), np.diag(c))
@@ -147,17 +147,17 @@ def slips(
 
 
 def _changes(
-    g: Lines, beside: Sequence[Contribution], at_end: bool
+    g: Lines, others: Sequence[Contribution], at_end: bool
 ) -> tuple[Array | None, Array | None, Array | None]:
     """Return local changes of an element's stiffness and mass, and of its damping beyond that stiffness's.
 
     Within an element those that resist its motion as a rigid body, as tensions do, are left out: they do not
     follow from the strains.
     """
-    back = np.linalg.inv(g.T_nodes) if beside else g.T
+    back = np.linalg.inv(g.T_nodes) if others else g.T
 
     def total(key: str) -> Array | None:
-        parts = [to_global(X, back)[0] for c in beside if (X := getattr(c, key)) is not None]
+        parts = [to_global(X, back)[0] for c in others if (X := getattr(c, key)) is not None]
         parts = parts if at_end else [X for X in parts if not _resists_rigid_motion(X, g.L[0])]
         out: Array | None = sum(parts) if parts else None
         return out

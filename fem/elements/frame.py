@@ -124,7 +124,7 @@ class Frame(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Young's modulus and density of each material.
 
-        K is not affine in the modulus of members on springs of their own.
+        K is not affine in the modulus of members whose ends are on springs.
         """
         sprung = {
             p.material.name
@@ -238,12 +238,12 @@ class Frame(Effect):
             return (parts[0], *self._rigid_zone_masses(model.mesh, rows, change))
         damped = any(part.D is not None for part in parts)
         D = [np.zeros_like(part.K) if part.D is None else part.D for part in parts] if damped else None
-        whole = Contribution(
+        joined = Contribution(
             *(np.concatenate([getattr(part, key) for part in parts]) for key in ("dofs", "K", "M")),
             D=None if D is None else np.concatenate(D),
             lines=rows,
         )
-        return (whole, *self._rigid_zone_masses(model.mesh, rows, change))
+        return (joined, *self._rigid_zone_masses(model.mesh, rows, change))
 
     def _elements(
         self, mesh: Mesh, rows: NDArray[np.int64], change: SectionChange = NO_CHANGE
@@ -381,7 +381,7 @@ class Frame(Effect):
     def geometric_stiffness(self, model: Model, member: str, tension: Any) -> Contribution:
         """Return the geometric stiffness of a member under a constant tension N.
 
-        ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx with the twist a, along the whole axis: rigid zones turn with
+        ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx with the twist a, along all of the axis: rigid zones turn with
         their nodes.
         """
         mesh = model.mesh

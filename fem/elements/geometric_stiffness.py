@@ -150,10 +150,9 @@ class Samples:
     @classmethod
     def joined(cls, parts: Sequence["Samples"]) -> "Samples":
         """Return the samples of several courses on the same lines, whose forces add up."""
-        whole = (
+        line, xi, weight, forces = (
             np.concatenate([getattr(p, key) for p in parts]) for key in ("line", "xi", "weight", "forces")
         )
-        line, xi, weight, forces = whole
         return cls(line, xi, weight, forces, np.sum([p.ends for p in parts], axis=0))
 
 
@@ -174,19 +173,19 @@ def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses:
     ends, of = s[some], member[some]
     span, axis = ends[:, 1] - ends[:, 0], g.span[some]
     zone = g.zone[some] * (span / axis)[:, None]  # offsets that change along a member lengthen its axis
-    whole = ends[np.searchsorted(of, of, side="right") - 1, 1]  # of the lines' members
+    member_length = ends[np.searchsorted(of, of, side="right") - 1, 1]
     at = np.searchsorted(of, courses.member)
     breaks = [ends[:, 0], ends[:, 1], ends[:, 0] + zone[:, 0], ends[:, 1] - zone[:, 1]]
     owners = [of] * 4
     for x in (courses.start, courses.stop):
-        inside = (x > 0) & (x < whole[at])
+        inside = (x > 0) & (x < member_length[at])
         breaks.append(x[inside])
         owners.append(courses.member[inside])
     owner = np.concatenate(owners)
     place = np.concatenate(breaks)
     order = np.lexsort((place, owner))
     place, owner = place[order], owner[order]
-    least = 1e-12 * whole[np.searchsorted(of, owner)]
+    least = 1e-12 * member_length[np.searchsorted(of, owner)]
     new = np.concatenate([[True], (np.diff(place) > least[1:]) | (np.diff(owner) > 0)])
     place, owner = place[new], owner[new]
     k = np.flatnonzero(owner[1:] == owner[:-1])
@@ -214,7 +213,7 @@ def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses:
 def stress_stiffness(g: Lines, samples: Samples) -> Array:
     """Return the geometric stiffness of lines under section forces, global, shape (b, 12, 12).
 
-    The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' whole slope, shear
+    The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' full slope, shear
     included (Engesser, Zentralbl. Bauverwaltung 11, 1891, 483-486); N (Iy + Iz)/A a'²/2 is the work of
     fibres that a twist inclines (Wagner, 1929; McGuire, Gallagher and Ziemian, *Matrix Structural
     Analysis*, 2nd ed. 2000, ch. 9). Rigid zones turn with their nodes; an offset is a rigid arm that n acts

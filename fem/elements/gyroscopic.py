@@ -28,8 +28,8 @@ def unit_gyroscopic(g: Lines, layout: Layout) -> Array:
     if lumped.any():
         some, T = some_lines(g, np.flatnonzero(lumped)), g.T_nodes[lumped]
         polar, ends = lumped_masses(some), np.eye(12)
-        own = sum(polar[:, k + 3, None, None] * _turned(ends[k + 4][None], ends[k + 5][None]) for k in (0, 6))
-        C[lumped] = np.swapaxes(T, 1, 2) @ own @ T
+        G = sum(polar[:, k + 3, None, None] * _turned(ends[k + 4][None], ends[k + 5][None]) for k in (0, 6))
+        C[lumped] = np.swapaxes(T, 1, 2) @ G @ T
     for k in (0, 1):
         zone = np.flatnonzero(g.zone[:, k])
         if zone.size:

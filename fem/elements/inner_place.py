@@ -40,14 +40,14 @@ class InnerPlace:
     N : ndarray (6, m)
         Motion of the place.
     F : ndarray (6, 6)
-        Flexibility of the place with the nodes held; 0 at a node.
+        Flexibility of the place with the nodes fixed; 0 at a node.
     end : ndarray (6, 6)
         Flexibility of the element's free end in each direction alone, which sets a scale.
     eta : float
         Loss factor of the element [-].
     cross : ndarray (m, 6)
         ∫ Nᵀ μ W dx with the motion W p of the element by p, μ the mass per length.
-    own : ndarray (6, 6)
+    square : ndarray (6, 6)
         ∫ Wᵀ μ W dx.
     """
 
@@ -57,13 +57,13 @@ class InnerPlace:
     end: Array
     eta: float
     cross: Array
-    own: Array
+    square: Array
 
     def mass(self, p: Array) -> Array:
-        """Return the change of the mass (n, n) by forces that are rows p (6, n); own DOFs come first."""
-        M = energy(self.own, p)
+        """Return the change of the mass (n, n) by forces, rows p (6, n); the element's DOFs come first."""
+        M = energy(self.square, p)
         across = self.cross @ p
-        M[: len(across)] -= across  # both, so that the block of the own DOFs is symmetric
+        M[: len(across)] -= across  # both, so that the block of the element's DOFs is symmetric
         M[:, : len(across)] -= across.T
         return M
 
@@ -124,7 +124,7 @@ def inner_place(
     """Return the place at an arc length of a member.
 
     With F₁ and F₂ the flexibilities of the element's parts before and beyond the place, both for forces at
-    the element's second end, the place with both ends held has F₁ (F₁ + F₂)⁻¹ F₂: the parts share the force
+    the element's second end, the place with both ends fixed has F₁ (F₁ + F₂)⁻¹ F₂: the parts share the force
     as springs side by side. This holds for tapers, and at nodes, where one part vanishes. Springs at the
     element's ends give way besides. Terms of mass of higher order stay as they are.
 
@@ -162,7 +162,7 @@ def inner_place(
     (free,) = end_flexibility(g, np.zeros(1), np.ones(1))
     turned = np.kron(np.eye(2), g.R[0])
     F, cross = W + local @ ends, g.T[0].T @ (spread @ shapes).sum(axis=0).T
-    own = (spread @ moved).sum(axis=0)
+    WW = (spread @ moved).sum(axis=0)
     if cuts and (0 < np.real(x) < 1 or not g.soft.size):  # a place at a node of springs is the node
         M, rigid, S, Q = slip
         M = M - _slip_of_nodes(g) @ M
@@ -173,21 +173,21 @@ def inner_place(
         heavy, light, slow = (np.swapaxes(X, 1, 2) * mass[:, None, :] for X in (jumps, shapes, more))
         cross = cross + g.T[0].T @ (light @ more).sum(axis=0) + Q @ S @ (heavy @ (moved + more)).sum(axis=0)
         both = (spread @ more).sum(axis=0)
-        own = own + both + both.T + (slow @ more).sum(axis=0)
+        WW = WW + both + both.T + (slow @ more).sum(axis=0)
     return InnerPlace(
-        dofs, N, G @ F @ G.T, turned.T @ np.diag(np.diag(free)) @ turned, g.eta[0], cross @ G.T, G @ own @ G.T
+        dofs, N, G @ F @ G.T, turned.T @ np.diag(np.diag(free)) @ turned, g.eta[0], cross @ G.T, G @ WW @ G.T
     )
 
 
 def _jumps(at: Array, M: Array, rigid: Array, s: Array, shapes: Array) -> Array:
-    """Return the local motion (n, 6, n_cuts) of places s of a line by unit slips of its cuts, nodes held."""
+    """Return the local motion (n, 6, n_cuts) of places s of a line by unit slips of its cuts, nodes fixed."""
     beyond = (np.real(s)[:, None] > np.real(at)) | (np.real(s)[:, None] >= 1)
     along = s[:, None, None]
     return beyond[:, None, :] * ((1 - along) * rigid[:6] + along * rigid[6:]) - shapes @ M
 
 
 def _by_force(g: Lines, x: Any, s: Array) -> Array:
-    """Return the local motion (n, 6, 6) at places s (n,) by forces at x, with both ends of a line held."""
+    """Return the local motion (n, 6, 6) at places s (n,) by forces at x, with both ends of a line fixed."""
     n = len(s)
     line, some = some_lines(g, np.zeros(1, dtype=np.int64)), some_lines(g, np.zeros(n, dtype=np.int64))
     zero, one = np.zeros(1), np.ones(1)
@@ -225,7 +225,7 @@ def _slip_by(g: Lines, force: Array) -> Array:
     """Return the slips (12, n) of a line's ends in their connections by forces on the ends."""
     out = np.zeros_like(force)
     if g.soft.size:
-        slip = ~g.held[0]
+        slip = ~g.fixed[0]
         K = local_stiffness(with_rigid_ends(g))[0][np.ix_(slip, slip)] + np.diag(g.ends[0][slip])
         out[slip] = np.linalg.solve(K, force[slip])
     return out

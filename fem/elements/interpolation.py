@@ -56,9 +56,9 @@ def bending_shapes(g: Lines, xi: Array, d: str, wanted: str) -> list[Array]:
     if not t.size:
         return out
     I, shear = (g.stations[t][..., COLUMNS[key]] for key in ("Iz" if d == "y" else "Iy", f"s{d}"))
-    own = tapered.bending(xi[..., t], g.L[t], I, shear, wanted)
-    out = [np.array(a, dtype=np.result_type(a, b)) for a, b in zip(out, own, strict=True)]
-    for a, b in zip(out, own, strict=True):
+    of_tapers = tapered.bending(xi[..., t], g.L[t], I, shear, wanted)
+    out = [np.array(a, dtype=np.result_type(a, b)) for a, b in zip(out, of_tapers, strict=True)]
+    for a, b in zip(out, of_tapers, strict=True):
         a[..., t, :] = b
     return out
 
@@ -68,9 +68,9 @@ def end_share(g: Lines, xi: Array, key: str, derivative: bool = False) -> Array:
     out = np.ones_like(xi) if derivative else xi
     t = np.flatnonzero(g.tapered if key == "A" else g.tapered & (g.bar == 0))
     if t.size:
-        own = tapered.extension(xi[..., t], g.stations[t][..., COLUMNS[key]], derivative)
-        out = np.array(out, dtype=np.result_type(out, own))
-        out[..., t] = own
+        of_tapers = tapered.extension(xi[..., t], g.stations[t][..., COLUMNS[key]], derivative)
+        out = np.array(out, dtype=np.result_type(out, of_tapers))
+        out[..., t] = of_tapers
     return out
 
 
@@ -91,7 +91,7 @@ def shape_matrix(g: Lines, xi: Array) -> Array:
 
 
 def _bar_shapes(xi: Array, L: Array) -> Array:
-    """Return the motion of a bar: straight between its ends; about its own axis it turns as they do."""
+    """Return the motion of a bar: straight between its ends; about its axis it turns as they do."""
     N = np.zeros((*xi.shape, 6, 12), dtype=np.result_type(xi, L))
     for d in range(4):
         N[..., d, d], N[..., d, 6 + d] = 1 - xi, xi

@@ -1,6 +1,6 @@
 """Layout of a mesh's lines: the properties, end connections and axes of every line, without moduli.
 
-Members share properties, so that each line has a row in a table of kinds. The properties own the layouts
+Members share properties, so that each line has a row in a table of kinds. The properties keep the layouts
 (`fem.elements.by_member`): a fit changes moduli and densities, which are not part of them.
 """
 

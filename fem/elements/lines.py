@@ -31,7 +31,7 @@ class Lines:
     soft: NDArray[np.int64]  # lines with elastic or released end connections: their ends slip
     slip: Array  # (n_soft, 12, 12): slips of the ends, local, from global DOFs; already taken from T
     ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections, 0 where rigid
-    held: NDArray[np.bool_]  # (n_soft, 12): rigid directions
+    fixed: NDArray[np.bool_]  # (n_soft, 12): rigid directions
     R: NDArray[np.float64]  # (b, 3, 3)
     end: NDArray[np.float64]  # (b, 2, 3): from the nodes to the ends of the flexible part
     zone: NDArray[np.float64]  # (b, 2): lengths of the rigid zones
@@ -78,9 +78,9 @@ class SectionChange:
     A, Iy, Iz, Ip, J : float
         Of the area and the second moments [-].
     shear : float
-        Of the shear flexibility 1/(k G A), beside that of A [-].
+        Of the shear flexibility 1/(k G A), in addition to that of A [-].
     rotary : float
-        Of the rotary inertia of bending, beside those of Iy and Iz [-].
+        Of the rotary inertia of bending, in addition to those of Iy and Iz [-].
     timoshenko : bool
         Whether ``shear`` and ``rotary`` refer to the values of Timoshenko's theory, also in members of the
         Euler-Bernoulli theory.
@@ -135,7 +135,7 @@ def form_lines(
     return Lines(
         rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(b, 12),
         T=_end_maps(R, end) if maps else np.zeros((b, 0, 0)), soft=np.zeros(0, dtype=np.int64),
-        slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), held=np.zeros((0, 12), dtype=bool),
+        slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), fixed=np.zeros((0, 12), dtype=bool),
         R=R, end=end, zone=layout.zone[rows], span=span, L=L, **table,
         phi_y=_shear_parameter(table, "Iz", "ky", L, change.shear),
         phi_z=_shear_parameter(table, "Iy", "kz", L, change.shear),
@@ -236,9 +236,9 @@ def _shear_factors(shear: Mapping[str, tuple[Any, Any]], mesh: Mesh) -> Array:
 
 def some_lines(g: Lines, rows: NDArray[np.int64]) -> Lines:
     """Return some of the lines, with rigid end connections."""
-    skip = ("soft", "slip", "ends", "held")
+    skip = ("soft", "slip", "ends", "fixed")
     keep = {key: getattr(g, key)[rows] for key in Lines.__slots__ if key not in skip}
-    return Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0], held=g.held[:0])
+    return Lines(**keep, soft=g.soft[:0], slip=g.slip[:0], ends=g.ends[:0], fixed=g.fixed[:0])
 
 
 def n_gauss(g: Lines, n: int) -> int:

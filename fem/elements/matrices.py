@@ -30,19 +30,19 @@ def local_stiffness(g: Lines) -> Array:
     t = np.flatnonzero(g.tapered)
     if t.size:
         some = some_lines(g, t)
-        own = np.zeros((t.size, 12, 12), dtype=np.result_type(K, some.stations))
+        K_tapers = np.zeros((t.size, 12, 12), dtype=np.result_type(K, some.stations))
         beam = 1 - some.bar
         stretch = some.L * (tapered.WEIGHTS / some.stations[..., COLUMNS["A"]]).sum(axis=1)
         twist = some.L * (tapered.WEIGHTS / some.stations[..., COLUMNS["J"]]).sum(axis=1)
         for d, k in ((0, 1 / stretch), (3, beam / (2 * (1 + some.nu) * twist))):
-            own[:, d, d] = own[:, d + 6, d + 6] = k
-            own[:, d, d + 6] = own[:, d + 6, d] = -k
+            K_tapers[:, d, d] = K_tapers[:, d + 6, d + 6] = k
+            K_tapers[:, d, d + 6] = K_tapers[:, d + 6, d] = -k
         for dofs, I, shear, sign in ((XY_DOFS, "Iz", "sy", 1.0), (XZ_DOFS, "Iy", "sz", XZ_SIGNS)):
             of = (some.stations[..., COLUMNS[key]] for key in (I, shear))
             bent = tapered.bending_stiffness(some.L, *of) * np.multiply.outer(sign, sign)
-            own[:, np.array(dofs)[:, None], dofs] = beam[:, None, None] * bent
-        K = K.astype(own.dtype)
-        K[t] = some.E[:, None, None] * own
+            K_tapers[:, np.array(dofs)[:, None], dofs] = beam[:, None, None] * bent
+        K = K.astype(K_tapers.dtype)
+        K[t] = some.E[:, None, None] * K_tapers
     return K
 
 
@@ -53,8 +53,8 @@ def local_mass(g: Lines, start: Any = 0.0) -> Array:
     """
     if g.tapered.any() and not g.tapered.all():
         parts = [np.flatnonzero(which) for which in (g.tapered, ~g.tapered)]
-        whole = np.concatenate([local_mass(some_lines(g, rows), start) for rows in parts])
-        out: Array = whole[np.argsort(np.concatenate(parts))]
+        joined = np.concatenate([local_mass(some_lines(g, rows), start) for rows in parts])
+        out: Array = joined[np.argsort(np.concatenate(parts))]
         return out
     M: Array = np.zeros((len(g.L), 12, 12))
     points, weights = gauss_points(n_gauss(g, 4))
@@ -86,7 +86,7 @@ def lumped_masses(g: Lines) -> Array:
 
 
 def unit_tension_stiffness(g: Lines) -> Array:
-    """Return ∫ v'² + w'² + (Iy + Iz)/A a'² dx of the whole axis, a the twist, global, shape (b, 12, 12)."""
+    """Return ∫ v'² + w'² + (Iy + Iz)/A a'² dx of the axis, a the twist, global, shape (b, 12, 12)."""
     K: Array = np.zeros((len(g.L), 12, 12))
     for xi, weight in zip(*gauss_points(n_gauss(g, 3)), strict=True):
         S = slope_matrix(g, np.full(len(g.L), xi))

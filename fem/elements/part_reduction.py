@@ -1,4 +1,4 @@
-"""Reduction of a part to its points and to modes with these points held (Craig & Bampton 1968)."""
+"""Reduction of a part to its points and to modes with these points fixed (Craig & Bampton 1968)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -61,7 +61,7 @@ def reduce_inside(
         factor = factorise(S @ Kzz @ S)
     except SingularMatrixError as reason:
         raise ModelError(_mechanism(where)) from reason
-    _check_held_inside(S @ Kzz @ S, factor, where)
+    _check_fixed_inside(S @ Kzz @ S, factor, where)
 
     def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
         by_row = scale.reshape(-1, *([1] * (b.ndim - 1)))
@@ -116,7 +116,7 @@ def _residual_modes(
 def _fixed_modes(
     K: sp.csc_array, M: sp.csc_array, solve: Any, n_modes: int | None, max_frequency: float | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lowest modes with the points held, M-normalised, one more than is asked for if there is one.
+    """Return the lowest modes with fixed points, M-normalised; one more than is asked for if there is one.
 
     M may have no mass in some directions, which then have no mode.
     """
@@ -136,10 +136,10 @@ def _fixed_modes(
 
 
 def _mechanism(where: str) -> str:
-    return f"{where}: with its points held, the part still has motions without stiffness; it is a mechanism"
+    return f"{where}: with its points fixed, the part still has motions without stiffness; it is a mechanism"
 
 
-def _check_held_inside(A: Any, factor: Factor, where: str) -> None:
+def _check_fixed_inside(A: Any, factor: Factor, where: str) -> None:
     """Raise an error if the stiffness inside, scaled to a unit diagonal, is singular but for rounding."""
     x = np.random.default_rng(0).standard_normal(A.shape[0])
     for _ in range(3):
@@ -148,7 +148,7 @@ def _check_held_inside(A: Any, factor: Factor, where: str) -> None:
     if abs(lowest) < 1e-14:
         raise ModelError(_mechanism(where))
     if lowest < 0 or (factor.backend == "multifrontal" and factor.count_negative()):
-        msg = f"{where}: K is not positive semidefinite: with the points held it has negative eigenvalues"
+        msg = f"{where}: K is not positive semidefinite: with the points fixed it has negative eigenvalues"
         raise ModelError(msg)
 
 

@@ -100,7 +100,7 @@ def check_attachments(matrices: Matrices, mesh: Mesh, attachments: Sequence[Atta
                 missing = ", ".join(axis for axis, row in zip("XYZ", rows, strict=False) if row < 0)
                 msg = (
                     f"{where}: node {node} has no row for {missing}; interface nodes need three translations "
-                    "(is it held in the part's own model?)"
+                    "(is it fixed in the model of the part?)"
                 )
                 raise ModelError(msg)
 
@@ -188,16 +188,16 @@ def check_tied(matrices: Matrices, attachments: Sequence[Attachment], where: str
     n_pieces, piece = connected_components(abs(matrices.K) + abs(matrices.M) + nodes, directed=False)
     R = matrices.rigid_motions() / np.array([1.0, 1.0, 1.0, *[max(matrices.size, 1e-300)] * 3])
     for k in range(n_pieces):
-        held, tied = np.zeros((0, 6)), []
+        motions, tied = np.zeros((0, 6)), []
         for a in attachments:
             rows = np.concatenate([matrices.rows_of(node) for node in a.nodes])
             rows = rows[rows >= 0]
             rows = rows[piece[rows] == k]
             tied += [str(a.point)] * bool(rows.size)
-            held = np.vstack([held, R[rows]])
+            motions = np.vstack([motions, R[rows]])
         # six motions of a piece, or three of a single node without rotations
         want = np.linalg.matrix_rank(R[piece == k], tol=1e-9)
-        if np.linalg.matrix_rank(held, tol=1e-6) < want:
+        if np.linalg.matrix_rank(motions, tol=1e-6) < want:
             loose = np.unique(matrices.node[piece == k])
             words = (
                 f"tied to point{'s' * (len(tied) > 1)} {', '.join(tied)} and free to turn"

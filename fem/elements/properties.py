@@ -24,7 +24,7 @@ class MemberProperties:
     ----------
     material : Material
     section : Section
-        Of the whole member, or at its first end.
+        Of the member, or at its first end.
     orientation : ndarray (3,) or None
         A vector that, with the member's axis, spans the plane of the section's height (local z). Global Z,
         or global X for members within 1° of vertical, unless given.
@@ -41,7 +41,7 @@ class MemberProperties:
         that errors fall with the element size as those of prismatic members do.
     mass : str
         ``"consistent"`` (of the shape functions); ``"higher-order"``, which adds the
-        motion within an element that its own inertia makes in stretching, torsion and shear, and so removes
+        motion within an element that its inertia makes in stretching, torsion and shear, and so removes
         most of the mesh's error; or ``"lumped"``: at each node half of an element's mass, of its rotary
         inertia about x and, with the Timoshenko theory, of that of bending. No inertia m L² comes with it:
         without one, bending frequencies err by order h⁴ instead of h². ``"lumped-slender"`` leaves

@@ -28,10 +28,10 @@ def zone_sections(layout: Layout, g: Lines, k: int, change: SectionChange) -> Ar
     if t.size:
         x, weight = gauss_points(3)  # A is quadratic in tapers
         at = x * g.zone[t, k, None] / g.span[t, None]
-        own = (weight @ constants_at(layout, g.rows[t], at if k == 0 else 1 - at)[..., :4]).T
+        means = (weight @ constants_at(layout, g.rows[t], at if k == 0 else 1 - at)[..., :4]).T
         factor = np.array([change.A, change.Iy, change.Iz, change.Ip])[:, None]
         of = of.astype(np.result_type(of, factor))
-        of[:, t] = factor * own
+        of[:, t] = factor * means
     return of
 
 

@@ -1,4 +1,4 @@
-"""Models with finer meshes: elements that are divided beside the rigid zones at members' ends."""
+"""Models with finer meshes: elements that are divided between the rigid zones at members' ends."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -84,8 +84,8 @@ def loss_of_stretch(
     """
     g, part = _local_part(frame, model, member, start, stop, np.ones(6))
     if g.soft.size:
-        whole = local_stiffness(with_rigid_ends(g))
-        change = with_connections(g, whole - loss * part) - with_connections(g, whole)
+        full = local_stiffness(with_rigid_ends(g))
+        change = with_connections(g, full - loss * part) - with_connections(g, full)
         K = to_global(change, g.T_nodes)
     else:
         K = -loss * to_global(part, g.T)
@@ -215,7 +215,7 @@ def _fractions(mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[NDArray[
 def end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
     """Return the motion of the second ends by unit forces there, from the flexibility between two places.
 
-    Local, with the first ends held; places are fractions of the flexible parts. Shape (b, 6, 6).
+    Local, with the first ends fixed; places are fractions of the flexible parts. Shape (b, 6, 6).
     """
     arm1, arm2 = g.L * (1 - lo), g.L * (1 - hi)
     one, first, second = arm1 - arm2, (arm1**2 - arm2**2) / 2, (arm1**3 - arm2**3) / 3
@@ -233,21 +233,21 @@ def end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
     lo, hi, some = lo[t], hi[t], some_lines(g, t)
     of = {key: some.stations[..., k] for key, k in COLUMNS.items()}
     ds = (tapered.weights_at(hi, 1) - tapered.weights_at(lo, 1)) * some.L[:, None]
-    own = np.zeros((t.size, 6, 6), dtype=np.result_type(F, ds, of["A"]))
-    own[:, 0, 0] = (ds / of["A"]).sum(axis=1)
-    own[:, 3, 3] = 2 * (1 + some.nu) * (ds / of["J"]).sum(axis=1)
+    F_tapers = np.zeros((t.size, 6, 6), dtype=np.result_type(F, ds, of["A"]))
+    F_tapers[:, 0, 0] = (ds / of["A"]).sum(axis=1)
+    F_tapers[:, 3, 3] = 2 * (1 + some.nu) * (ds / of["J"]).sum(axis=1)
     for v, r, I, shear, sign in ((1, 5, "Iz", "sy", 1.0), (2, 4, "Iy", "sz", -1.0)):
         bent = tapered.end_flexibility(some.L, of[I], of[shear], lo, hi)
-        own[:, v, v], own[:, r, r] = bent[:, 0, 0], bent[:, 1, 1]
-        own[:, v, r] = own[:, r, v] = sign * bent[:, 0, 1]
-    F = F.astype(own.dtype)
-    F[t] = own / some.E[:, None, None]
+        F_tapers[:, v, v], F_tapers[:, r, r] = bent[:, 0, 0], bent[:, 1, 1]
+        F_tapers[:, v, r] = F_tapers[:, r, v] = sign * bent[:, 0, 1]
+    F = F.astype(F_tapers.dtype)
+    F[t] = F_tapers / some.E[:, None, None]
     return F
 
 
 def _stiffness_from_flexibility(g: Lines, F: Array) -> Array:
     """Return the local stiffness (b, 12, 12) of elements from the flexibility of their second ends."""
-    E = np.zeros((len(g.L), 6, 12))  # motion of the second end beside that of the first as a rigid body
+    E = np.zeros((len(g.L), 6, 12))  # motion of the second end relative to a rigid body on the first
     E[:, :, 6:] = np.eye(6)
     E[:, :, :6] = -np.eye(6)
     E[:, 1, 5], E[:, 2, 4] = -g.L, g.L

@@ -55,7 +55,7 @@ def weights_at(x: Array, integrated: int = 0) -> Array:
     """
     series = _SERIES[integrated]
     terms = np.polynomial.legendre.legvander(2 * x - 1, len(series) - 1)
-    # not @: BLAS rounds by the number of beams, and an element must not depend on those formed beside it
+    # not @: BLAS rounds by the number of beams, and an element must not depend on those formed with it
     out: Array = np.einsum("...k,kj->...j", terms, series)
     return out
 
@@ -79,10 +79,10 @@ def extension(x: Array, area: Array, derivative: bool = False) -> Array:
 
     ``area`` is A or J at the stations; ``derivative`` by x.
     """
-    whole = (WEIGHTS / area).sum(axis=-1)
+    total = (WEIGHTS / area).sum(axis=-1)
     if derivative:
-        return 1 / ((weights_at(x) * area).sum(axis=-1) * whole)
-    out: Array = (weights_at(x, 1) / area).sum(axis=-1) / whole
+        return 1 / ((weights_at(x) * area).sum(axis=-1) * total)
+    out: Array = (weights_at(x, 1) / area).sum(axis=-1) / total
     return out
 
 
@@ -106,7 +106,7 @@ def bending(x: Array, L: Array, I: Array, shear: Array, wanted: str) -> list[Arr
     one = weights_at(x, 1) * length[..., None]
 
     def of(which: str) -> Array:
-        """Return the same of the held beam under a unit force and a unit moment at the second end."""
+        """Return the same of the cantilever under a unit force and a unit moment at the second end."""
         if which == "v":
             two = weights_at(x, 2) * length[..., None] ** 2
             return _pair((two * arm / I).sum(-1) + (one * shear).sum(-1), (two / I).sum(-1))
@@ -169,7 +169,7 @@ def bending_stiffness(L: Array, I: Array, shear: Array) -> Array:
 
 
 def _motions(L: Array, centre: Array) -> Array:
-    """Return displacement and rotation of the second end beside the first one, at the centre, (b, 2, 4)."""
+    """Return displacement and rotation of the second end relative to the first, at the centre, (b, 2, 4)."""
     out = np.zeros((len(L), 2, 4), dtype=centre.dtype)
     out[:, 0] = np.stack([-np.ones_like(centre), -centre, np.ones_like(centre), centre - L], axis=-1)
     out[:, 1, 1], out[:, 1, 3] = -1.0, 1.0

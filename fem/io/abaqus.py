@@ -144,7 +144,7 @@ class DeckReader:
         turn, shift = generate.shift_and_turn(data)
         instance = Instance(name, block.option("PART", "PART="), block.place, turn, shift)
         self.instances[name] = instance
-        self.part = instance.own
+        self.part = instance.extra
 
     def _end(self, block: Block) -> None:
         self.part = self.outside

@@ -27,7 +27,7 @@ class Instance:
     name, part : names of the instance and of the part
     place : where it begins in the deck
     turn, shift : points x of the part become turn @ x + shift
-    own : nodes, elements and sets that the instance has beside those of its part
+    extra : nodes, elements and sets that the instance has in addition to those of its part
     """
 
     name: str
@@ -35,7 +35,7 @@ class Instance:
     place: str = ""
     turn: Floats = field(default_factory=lambda: np.eye(3))
     shift: Floats = field(default_factory=lambda: np.zeros(3))
-    own: Part = field(default_factory=Part)
+    extra: Part = field(default_factory=Part)
 
 
 class _Rows:
@@ -162,14 +162,12 @@ class Assembly:
                 raise error_at(
                     instance.place, f"instance {name} refers to part {instance.part}, which the file lacks"
                 )
-            owners[name] = (instance, [instance.own, part])
+            owners[name] = (instance, [instance.extra, part])
         used = {instance.part for instance in self.instances.values()}
         if not self.instances:
             owners |= {name: (Instance(name, name), [part]) for name, part in self.parts.items()}
             if self.parts:
-                self.notes.append(
-                    "the file has no *INSTANCE, so each part is read once, at its own coordinates"
-                )
+                self.notes.append("the file has no *INSTANCE, so each part is read once, at its coordinates")
         elif lost := [name for name, part in self.parts.items() if name not in used and not part.empty()]:
             self.notes.append(f"parts without an instance left out: {named(lost)}")
         owners[""] = (Instance("", ""), [self.outside])
@@ -190,11 +188,11 @@ class Assembly:
         self._rows["ELSET"][owner] = _Rows(elements[0], first[1], skipped)
         redefined += _lines_and_others(elements[0], elements[2], parts)
         chains = rows.of(elements[1])
-        gone = (chains < 0) & (elements[1] >= 0)
-        lost = np.flatnonzero(gone.any(axis=1))
+        absent = (chains < 0) & (elements[1] >= 0)
+        lost = np.flatnonzero(absent.any(axis=1))
         if lost.size:
             row = int(lost[0])
-            node = elements[1][row][gone[row]][0]
+            node = elements[1][row][absent[row]][0]
             msg = (
                 f"{elements[2](row)}: element {elements[0][row]} refers to node {node}, which the "
                 f"{'instance' if instance.place else 'file'} does not have"

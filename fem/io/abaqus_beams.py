@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem.io.abaqus_content import Content, Placed, check, data, lines_of, numbers_of, whole
+from fem.io.abaqus_content import Content, Placed, check, data, lines_of, numbers_of, read_integer
 from fem.io.abaqus_deck import Block, fault
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_sections import ABAQUS_K, SHAPES, Shape, arbitrary
@@ -83,7 +83,7 @@ class BeamReader:
             raise fault(block, "has no data line with the dimensions of its section")
         if kind != "ARBITRARY":
             return 1
-        count = whole(block, rows[0][0], rows[0][1][0], "the number of segments")
+        count = read_integer(block, rows[0][0], rows[0][1][0], "the number of segments")
         if not 2 <= count <= len(rows):
             raise fault(block, f"has {count} segments and {len(rows)} data lines", rows[0][0])
         return count

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fem.io.abaqus_assembly import Instance
-from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of, whole
+from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of, read_integer
 from fem.io.abaqus_deck import Block, fault, name_of
 from fem.io.abaqus_systems import Systems
 from fem.io.array_types import Floats
@@ -80,7 +80,7 @@ class ConstraintBuilder:
         k = 0
         while k < len(rows):
             place, cells = rows[k]
-            count = whole(block, place, cells[0], "the number of terms")
+            count = read_integer(block, place, cells[0], "the number of terms")
             given: list[str] = []
             k += 1
             while k < len(rows) and len(given) < 3 * count:
@@ -98,7 +98,7 @@ class ConstraintBuilder:
         factors: list[tuple[int, float]] = []
         for label, dof, value in terms:
             sets.append(self.content.rows("NSET", name_of(label), instance.name, f"{place}: *EQUATION"))
-            d = whole(block, place, dof, "degrees of freedom") - 1
+            d = read_integer(block, place, dof, "degrees of freedom") - 1
             if not 0 <= d < 6:
                 raise fault(block, f"has the degree of freedom {d + 1}; 1 to 6 are allowed", place)
             coefficient = numbers_of(block, place, [value], 1, 1, "coefficients")[0]

@@ -109,7 +109,7 @@ class FrameReader(DeckReader):
         DeckReader._nodes(self, block)
 
     def parts_of(self, block: Block) -> list[Rows]:
-        """Return the data lines of a block, with numbers of their own for the nodes of instances."""
+        """Return the data lines of a block, with distinct numbers for the nodes of instances."""
         found = DeckReader.parts_of(self, block)
         if block.keyword == "ELEMENT" and self.part is self.outside:
             return [Rows(rows.file, [*map(self._numbered, rows.texts)], rows.lines) for rows in found]
@@ -314,7 +314,7 @@ def data(block: Block, k: int, least: int, most: int, what: str, taken: int | No
     return numbers_of(block, place, cells[:taken], least, most, what)
 
 
-def whole(block: Block, place: str, cell: str, what: str) -> int:
+def read_integer(block: Block, place: str, cell: str, what: str) -> int:
     """Return a whole number."""
     try:
         return integer(cell)
@@ -327,7 +327,7 @@ def dofs_of(block: Block, place: str, cells: list[str]) -> range:
 
     Those from 7 on (warping, temperature) are left out.
     """
-    given = [whole(block, place, cell, "degrees of freedom") for cell in cells[:2] if cell]
+    given = [read_integer(block, place, cell, "degrees of freedom") for cell in cells[:2] if cell]
     first, last = (given[0], given[-1]) if given else (1, 6)
     if not 1 <= first <= last:
         raise fault(block, f"has the degrees of freedom {first} to {last}; they run from 1 to 6", place)

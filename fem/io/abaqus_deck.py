@@ -108,7 +108,7 @@ class Deck:
             raise error_at(file.name, "this is a binary file, no text with keywords")
         self._data(file, _rows(file.name, lines, 0, heads[0] if heads else len(lines), comments))
         for head, after in pairwise([*heads, len(lines)]):
-            text, start = _whole_head(lines, head, after)
+            text, start = _joined_head(lines, head, after)
             name, options = split_keyword(text)
             block = Block(name, "".join(name.split()), options, file.name, head + 1, file)
             if block.keyword == "INCLUDE":
@@ -163,7 +163,7 @@ def _rows(file: str, lines: list[str], start: int, stop: int, comments: list[int
     return Rows(file, [lines[k - 1] for k in numbers], numbers)
 
 
-def _whole_head(lines: list[str], head: int, after: int) -> tuple[str, int]:
+def _joined_head(lines: list[str], head: int, after: int) -> tuple[str, int]:
     """Return a keyword line with those that it goes on in, and where its data begin.
 
     No parameter begins with a digit: a line that does holds data, whatever the line before it ends with.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fem.io.columns import cut_number
 from fem.matrices import MatricesError
 
-HELD = 1e36
+FIXED = 1e36
 """What Abaqus adds to the diagonal in a direction that a support holds."""
 
 _GENERALISED = 100
@@ -103,7 +103,7 @@ def read_entries(files: dict[str, Path]) -> dict[str, Any]:
         key: _symmetric(rows[:, 0], rows[:, 1], tables[key][:, 4], dofs.size)
         for key, rows in ((key, np.searchsorted(dofs, codes)) for key, codes in coded.items())
     }
-    free = np.flatnonzero(found["K"].diagonal() < HELD / 2) if "K" in found else np.arange(dofs.size)
+    free = np.flatnonzero(found["K"].diagonal() < FIXED / 2) if "K" in found else np.arange(dofs.size)
     found = {key: sp.csr_array(X[free][:, free]) for key, X in found.items()}
     return {**found, "node": dofs[free] // 8, "direction": dofs[free] % 8}
 
@@ -188,10 +188,10 @@ def _element_rows(file: Path, lines: list[str], at: int) -> tuple[NDArray[np.int
         else:
             changes[numbers[0]] = numbers[1:]
     pairs: list[tuple[int, int]] = []
-    held: list[int] = []
+    directions: list[int] = []
     for k, node in enumerate(nodes, start=1):
-        held = changes.get(k, held)
-        pairs += [(node, d) for d in held]
+        directions = changes.get(k, directions)
+        pairs += [(node, d) for d in directions]
     table = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     strange = (table[:, 1] < 1) | ((table[:, 1] > 6) & (table[:, 1] <= _GENERALISED))
     if strange.any():

@@ -125,8 +125,8 @@ class PointBuilder:
         if across > 1e-6 * self.content.size:
             raise fault(
                 block,
-                f": element {self.content.number(row)} acts along a direction in which "
-                f"its nodes are {across:.3g} m beside each other; move the nodes to one line or place",
+                f": element {self.content.number(row)} acts along a direction across which "
+                f"its nodes are {across:.3g} m apart; move the nodes to one line or place",
             )
 
     def _all_seen(self, seen: set[int], keywords: dict[str, str]) -> None:

@@ -96,7 +96,7 @@ SHAPES: Final[dict[str, Row]] = {
 def arbitrary(rows: list[list[float]]) -> Shape:
     """Return a section of thin segments: the first with both its ends, the others with their second ones.
 
-    Segments have no stiffness of bending about their own line, as in Abaqus.
+    Segments have no stiffness of bending about their line, as in Abaqus.
     """
     ends = [tuple(rows[0][:2]), tuple(rows[0][2:4]), *(tuple(row[:2]) for row in rows[1:])]
     t = np.array([rows[0][4], *(row[2] for row in rows[1:])])

@@ -133,12 +133,12 @@ def read_deck(path: Path) -> AnsysDeck:
 
 def _widths(text: str) -> tuple[list[int], int]:
     """Return the columns' widths of a Fortran format such as (3i9,6e21.13e3), and how many are integers."""
-    widths, whole = [], 0
+    widths, n_integers = [], 0
     for count, kind, width in re.findall(r"(\d*)\s*([aeigdf])\s*(\d+)(?:\.\d+)?(?:e\d+)?", text.lower()):
         n = int(count or 1)
         widths += [int(width)] * n
-        whole += n if kind in "ia" else 0
-    return widths, whole
+        n_integers += n if kind in "ia" else 0
+    return widths, n_integers
 
 
 @dataclass(slots=True)
@@ -256,13 +256,13 @@ class _Reader:
 
     def _format(self) -> tuple[list[int], int]:
         line = self.lines[self.at].strip() if self.at < len(self.lines) else ""
-        widths, whole = _widths(line) if line.startswith("(") else ([], 0)
+        widths, n_integers = _widths(line) if line.startswith("(") else ([], 0)
         if not widths:
             raise self.deck.error(
                 self.at + 1, f"{self.name} needs a format such as (19i9), found {line[:30]!r}"
             )
         self.at += 1
-        return widths, whole
+        return widths, n_integers
 
     def _check_count(self, header: int, found: int, fields: list[str], k: int) -> None:
         stated = self._int(fields, k)
@@ -271,10 +271,10 @@ class _Reader:
 
     def _nblock(self, fields: list[str]) -> None:
         header, found = self.at, 0
-        whole = _widths(self.lines[self.at])[1] if self.at < len(self.lines) else 0
+        n_integers = _widths(self.lines[self.at])[1] if self.at < len(self.lines) else 0
         for row in self._rows():
             number = self._int(row, 0)
-            values = self._reals(row[whole:])
+            values = self._reals(row[n_integers:])
             self.deck.nodes[number] = [*values, *[0.0] * (6 - len(values))]
             found += 1
         self._check_count(header, found, fields, 3)

@@ -445,9 +445,7 @@ class _Frame(Found):
             if n in self.rows:
                 fixed[n].add(k)
             if value:
-                self.notes.append(
-                    f"line {line}: D of node {n} moves it by {value:g}; it is held at rest here"
-                )
+                self.notes.append(f"line {line}: D of node {n} moves it by {value:g}; it is fixed here")
         lacking = 0
         for n in self.rows:
             missing = set(range(6)) - self.dofs[n] if self.dofs[n] else set()
@@ -481,7 +479,7 @@ class _Frame(Found):
         )
 
     def _equation(self, name: str, terms: list[tuple[int, int, float]], rotated: bool = True) -> Equation:
-        """Return an equation in global directions; beside translations, those of rotations are lengths."""
+        """Return an equation in global directions; factors of rotations next to translations are lengths."""
         scale = self.units.of_motions if any(k < 3 for _, k, _ in terms) else np.ones(6)
         motions = [
             (self.rows[n], c * scale * along(k, self._axes(n) if rotated else np.eye(3))) for n, k, c in terms
@@ -503,8 +501,8 @@ class _Frame(Found):
         ratio = d.get("DMPRAT", 0.0)
         made = Damping.modal(ratio) if ratio else Damping()
         alpha, beta = d.get("ALPHAD", 0.0) / t, d.get("BETAD", 0.0) * t
-        whole = Damping(made.frequency, made.ratio, alpha, beta, d.get("DMPSTR", 0.0))
-        return whole if any(d.values()) else None
+        full = Damping(made.frequency, made.ratio, alpha, beta, d.get("DMPSTR", 0.0))
+        return full if any(d.values()) else None
 
     def _all_notes(self, elements: list[Element]) -> tuple[str, ...]:
         kinds = {(self._kind(e), e.type) for e in elements}

@@ -133,7 +133,7 @@ def read_npz_modes(path: str | os.PathLike[str]) -> Modes:
     shapes = typed(arrays, "shapes", name, "gaps", 2)
     zeta = typed(arrays, "zeta", name, "real", 1) if "zeta" in arrays else None
     labels = tuple(typed(arrays, "labels", name, "text", 1).tolist()) if "labels" in arrays else ()
-    n_rigid = int(typed(arrays, "n_rigid", name, "whole", 0)) if "n_rigid" in arrays else 0
+    n_rigid = int(typed(arrays, "n_rigid", name, "integer", 0)) if "n_rigid" in arrays else 0
     if frequency.shape != shapes.shape[1:]:
         msg = (
             f"{name}: shapes have shape {shapes.shape} for {frequency.size} frequencies; (n_dof, n_modes) "
@@ -172,7 +172,7 @@ _VALUES = {
     "real": ("fiu", "finite real numbers"),
     "complex": ("fiuc", "finite numbers"),
     "gaps": ("fiuc", "finite numbers, or NaN where nothing was measured,"),
-    "whole": ("fiu", "whole numbers"),
+    "integer": ("fiu", "whole numbers"),
     "any": ("fiuc", "numbers"),
     "text": ("US", "texts"),
 }
@@ -195,7 +195,7 @@ def typed(
     key : str
     name : str
         The file, for the message.
-    what : {"real", "complex", "whole", "any", "text"}
+    what : {"real", "complex", "integer", "any", "text"}
         Type of the values; all numbers but "any" must be finite, and bytes are texts.
     n_axes : int
         Number of axes. A single value is taken for an array of one where one axis is needed, and an array of
@@ -213,7 +213,7 @@ def typed(
         fits, found = not np.isinf(array).any(), "infinite somewhere"
     elif fits and what not in ("text", "any") and not np.isfinite(array).all():
         fits, found = False, "not finite everywhere"
-    elif fits and what == "whole":
+    elif fits and what == "integer":
         fits = bool((abs(array.astype(float)) < 2.0**53).all() and (array == np.floor(array)).all())
     if not fits:
         need = (f"one of {words}", f"a list of {words}", f"rows of {words}")[min(n_axes, 2)]
@@ -222,7 +222,7 @@ def typed(
     if what == "text":
         return np.char.decode(array, "latin-1") if array.dtype.kind == "S" else array
     # in double precision and this machine's byte order, as sparse matrices are in no other
-    return array.astype(np.int64 if what == "whole" else np.result_type(array, float), copy=False)
+    return array.astype(np.int64 if what == "integer" else np.result_type(array, float), copy=False)
 
 
 def named_arrays(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
@@ -258,8 +258,8 @@ def _required(arrays: dict[str, NDArray[Any]], key: str, name: str, needed: str)
 def write_csv(path: str | os.PathLike[str], frf: FRF) -> None:
     """Write FRFs as a table: ``frequency_Hz``, then ``re(out/in)`` and ``im(out/in)`` of each.
 
-    Nothing is lost. The first line says the kind: ``# kind: accelerance, (m/s²)/N``. Strains have their unit
-    beside their names: ``re(out/in) [1/N]``.
+    Nothing is lost. The first line has the kind: ``# kind: accelerance, (m/s²)/N``. Strains have their unit
+    after their names: ``re(out/in) [1/N]``.
 
     Raises
     ------

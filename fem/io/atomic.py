@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all; devices and pipes are written to."""
+"""Writing a file completely or not at all; devices and pipes are written to."""
 
 import errno
 import os
@@ -24,7 +24,7 @@ _STREAMS = (1, 2)
 class WriteError(OSError):
     """A file that could not be written, such as on a full disk; ``filename`` is the one that was wanted."""
 
-    # A subclass of OSError with arguments of its own would be turned into one of its builtin kinds.
+    # A subclass of OSError with other arguments would be turned into one of its builtin kinds.
     def __init__(self, reason: OSError, target: Path, before: bool, what: str = "file") -> None:
         kept = f"; the {what} that was there before is unchanged" if before else ""
         super().__init__(reason.errno, f"{_cause(reason)}{kept}", str(target))
@@ -32,7 +32,7 @@ class WriteError(OSError):
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside ``path``, which takes its name when the block ends without an error.
+    """Yield a temporary file next to ``path``, which takes its name when the block ends without an error.
 
     The temporary name keeps the suffix, for libraries that choose the format by it. A link is followed; a
     file that is there keeps its permissions. A target that is no regular file, such as a device or a pipe,
@@ -103,7 +103,7 @@ def umask() -> int:
 
 
 def _stream(path: Path) -> int | None:
-    """Return a file descriptor to write to where a path is no file of its own; None for a file."""
+    """Return a file descriptor to write to where a path is no regular file; None for a file."""
     there = _status(path)
     if there is None or stat.S_ISDIR(there.st_mode):
         return None

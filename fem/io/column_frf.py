@@ -27,7 +27,7 @@ _PARTS: dict[str, str] = {
     "frequency": r"(?:freq|frequency|frequencies|frequenz|fréquence)(?!\s+resp)",
 }
 """Words of a header that identify a column."""
-_WHOLE = {
+_EXACT = {
     "f": "frequency", "x-axis": "frequency", "index": "index", "no": "index", "nr": "index", "line": "index",
     "#": "index",
 }  # fmt: skip
@@ -38,7 +38,7 @@ _PART = {
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*(?:\([^()]*\)[^()]*)*)\)")
 _DEGREES = ("deg", "degree", "degrees", "°")
 _RADIANS = ("rad", "radian", "radians")
-_OWN = re.compile(r"(re|im)\((.+)/([^/]+)\)")
+_WRITTEN = re.compile(r"(re|im)\((.+)/([^/]+)\)")
 _KIND = re.compile(r"^kind:\s*([A-Za-z]+)")
 
 
@@ -215,10 +215,10 @@ class _Table:
         heading = split_heading(cell)
         if frf_unit(heading.unit) is None:
             heading = Heading(cell)
-        own = _OWN.fullmatch(heading.name)
-        if own is not None:
-            part = {"re": "real", "im": "imag"}[own[1]]
-            return replace(column, part=part, pair=(own[2], own[3]), unit=column.unit or heading.unit)
+        written = _WRITTEN.fullmatch(heading.name)
+        if written is not None:
+            part = {"re": "real", "im": "imag"}[written[1]]
+            return replace(column, part=part, pair=(written[2], written[3]), unit=column.unit or heading.unit)
         unit, text = column.unit, cell
         for found in _BRACKETS.finditer(cell):
             inside = (found[1] if found[1] is not None else found[2]).strip()
@@ -227,7 +227,7 @@ class _Table:
                 unit = unit or inside
                 text = text.replace(found[0], " ")
         plain = text.replace("_", " ")
-        part = column.part or _WHOLE.get(plain.strip(" .").lower(), "")
+        part = column.part or _EXACT.get(plain.strip(" .").lower(), "")
         part = part or next((p for p, words in _PART.items() if words.search(plain)), "")
         level = column.level or bool(re.search(r"\bdB\b", plain)) or decibel_reference(unit) is not None
         return replace(column, part=part, unit=unit, level=level, pair=column.pair or self._pair_in(text))
@@ -363,7 +363,7 @@ class _Table:
                 only = group[0]
                 self.refuse(
                     f"column {only.at + 1} ('{only.names[0]}') is a {only.part} part alone; the other part "
-                    "is needed beside it"
+                    "is needed as well"
                 )
         return out
 
@@ -429,8 +429,8 @@ class _Table:
         out = np.full((len(curves), shape[2]), np.nan)
         for column in columns:
             before = [k for k, c in enumerate(curves) if c.first.at < column.at]
-            own = [k for k, c in enumerate(curves) if column.pair is not None and c.pair == column.pair]
-            at = own or (sorted(before, key=lambda k: curves[k].first.at)[-1:] if column.pair is None else [])
+            hit = [k for k, c in enumerate(curves) if column.pair is not None and c.pair == column.pair]
+            at = hit or (sorted(before, key=lambda k: curves[k].first.at)[-1:] if column.pair is None else [])
             for k in at:
                 out[k] = self.table.values[:, column.at].real * (0.01 if column.unit == "%" else 1.0)
         return out.reshape(shape).transpose(2, 1, 0) if np.isfinite(out).any() else None
@@ -459,8 +459,8 @@ class _Table:
             have = ", ".join(dict.fromkeys(name for c in curves for name in c.first.names))
             self.refuse(f"pairs names '{lost[0]}', which is above no column; its columns have {have}")
         if None in out:
-            left = [c.name for c, pair in zip(curves, out, strict=True) if pair is None]
-            self.notes.append(f"the columns {', '.join(left[:6])} are in no pair of the study and left out")
+            rest = [c.name for c, pair in zip(curves, out, strict=True) if pair is None]
+            self.notes.append(f"the columns {', '.join(rest[:6])} are in no pair of the study and left out")
         return out
 
     def _matrix(
@@ -558,8 +558,8 @@ class _Table:
                 return NAMES[found[1].lower()]
         words = {w for line in self.table.header for w in re.findall(r"[a-z]+", line.lower()) if w in NAMES}
         kinds = {NAMES[w] for w in words}
-        own = kinds.pop() if len(kinds) == 1 else None
-        return self.asked.known_kind(self.table.name) or own
+        stated = kinds.pop() if len(kinds) == 1 else None
+        return self.asked.known_kind(self.table.name) or stated
 
 
 def split_pair(text: str, name: str) -> tuple[str, str]:

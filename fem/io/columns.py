@@ -147,7 +147,7 @@ def cut_number(numbers: Sequence[str], others: Sequence[str]) -> str:
 
     It ends with a point, has fewer digits of its exponent than all others, or fewer decimals: by two at
     least, or by one where all others have as many. Where final zeros are left out, a number has two decimals
-    less than usual once in a hundred. One less is common, but not beside ``FIXED_ROWS`` others that have as
+    less than usual once in a hundred. One less is common, but not next to ``FIXED_ROWS`` others that have as
     many.
 
     Parameters
@@ -211,9 +211,9 @@ class _Text:
         above = [line for k, line in self.rows[:first]]
         if not self.ended:
             self._refuse_cut(body)
-        said = [line.lstrip().lstrip("#%").strip() for k, line in self.comments]
+        comments = [line.lstrip().lstrip("#%").strip() for k, line in self.comments]
         heads = self._heads(values.shape[1], [line for k, line in self.all if k < start])
-        return Columns(self.name, self.separator, heads, (*said, *above), lines, values, self.stamped)
+        return Columns(self.name, self.separator, heads, (*comments, *above), lines, values, self.stamped)
 
     def _refuse_cut(self, body: Sequence[tuple[int, str]]) -> None:
         """Refuse a file whose last number may be cut, where no line end follows it."""
@@ -268,7 +268,7 @@ class _Text:
         return found, found in ";\t"
 
     def _refuse_both_marks(self, rows: Sequence[Sequence[str]], comma: bool) -> None:
-        """Refuse decimal commas beside decimal points: one of them may part thousands."""
+        """Refuse decimal commas together with decimal points: one of them may separate thousands."""
         if comma and any("." in cell for row in rows for cell in row):
             self.refuse(
                 "its numbers have commas and points, so that one of them could part thousands; export it "
@@ -276,7 +276,7 @@ class _Text:
             )
 
     def _refuse_two_commas(self, sample: Sequence[str]) -> None:
-        """Refuse commas that part columns beside others that look like decimal ones: ``1,5, 2,5``."""
+        """Refuse commas that separate columns together with some that look decimal: ``1,5, 2,5``."""
         if all(", " in line and re.search(r"\d,\d", line) for line in sample):
             self.refuse(
                 "its lines have commas with and without a blank behind them, so that some could be decimal "
@@ -326,9 +326,9 @@ class _Text:
     def _numbers(self, body: Sequence[tuple[int, str]]) -> tuple[Floats | NDArray[np.complex128], Ints]:
         first = self.cells(body[0][1])
         width = len(first)
-        whole = any(self._is_complex(c) for c in first[1:])
-        out = np.empty((len(body), width), dtype=complex if whole else float)
-        parse = self._complex if whole else self._real
+        is_complex = any(self._is_complex(c) for c in first[1:])
+        out = np.empty((len(body), width), dtype=complex if is_complex else float)
+        parse = self._complex if is_complex else self._real
         for row, (line, text) in enumerate(body):
             cells = self.cells(text)
             if len(cells) != width:

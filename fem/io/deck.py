@@ -38,12 +38,12 @@ class DeckFile:
 class Budget:
     """How much may still be generated."""
 
-    left: int = MOST_GENERATED
+    remaining: int = MOST_GENERATED
 
     def take(self, count: int, place: str, what: str) -> None:
         """Count the nodes or elements that a line generates."""
-        self.left -= count
-        if self.left < 0:
+        self.remaining -= count
+        if self.remaining < 0:
             msg = (
                 f"{place}: {what} would make {count} more nodes or elements; generators and copies of parts "
                 f"make at most {MOST_GENERATED} in one deck, so check the numbers"
@@ -69,7 +69,7 @@ class Files:
         return self._open(self.main, (), self.main.name)
 
     def include(self, name: str, parent: DeckFile, line: int) -> DeckFile:
-        """Return a file that another names: beside that one, or beside the deck."""
+        """Return a file that another names: in the folder of that one, or in that of the deck."""
         place = f"{parent.name}: line {line}"
         if not name:
             raise error_at(place, "it includes a file without a name")

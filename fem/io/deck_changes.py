@@ -107,9 +107,9 @@ def _bars(deck: ModelDeck, before: ModelDeck) -> tuple[Any, tuple[Any, ...], fro
 
 def _replaced(deck: ModelDeck, before: ModelDeck, items: Sequence[str]) -> Iterator[str]:
     for name in items:
-        gone = _new(before, deck, getattr(before, name), getattr(deck, name))
-        if gone:
-            yield f"take out of the model what these cards replace: {listed(x.name for x in gone)}"
+        removed = _new(before, deck, getattr(before, name), getattr(deck, name))
+        if removed:
+            yield f"take out of the model what these cards replace: {listed(x.name for x in removed)}"
 
 
 def _freed(deck: ModelDeck, before: ModelDeck) -> Iterator[str]:

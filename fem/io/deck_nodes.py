@@ -300,7 +300,7 @@ def _terms(nodes: tuple[int, ...], row: Floats) -> tuple[Term, ...]:
 
 
 def plain(c: Connection) -> bool:
-    """Whether springs along the axes of a connection stand for it, with loss factors of their own."""
+    """Whether springs along the axes of a connection represent it, with a loss factor each."""
     coupled = any((X - np.diag(np.diag(X))).any() for X in (c.K, c.C, c.D))
     return not coupled and not ((np.diag(c.D) != 0) & (np.diag(c.K) == 0)).any()
 

@@ -1,6 +1,6 @@
 """Motions and values along members for ParaView and others: mode shapes, deflections, forces, energies.
 
-``.vtu`` and ``.vtk`` hold every motion as an array of its own; ``.xdmf`` holds a series of steps, one for
+``.vtu`` and ``.vtk`` hold every motion as a separate array; ``.xdmf`` holds a series of steps, one for
 each motion, which ParaView plays. Both keep displacements in m and rotations in rad.
 """
 
@@ -217,7 +217,7 @@ def _write_xdmf(
 def line_strain_energy(model: Model, motions: NDArray[Any]) -> Floats:
     """Return the strain energy ½ uᴴ K u of each line's beam, shape (n_lines, k) [J].
 
-    Of a mass-normalised mode the whole is ω²/2 [rad²/s²]. Complex motions give the mean over a period times
+    Of a mass-normalised mode the sum is ω²/2 [rad²/s²]. Complex motions give the mean over a period times
     two.
 
     Parameters

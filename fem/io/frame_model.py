@@ -111,7 +111,7 @@ def model_of(deck: FrameDeck) -> Model:
     try:
         mesh, members = _members_of(deck, nodes)
         effects = (Frame(members=members), *_effects(deck, nodes, mesh, members))
-        return Model(mesh, _with_own_names(effects), deck.damping or Damping())
+        return Model(mesh, _with_distinct_names(effects), deck.damping or Damping())
     except (ModelError, PropertyError) as reason:
         raise error_at(deck.file, f"{reason}") from reason
 
@@ -279,7 +279,7 @@ class _Properties:
 def _effects(
     deck: FrameDeck, nodes: Nodes, mesh: Mesh, members: Mapping[str, MemberProperties]
 ) -> Iterator[Effect]:
-    """Yield the effects beside the frame."""
+    """Yield the effects other than the frame."""
     yield from _supports(deck, nodes)
     yield from _links(deck, nodes)
     for equation in deck.equations:
@@ -372,7 +372,7 @@ def _joint(deck: FrameDeck, nodes: Nodes, c: Connection) -> Iterator[Joint]:
         )  # fmt: skip
 
 
-def _with_own_names(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+def _with_distinct_names(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     """Return effects of which later ones have other names than earlier ones: ``name.2`` …."""
     out: dict[str, Effect] = {}
     for e in effects:

@@ -1,4 +1,4 @@
-"""Nodes of a deck beside the points of a mesh: which node carries one that is on no bar.
+"""Nodes of a deck that are no points of the mesh: which node carries one that is on no bar.
 
 A node on no bar may be part of a rigid body (a rigid link to a mass off the frame), rest on the ground (the
 far end of a spring), or move by itself (a mass on a spring, the reference node of an RBE3).
@@ -127,11 +127,11 @@ class Nodes:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence on the directions that are held because nothing resists."""
+        """A sentence on the directions that are fixed because nothing resists."""
         if not self.void:
             return ()
         each = ", ".join(f"node {self.deck.nodes[row]} in {' '.join(d)}" for row, d in self.void.items())
-        return (f"nothing resists the motion of {each}: held there",)
+        return (f"nothing resists the motion of {each}: fixed there",)
 
     def place_of(self, c: Connection) -> Floats:
         """Return where a connection acts, (3,) [m]."""

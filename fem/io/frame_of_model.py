@@ -44,7 +44,7 @@ ROUNDING = 1e-9
 FOLDED = (MemberStiffness, MemberDensity, MemberSection, MemberTorsion, SectionForm)
 """Effects that change the properties of bars."""
 GLOBAL = (MassDamping, StiffnessDamping, MovingBase, ConnectionDamping)
-"""Effects of the whole structure that no card of a part stands for."""
+"""Effects of all of the structure, which no card of a part represents."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -210,7 +210,7 @@ def _property(model: Model, frame: Frame, g: Lines, line: int, member: str, alon
 
 
 def _along(e: Effect, member: str = "") -> bool:
-    """Whether an effect is a mass per length on the whole of a member, or of this one."""
+    """Whether an effect is a mass per length on all of a member, or of this one."""
     if not isinstance(e, DistributedMass) or type(e) is not DistributedMass or member not in ("", e.member):
         return False
     return abs(e.position - e.length / 2) <= ROUNDING * e.length and e.width >= (1 - ROUNDING) * e.length
@@ -311,14 +311,14 @@ def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
 
 
 def _of_joint(joint: Joint, model: Model) -> Connection:
-    held = {c.key[1] for c in model.constraints() if c.key[0] == joint.name}
+    constrained = {c.key[1] for c in model.constraints() if c.key[0] == joint.name}
     rigid = np.array([d in joint.rigid for d in DIRECTIONS])
     K, C, D = (
         np.where(rigid[:, None] | rigid, 0.0, X) for X in (joint.K, joint.C, joint.D + joint.eta * joint.K)
     )
     return Connection(
         name=joint.name, nodes=(joint.point1, joint.point2), K=K, C=C, D=D, axes=joint.axes,
-        place=joint.location, rigid=tuple(d for d in joint.rigid if d in held),
+        place=joint.location, rigid=tuple(d for d in joint.rigid if d in constrained),
     )  # fmt: skip
 
 
@@ -367,10 +367,10 @@ def _internal_nodes(effect: Effect, model: Model, parts: _Parts) -> dict[int, tu
     """Return the node and direction of each internal coordinate of an effect: nodes are made for them."""
     if not effect.n_internal:
         return {}
-    own, out = model.internal_dofs(effect.name), {}
-    for k in range(0, len(own), 6):
-        node = parts.point(np.zeros(3), DIRECTIONS[: len(own) - k])
-        out |= {int(dof): (node, i) for i, dof in enumerate(own[k : k + 6])}
+    dofs, out = model.internal_dofs(effect.name), {}
+    for k in range(0, len(dofs), 6):
+        node = parts.point(np.zeros(3), DIRECTIONS[: len(dofs) - k])
+        out |= {int(dof): (node, i) for i, dof in enumerate(dofs[k : k + 6])}
     return out
 
 

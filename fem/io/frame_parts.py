@@ -130,13 +130,13 @@ class Constraints(Found):
         components, plain = sorted(components), []
         complete = all(len([c for c in components if t <= c < t + 3]) in (0, 3) for t in (0, 3))
         for row in dependents:
-            own = self.axes(row) if axes is None else axes
-            if complete or np.allclose(own, np.eye(3), rtol=0, atol=1e-9):
+            node_axes = self.axes(row) if axes is None else axes
+            if complete or np.allclose(node_axes, np.eye(3), rtol=0, atol=1e-9):
                 plain.append(row)
                 continue
             lever = lever_matrix(self.points[row] - self.points[node])
             for c in components:
-                axis = along(c, own)
+                axis = along(c, node_axes)
                 self.equate(name, [(row, axis), (node, -axis @ lever)])
         if plain and components:
             directions = tuple(DIRECTIONS[c] for c in components)

@@ -1,6 +1,6 @@
 """Sections and materials as decks have them: walls of unlike thickness, constants about any axes, any G.
 
-Points are (y, z) in the axes of the deck's shape, from its lower left corner unless said otherwise [m].
+Points are (y, z) in the axes of the deck's shape, from its lower left corner unless stated otherwise [m].
 """
 
 from collections.abc import Sequence

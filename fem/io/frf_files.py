@@ -64,7 +64,7 @@ def _npz(path: Path, asked: Asked) -> Reading:
     if gamma is not None and gamma.shape != frf.H.shape:
         msg = f"{path.name}: the coherence has shape {gamma.shape}, H has {frf.H.shape}; they must agree"
         raise TableError(msg)
-    averages = int(typed(arrays, "averages", path.name, "whole", 0)) if "averages" in arrays else None
+    averages = int(typed(arrays, "averages", path.name, "integer", 0)) if "averages" in arrays else None
     return Reading((frf,), coherence=None if gamma is None else gamma.astype(float), averages=averages)
 
 

@@ -65,9 +65,9 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
     for (output, force), (k, i, j) in where.items():
         at = outputs.index(output), inputs.index(force)
         H[:, at[0], at[1]] = frfs[k].H[:, i, j]
-        own = readings[k].coherence
-        if own is not None:
-            gamma[:, at[0], at[1]] = own[:, i, j]
+        coherence = readings[k].coherence
+        if coherence is not None:
+            gamma[:, at[0], at[1]] = coherence[:, i, j]
     base = [name for name in inputs if any(name in frf.base for frf in frfs)]
     strain = [name for name in outputs if any(name in frf.strain for frf in frfs)]
     labels = tuple(dict.fromkeys(label for r in readings for group in r.axes for label in group))

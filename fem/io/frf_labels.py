@@ -70,5 +70,5 @@ def decibel_reference(label: str) -> tuple[float, str] | None:
 
 def frequency_factor(label: str) -> float | None:
     """Return the size of a unit of frequency [Hz]; None for a label that is none."""
-    factor, said, refused = abscissa_factor(FREQUENCY, label)
-    return None if said or refused or not label.strip() else factor
+    factor, note, refused = abscissa_factor(FREQUENCY, label)
+    return None if note or refused or not label.strip() else factor

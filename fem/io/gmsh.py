@@ -83,12 +83,12 @@ def _check_sections(file: MshFile) -> None:
 
 def _section_notes(file: MshFile) -> Iterator[str]:
     """Name the sections that were not read, and text outside sections."""
-    left: dict[str, list[int]] = {}
+    rest: dict[str, list[int]] = {}
     for section in file.sections:
         if section.name not in (*_APPLIED, *_HARMLESS):
-            left.setdefault(section.name, []).append(section.line)
-    if left:
-        words = ", ".join(f"${name} (line {', '.join(map(str, lines[:3]))})" for name, lines in left.items())
+            rest.setdefault(section.name, []).append(section.line)
+    if rest:
+        words = ", ".join(f"${name} (line {', '.join(map(str, lines[:3]))})" for name, lines in rest.items())
         yield f"sections left out: {words}"
     if file.stray:
         yield f"text outside any section left out, first at line {file.stray[0]}"

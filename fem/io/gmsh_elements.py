@@ -293,21 +293,21 @@ def _binary_elements_2(source: Bytes, left_out: Counter[str]) -> Lines:
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A point or curve of the geometry: the tag of the whole that it is a part of, and its groups."""
+    """A point or curve of the geometry: the tag of the curve that it is a part of, and its groups."""
 
     curve: int
     groups: tuple[int, ...]
 
 
-def _source(file: MshFile, name: str, whole: bool = False) -> Words | Bytes | None:
+def _source(file: MshFile, name: str, integers: bool = False) -> Words | Bytes | None:
     section = file.section(name)
     if section is None:
         return None
-    return Bytes(file, section) if file.binary else Words(file, section, np.int64 if whole else float)
+    return Bytes(file, section) if file.binary else Words(file, section, np.int64 if integers else float)
 
 
 def read_entities(file: MshFile) -> dict[tuple[int, int], Entity]:
-    """Read the physical groups of points and curves, by dimension and tag; a part has those of its whole."""
+    """Read the physical groups of points and curves, by dimension and tag; a part has those of its parent."""
     found: dict[tuple[int, int], Entity] = {}
     source = _source(file, "Entities")
     if source is not None:
@@ -329,14 +329,14 @@ def _entities(source: Words | Bytes, version: str, found: dict[tuple[int, int], 
             if parts:
                 source.ints(int(source.sizes(1)[0]))
             source.reals(3 if dimension == 0 and version == "4.1" else 6)
-            own = source.ints(int(source.sizes(1)[0])).tolist()
+            tags = source.ints(int(source.sizes(1)[0])).tolist()
             if dimension:
                 source.ints(int(source.sizes(1)[0]))
-            whole = found.get((dimension, parent[1])) if parent[0] == dimension else None
-            groups = tuple(dict.fromkeys([*own, *(whole.groups if whole else ())]))
+            origin = found.get((dimension, parent[1])) if parent[0] == dimension else None
+            groups = tuple(dict.fromkeys([*tags, *(origin.groups if origin else ())]))
             if dimension < 2:
                 name = parent[1] if parent[0] == dimension and parent[1] > 0 else tag
-                found[dimension, tag] = Entity(whole.curve if whole else name, groups)
+                found[dimension, tag] = Entity(origin.curve if origin else name, groups)
     source.finish()
 
 
@@ -391,7 +391,7 @@ def _check_total(source: Words | Bytes, announced: int, n: int, what: str) -> No
 
 def read_elements_4(file: MshFile, left_out: Counter[str]) -> Lines:
     """Read blocks of elements of one type and entity."""
-    source = _source(file, "Elements", whole=True)
+    source = _source(file, "Elements", integers=True)
     assert source is not None
     n_blocks, announced = _header(source, file)
     parts: list[_Part] = []

@@ -70,7 +70,7 @@ class MshFile:
         raise error_at(self.name, f"{where}: {reason}")
 
     def section(self, name: str) -> Section | None:
-        """Return the section of a name; more than one of it are refused, because each has its own count."""
+        """Return the section of a name; more than one of it are refused, because each has a count."""
         found = [section for section in self.sections if section.name == name]
         if len(found) > 1:
             self.refuse(
@@ -232,9 +232,9 @@ class Words:
 
     sizes = ints
 
-    def rows(self, n: int, whole: int, real: int = 0) -> tuple[Ints, Floats]:
-        """Return n rows of integers and real numbers; each is a line of its own."""
-        width, begin = whole + real, self.at
+    def rows(self, n: int, n_integers: int, real: int = 0) -> tuple[Ints, Floats]:
+        """Return n rows of integers and real numbers; each is a line."""
+        width, begin = n_integers + real, self.at
         if not 0 <= n * width <= len(self.values) - begin:
             self.refuse(_cut_off(n * width, len(self.values) - begin, "numbers"))
         line = self.line[begin : begin + n * width].reshape(n, width)
@@ -247,8 +247,8 @@ class Words:
             self.refuse(f"{count} numbers, where {width} are expected", begin + row * width)
         values = self._take(n * width).reshape(n, width)
         at = begin + width * np.arange(n)
-        numbers = [self.integers(at + k) for k in range(whole)]
-        return np.array(numbers, dtype=np.int64).reshape(whole, n).T, values[:, whole:]
+        numbers = [self.integers(at + k) for k in range(n_integers)]
+        return np.array(numbers, dtype=np.int64).reshape(n_integers, n).T, values[:, n_integers:]
 
     def finish(self) -> None:
         """Refuse numbers that are left over."""
@@ -282,9 +282,9 @@ class Bytes:
     def take(self, form: Any, n: int) -> NDArray[Any]:
         """Return the next n values of a type."""
         dtype = np.dtype(form)
-        left = self.section.end - self.at
-        if not 0 <= n * dtype.itemsize <= left:
-            self.refuse(_cut_off(n, left // dtype.itemsize, "values"))
+        available = self.section.end - self.at
+        if not 0 <= n * dtype.itemsize <= available:
+            self.refuse(_cut_off(n, available // dtype.itemsize, "values"))
         values = np.frombuffer(self.file.data, dtype, n, self.at)
         self.at += n * dtype.itemsize
         return values
@@ -306,18 +306,18 @@ class Bytes:
         """Return the next real numbers."""
         return self.take(f"{self.file.order}f8", n).astype(float)
 
-    def rows(self, n: int, whole: int, real: int = 0) -> tuple[Ints, Floats]:
+    def rows(self, n: int, n_integers: int, real: int = 0) -> tuple[Ints, Floats]:
         """Return n rows of either sizes or real numbers."""
         if real:
             return np.zeros((n, 0), dtype=np.int64), self.reals(n * real).reshape(n, real)
-        return self.sizes(n * whole).reshape(n, whole), np.zeros((n, 0))
+        return self.sizes(n * n_integers).reshape(n, n_integers), np.zeros((n, 0))
 
     def finish(self) -> None:
         """Refuse bytes that are left over."""
-        left = self.file.data[self.at : self.section.end]
-        if left.strip(b"\r\n"):
-            self.refuse(f"{len(left)} bytes more than the section announces")
+        rest = self.file.data[self.at : self.section.end]
+        if rest.strip(b"\r\n"):
+            self.refuse(f"{len(rest)} bytes more than the section announces")
 
 
-def _cut_off(wanted: int, left: int, what: str) -> str:
-    return f"it is cut off: {wanted} {what} are announced, and {left} are left"
+def _cut_off(wanted: int, available: int, what: str) -> str:
+    return f"it is cut off: {wanted} {what} are announced, and {available} are left"

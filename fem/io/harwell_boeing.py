@@ -31,8 +31,8 @@ def read_harwell_boeing(file: Path) -> sp.csr_array:
     lines = file.read_text(encoding="latin-1").splitlines()
     if len(lines) < 5 or "\0" in lines[0]:
         _refuse(file, 1, "it is no Harwell-Boeing file in text (ANSYS: HBMAT with ASCII)")
-    counts = _whole(file, 2, lines[1].split())
-    kind, sizes = lines[2][:3].upper(), _whole(file, 3, lines[2][3:].split())
+    counts = _ints(file, 2, lines[1].split())
+    kind, sizes = lines[2][:3].upper(), _ints(file, 3, lines[2][3:].split())
     if kind not in ("RSA", "RUA") or len(sizes) < 3 or len(counts) < 4 or sizes[0] != sizes[1]:
         _refuse(file, 3, f"{lines[2].strip()[:40]!r}: a square RSA or RUA matrix is expected")
     formats = [(int(each or 1), int(width)) for each, width in _FORMAT.findall(lines[3])]
@@ -60,7 +60,7 @@ def _refuse(file: Path, line: int, text: str) -> NoReturn:
     raise MatricesError(msg)
 
 
-def _whole(file: Path, line: int, words: list[str]) -> list[int]:
+def _ints(file: Path, line: int, words: list[str]) -> list[int]:
     if not all(word.isdigit() and len(word) < 12 for word in words):
         _refuse(file, line, f"{' '.join(words)[:40]!r} is found where whole numbers are expected")
     return [int(word) for word in words]

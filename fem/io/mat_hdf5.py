@@ -49,7 +49,7 @@ def read_mat(path: Path) -> dict[str, Named]:
 def read_hdf5(path: Path) -> dict[str, Named]:
     """Return the arrays of an HDF5 file, or of a MATLAB file of version 7.3, by their paths.
 
-    Arrays of MATLAB are turned to its own order of axes.
+    Arrays of MATLAB are turned to its order of axes.
     """
     h5py = optional("h5py", "hdf5", path.name)
     if (end := end_of_trial(partial(_arrays, h5py, path))) is not None:
@@ -112,13 +112,13 @@ def _dimensions(h5py: Any, item: Any) -> tuple[tuple[str, ...], dict[str, NDArra
     names: list[str] = []
     scales: dict[str, NDArray[Any]] = {}
     for dim in item.dims:
-        own = [scale for scale in dim.values() if isinstance(scale, h5py.Dataset)]
-        name = dim.label or (own[0].name.rpartition("/")[2] if own else "")
+        scale = next((s for s in dim.values() if isinstance(s, h5py.Dataset)), None)
+        name = dim.label or ("" if scale is None else scale.name.rpartition("/")[2])
         names.append(name)
-        if own and name and own[0].shape == (item.shape[len(names) - 1],):
-            texts = h5py.check_string_dtype(own[0].dtype) is not None
+        if scale is not None and name and scale.shape == (item.shape[len(names) - 1],):
+            texts = h5py.check_string_dtype(scale.dtype) is not None
             scales[name] = (
-                np.array([str(s) for s in own[0].asstr()[()]], dtype=str) if texts else np.asarray(own[0][()])
+                np.array([str(s) for s in scale.asstr()[()]], str) if texts else np.asarray(scale[()])
             )
     return (tuple(names) if all(names) else ()), scales
 

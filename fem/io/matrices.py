@@ -40,9 +40,9 @@ _UNIT |= {"D": "structural damping [N/m, N, N m]", "Q": "from the independent co
 def matrices_of(system: System, *, constrained: bool = True) -> Matrices:
     """Return a system's matrices with labelled degrees of freedom, for other programs.
 
-    Damping of the whole structure is included as far as matrices can say it: C = local + αM + βK,
+    Damping of the structure is included as far as matrices can state it: C = local + αM + βK,
     D = local + ηK. Nodes are the points of the mesh, counted from 0. A coordinate that is no motion of one
-    point (constraints have tied several, or an element has coordinates of its own) has the label ``q…``; Q
+    point (constraints have tied several, or an element has internal coordinates) has the label ``q…``; Q
     then defines it.
 
     Parameters
@@ -113,12 +113,12 @@ def write_matrices(
     data : Matrices or System
         A system is written as :func:`matrices_of` gives it.
     title : str
-        Said in the comment of each Matrix Market file.
+        Written in the comment of each Matrix Market file.
 
     Returns
     -------
     tuple of Path
-        The files, each replaced whole or not at all.
+        The files, each replaced completely or not at all.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def read_matrices(
         Places of nodes in the file's unit of length, where it does not say them.
     deck : path, optional
         Deck of Abaqus, CalculiX or Nastran, or table (``.csv``: node, x, y, z) with the places of nodes; one
-        beside the file with the same name unless given.
+        next to the file with the same name unless given.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def read_matrices(
     else:
         msg = (
             f"{path.name}: it does not say the degrees of freedom of its rows; write {path.stem}.dofs.csv "
-            "beside it (row,label,node,direction,x_m,y_m,z_m), or give labels= such as '12Z+'"
+            "next to it (row,label,node,direction,x_m,y_m,z_m), or give labels= such as '12Z+'"
         )
         raise MatricesError(msg)
     return _built(path.name, found, node, direction, sign, units)
@@ -305,7 +305,7 @@ def _npz(path: Path) -> dict[str, Any]:
     name = path.name
     found: dict[str, Any] = {
         key: typed(arrays, key, name, what, n_axes, MatricesError)
-        for key, what, n_axes in (("labels", "text", 1), ("nodes", "whole", 1), ("points", "real", 2))
+        for key, what, n_axes in (("labels", "text", 1), ("nodes", "integer", 1), ("points", "real", 2))
         if key in arrays
     }
     for key in "KMCDQ":
@@ -322,7 +322,7 @@ def _sparse(arrays: dict[str, NDArray[Any]], key: str, name: str) -> sp.csr_arra
     if missing:
         raise error_at(name, f"{key}_value is there, but {', '.join(missing)} is missing", MatricesError)
     row, column, shape = (
-        typed(arrays, f"{key}_{part}", name, "whole", 1, MatricesError) for part in ("row", "column", "shape")
+        typed(arrays, f"{key}_{k}", name, "integer", 1, MatricesError) for k in ("row", "column", "shape")
     )
     value = typed(arrays, f"{key}_value", name, "real", 1, MatricesError)
     if shape.size != 2 or not ((shape >= 1) & (shape <= MOST_ROWS)).all():
@@ -394,7 +394,7 @@ def read_calculix(
     path : path
         The job with any suffix or none: ``bracket.sti``.
     deck : path, optional
-        Input deck with the nodes' places; ``bracket.inp`` beside the matrices unless given.
+        Input deck with the nodes' places; ``bracket.inp`` next to the matrices unless given.
     units : str or (length, mass, time)
         Units of the deck, such as ``"mm-t-s"``.
     nodes, points : array_like (n_nodes,), (n_nodes, 3), optional

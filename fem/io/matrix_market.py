@@ -1,6 +1,6 @@
 """Matrix Market files, read number by number.
 
-SciPy's reader (fast_matrix_market) ends the whole process on some damaged files, such as one that is cut
+SciPy's reader (fast_matrix_market) ends the process on some damaged files, such as one that is cut
 inside an exponent, and takes the sizes in the header at their word. Its writer is used by
 :mod:`fem.io.matrices`.
 Format: Boisvert, Pozo, Remington, "The Matrix Market exchange formats", NISTIR 5935, 1996.

@@ -102,7 +102,7 @@ def write_mesh(
     point_data: Mapping[str, ArrayLike] | None = None,
     line_data: Mapping[str, ArrayLike] | None = None,
 ) -> None:
-    """Write a mesh; the suffix says the format, and the file is replaced whole or not at all.
+    """Write a mesh; the suffix gives the format, and the file is replaced completely or not at all.
 
     Members, groups and named points are kept in ``.inp``, members and named points in ``.msh`` (format 2.2),
     members in ``.uff``, and in ``.vtu`` and meshio's other formats: there as an integer array ``member`` and
@@ -177,7 +177,7 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_da
     if not blanks:
         point_data, line_data = ({_no_blanks(k): v for k, v in d.items()} for d in (point_data, line_data))
     cells = member_arrays(mesh, blanks) | line_data
-    with quiet() as said, replacing(file) as scratch:
+    with quiet() as log, replacing(file) as scratch:
         import meshio
 
         try:
@@ -190,7 +190,7 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_da
             meshio.write(scratch, out)
             back: Any = meshio.read(scratch)  # some formats leave lines out without a word
         except (Exception, SystemExit) as reason:
-            words = " ".join(f"{reason} {said.getvalue()}".split())
+            words = " ".join(f"{reason} {log.getvalue()}".split())
             msg = f"{file.name}: it cannot be written as {file.suffix or 'a mesh'} ({words[:300]})"
             raise MeshError(msg) from reason
         if sum(len(block.data) for block in back.cells if block.type == "line") != mesh.n_lines:

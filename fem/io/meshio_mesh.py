@@ -41,14 +41,14 @@ _Sets = list[tuple[str, Ints]]
 @contextlib.contextmanager
 def quiet() -> Iterator[io.StringIO]:
     """Catch meshio's printed lines."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        yield said
+    log = io.StringIO()
+    with contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+        yield log
 
 
 def read_by_meshio(file: Path, sets: str | None) -> RawMesh:
     """Read the lines of a file, with its cell sets or the numbers of a cell array as sets."""
-    with quiet() as said:
+    with quiet() as log:
         import meshio
 
         try:
@@ -56,31 +56,31 @@ def read_by_meshio(file: Path, sets: str | None) -> RawMesh:
                 warnings.simplefilter("ignore")
                 found: Any = meshio.read(file)
         except (Exception, SystemExit) as reason:
-            msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({_why(file, reason, said)})"
+            msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({_why(file, reason, log)})"
             raise MeshError(msg) from reason
     raw = _raw_of(found, file.name, sets)
-    raw.notes += _in_plain_words(said.getvalue())
+    raw.notes += _in_plain_words(log.getvalue())
     return raw
 
 
-def _why(file: Path, reason: BaseException, said: io.StringIO) -> str:
+def _why(file: Path, reason: BaseException, log: io.StringIO) -> str:
     if isinstance(reason, ImportError):
         return f"it needs the package {reason.name}: pip install {reason.name}, or write .vtu"
     text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
-    words = " ".join(f"{text} {said.getvalue()}".split()).replace(str(file), file.name)
+    words = " ".join(f"{text} {log.getvalue()}".split()).replace(str(file), file.name)
     hint = "; saving the mesh as .vtu is more reliable" if file.suffix.lower() == ".vtk" else ""
     return (words[:300] or "meshio gave no reason") + hint
 
 
-def _in_plain_words(said: str) -> Iterator[str]:
+def _in_plain_words(log: str) -> Iterator[str]:
     """Yield meshio's printed lines, with names for the cells that it cannot read."""
     lost = re.compile(r"(Warning: )?File contains cells that meshio cannot handle \(types? ([\d, ]+)\)\.?")
-    for found in lost.finditer(said):
+    for found in lost.finditer(log):
         kinds = [int(k) for k in re.findall(r"\d{1,4}", found.group(2))]
         names = ", ".join(_VTK_TYPES.get(k, f"cells of VTK type {k}") for k in kinds)
         remedy = "; write them as lines of two points each" if 4 in kinds else ""
         yield f"{names} left out, which meshio cannot read{remedy}"
-    rest = " ".join(lost.sub("", said).split())
+    rest = " ".join(lost.sub("", log).split())
     if rest:
         yield f"meshio says: {rest[:300]}"
 
@@ -183,18 +183,18 @@ def _sets_of(found: Any, file: str, sets: str | None, sizes: list[int], notes: l
                 named.append((name, np.flatnonzero(numbers)))
     if named:
         return named
-    whole = {
+    integer_arrays = {
         array: numbers for array in found.cell_data if (numbers := _numbers(found, array, sizes)) is not None
     }
     tag = next((tag for tag in _TAGS if tag in found.cell_data), None)
-    if tag is not None and tag in whole:
-        return _by_number(found, tag, whole[tag])
+    if tag is not None and tag in integer_arrays:
+        return _by_number(found, tag, integer_arrays[tag])
     if tag is not None:
         notes.append(f"the cell array '{tag}' names no members: it has not one whole number for each cell")
-    if whole:
+    if integer_arrays:
         notes.append(
-            f"no members are named; the cell arrays {listed(list(whole))} have whole numbers, and "
-            f"sets = '{next(iter(whole))}' would take the members from them"
+            f"no members are named; the cell arrays {listed(list(integer_arrays))} have whole numbers, and "
+            f"sets = '{next(iter(integer_arrays))}' would take the members from them"
         )
     return named
 
@@ -225,6 +225,6 @@ def _by_number(found: Any, tag: str, numbers: Ints) -> _Sets:
     named: _Sets = []
     for rows in sorted(parts, key=lambda rows: rows[0]):
         number = int(numbers[rows[0]])
-        own = families.get(number) or [known.get(number, f"{word} {number}")]
-        named += [(name, rows) for name in own]
+        set_names = families.get(number) or [known.get(number, f"{word} {number}")]
+        named += [(name, rows) for name in set_names]
     return named

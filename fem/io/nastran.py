@@ -41,20 +41,20 @@ _REMEDIES = {
 class _Columns:
     """Arrays that grow: in bulk, or row by row."""
 
-    def __init__(self, n_whole: int, n_real: int) -> None:
+    def __init__(self, n_integer: int, n_real: int) -> None:
         self.parts: tuple[list[Ints], list[Floats]] = ([], [])
         self.rows: tuple[list[list[int]], list[list[float]]] = ([], [])
-        self.widths = (n_whole, n_real)
+        self.widths = (n_integer, n_real)
 
-    def extend(self, whole: Ints, reals: Floats | None = None) -> None:
-        """Append arrays (n, n_whole) and (n, n_real)."""
+    def extend(self, integers: Ints, reals: Floats | None = None) -> None:
+        """Append arrays (n, n_integer) and (n, n_real)."""
         self._flush()
-        self.parts[0].append(whole)
-        self.parts[1].append(np.empty((len(whole), 0)) if reals is None else reals)
+        self.parts[0].append(integers)
+        self.parts[1].append(np.empty((len(integers), 0)) if reals is None else reals)
 
-    def append(self, whole: list[int], reals: list[float]) -> None:
+    def append(self, integers: list[int], reals: list[float]) -> None:
         """Append a row."""
-        self.rows[0].append(whole)
+        self.rows[0].append(integers)
         self.rows[1].append(reals)
 
     def _flush(self) -> None:
@@ -70,8 +70,8 @@ class _Columns:
     def all(self) -> tuple[Ints, Floats]:
         """Return all rows."""
         self._flush()
-        whole = np.concatenate([np.empty((0, self.widths[0]), dtype=np.int64), *self.parts[0]])
-        return whole, np.concatenate([np.empty((0, self.widths[1])), *self.parts[1]])
+        integers = np.concatenate([np.empty((0, self.widths[0]), dtype=np.int64), *self.parts[0]])
+        return integers, np.concatenate([np.empty((0, self.widths[1])), *self.parts[1]])
 
 
 @dataclass(slots=True)
@@ -89,7 +89,7 @@ class _Reader:
     elements: _Columns = field(default_factory=lambda: _Columns(7, 0))
     systems: Systems = field(init=False)
     defaults: dict[str, tuple[list[str], str]] = field(default_factory=dict)
-    said: dict[str, tuple[int, str]] = field(default_factory=dict)
+    counted: dict[str, tuple[int, str]] = field(default_factory=dict)
     others: dict[str, list[int]] = field(default_factory=dict)
     replicator: Replicator = field(default_factory=lambda: Replicator(Budget()))
     skipping: bool = False
@@ -107,17 +107,17 @@ class _Reader:
         raw = RawMesh(points, notes=[*self.bulk.notes], point_numbers=numbers)
         self._lines(raw, numbers)
         self._name_others(raw)
-        for what, (count, first) in self.said.items():
+        for what, (count, first) in self.counted.items():
             raw.notes.append(
                 f"{count} card{'s' if count > 1 else ''} with {what} (first: {first}); {_REMEDIES[what]}"
             )
         raw.notes = [note.replace(f"{self.path.name}: line ", "line ") for note in raw.notes]
         return raw
 
-    def _say(self, what: str, count: int, first: Callable[[], str]) -> None:
+    def _add(self, what: str, count: int, first: Callable[[], str]) -> None:
         if count:
-            before = self.said.get(what)
-            self.said[what] = (before[0] + count, before[1]) if before else (count, first())
+            before = self.counted.get(what)
+            self.counted[what] = (before[0] + count, before[1]) if before else (count, first())
 
     # Cards --------------------------------------------------------------------------------------------------
 
@@ -187,7 +187,7 @@ class _Reader:
         number = _number(fields[0])
         self.grids.append([number, cp, cd, row], [real(f) for f in fields[2:5]])
         if fields[6].strip("0"):
-            self._say("permanent constraints", 1, lambda: f"GRID {number} at {self.bulk.place(row)}")
+            self._add("permanent constraints", 1, lambda: f"GRID {number} at {self.bulk.place(row)}")
 
     def _line_card(self, name: str, fields: list[str], row: int) -> None:
         if name == "PLOTEL":
@@ -210,12 +210,12 @@ class _Reader:
             ends_free = [
                 f"{end} = {pin}" for end, pin in zip(("PA", "PB"), pins, strict=True) if pin.strip("0")
             ]
-            self._say("pin flags", int(bool(ends_free)), lambda: f"{first()}, {', '.join(ends_free)}")
+            self._add("pin flags", int(bool(ends_free)), lambda: f"{first()}, {', '.join(ends_free)}")
             self._offset(offsets, first)
         elif name == "CBEAM3":
             self._offset(fields[8:17], first)
         elif name == "CBEND":
-            self._say("curved elements", 1, first)
+            self._add("curved elements", 1, first)
 
     def _offset(self, fields: list[str], first: Callable[[], str]) -> None:
         values = [real(f) for f in fields]
@@ -224,7 +224,7 @@ class _Reader:
             for end, (x, y, z) in zip("ABC", zip(*[iter(values)] * 3, strict=True), strict=False)
             if x or y or z
         )
-        self._say("offsets", int(bool(words)), lambda: f"{first()}, {words}")
+        self._add("offsets", int(bool(words)), lambda: f"{first()}, {words}")
 
     def _line(self, values: list[int]) -> None:
         self.elements.append(values, [])
@@ -250,7 +250,7 @@ class _Reader:
         n = len(rows)
         if not _empty(columns[6]) or not _empty(columns[7]):
             return False
-        number, cp, cd = _whole(columns[0], n), _whole(columns[1], n, _BLANK), _whole(columns[5], n, _BLANK)
+        number, cp, cd = _ints(columns[0], n), _ints(columns[1], n, _BLANK), _ints(columns[5], n, _BLANK)
         xyz = np.column_stack([_reals(columns[k], n) for k in (2, 3, 4)])
         if number.min() < 1 or not np.isfinite(xyz).all():
             return False
@@ -261,9 +261,9 @@ class _Reader:
         n = len(rows)
         if not all(_empty(columns[k]) for k in range(8, 16)):
             return False
-        number, zero = _whole(columns[0], n), np.zeros(n, dtype=np.int64)
-        prop = zero if name == "CONROD" else _whole(columns[1], n, _BLANK)
-        a, b = (_whole(columns[k], n) for k in ((1, 2) if name == "CONROD" else (2, 3)))
+        number, zero = _ints(columns[0], n), np.zeros(n, dtype=np.int64)
+        prop = zero if name == "CONROD" else _ints(columns[1], n, _BLANK)
+        a, b = (_ints(columns[k], n) for k in ((1, 2) if name == "CONROD" else (2, 3)))
         if min(number.min(), a.min(), b.min()) < 1:
             return False
         kind = zero + LINES.index(name)
@@ -283,38 +283,38 @@ class _Reader:
     def _grid(self, number: int) -> tuple[int, Floats] | None:
         """Return the system and the local coordinates of a grid point."""
         if self._index is None:
-            whole, xyz = self.grids.all()
+            grids, xyz = self.grids.all()
             default = self._default_of("GRDSET", 1)
-            cps = np.where(whole[:, 1] == _BLANK, default, whole[:, 1]).tolist()
-            self._index = dict(zip(whole[:, 0].tolist(), zip(cps, xyz, strict=True), strict=True))
+            cps = np.where(grids[:, 1] == _BLANK, default, grids[:, 1]).tolist()
+            self._index = dict(zip(grids[:, 0].tolist(), zip(cps, xyz, strict=True), strict=True))
         return self._index.get(number)
 
     def _points(self) -> tuple[Ints, Floats]:
         """Return numbers and basic coordinates of the grid points."""
-        whole, xyz = self.placed_grids()
-        return whole[:, 0], xyz
+        grids, xyz = self.placed_grids()
+        return grids[:, 0], xyz
 
     def placed_grids(self) -> tuple[Ints, Floats]:
         """Return number, system, displacement system and row of the grid points, and basic coordinates."""
-        whole, xyz = self.grids.all()
-        whole = whole.copy()
+        grids, xyz = self.grids.all()
+        grids = grids.copy()
         for column, field_of_default in ((1, 1), (2, 5)):
-            blank = whole[:, column] == _BLANK
-            whole[blank, column] = self._default_of("GRDSET", field_of_default)
-        kept = self._once("grid point", whole[:, 0], np.column_stack([whole[:, 1:3], xyz]), whole[:, 3])
-        whole, xyz = whole[kept], xyz[kept].copy()
-        turned = np.flatnonzero(whole[:, 2] != 0)
-        self._say("displacement systems", len(turned), lambda: self._grid_place(whole[turned[0]]))
+            blank = grids[:, column] == _BLANK
+            grids[blank, column] = self._default_of("GRDSET", field_of_default)
+        kept = self._once("grid point", grids[:, 0], np.column_stack([grids[:, 1:3], xyz]), grids[:, 3])
+        grids, xyz = grids[kept], xyz[kept].copy()
+        turned = np.flatnonzero(grids[:, 2] != 0)
+        self._add("displacement systems", len(turned), lambda: self._grid_place(grids[turned[0]]))
         if self.defaults.get("GRDSET", ([""] * 8, ""))[0][6].strip("0"):
-            self._say("permanent constraints", len(whole), lambda: f"GRDSET at {self.defaults['GRDSET'][1]}")
-        if whole[:, 1].any():
-            order = np.argsort(whole[:, 1], kind="stable")
-            cps, starts = np.unique(whole[order, 1], return_index=True)
+            self._add("permanent constraints", len(grids), lambda: f"GRDSET at {self.defaults['GRDSET'][1]}")
+        if grids[:, 1].any():
+            order = np.argsort(grids[:, 1], kind="stable")
+            cps, starts = np.unique(grids[order, 1], return_index=True)
             for cp, rows in zip(cps.tolist(), np.split(order, starts[1:]), strict=True):
-                row = whole[rows[0]]
+                row = grids[rows[0]]
                 place = f"{self.bulk.place(row[3])}: grid point {row[0]}"
                 xyz[rows] = self.systems.to_basic(cp, xyz[rows], place)
-        return whole, xyz
+        return grids, xyz
 
     def _grid_place(self, row: Ints) -> str:
         return f"GRID {row[0]} at {self.bulk.place(row[3])}"
@@ -340,52 +340,52 @@ class _Reader:
     # Lines --------------------------------------------------------------------------------------------------
 
     def _lines(self, raw: RawMesh, numbers: Ints) -> None:
-        whole, _ = self.elements.all()
-        plotted = whole[:, 1] == _PLOTEL
+        cards, _ = self.elements.all()
+        plotted = cards[:, 1] == _PLOTEL
         if plotted.any() and not plotted.all():
-            first = self.bulk.place(int(whole[plotted][0, 6]))
+            first = self.bulk.place(int(cards[plotted][0, 6]))
             raw.notes.append(
                 f"{int(plotted.sum())} PLOTEL lines left out (first at {first}): they carry nothing, and the "
                 "file has other elements"
             )
-            whole = whole[~plotted]
+            cards = cards[~plotted]
         elif plotted.any():
             raw.notes.append(
                 "all lines are PLOTEL cards, which carry nothing in Nastran; they are read as members"
             )
-        whole = whole[self._once("element", whole[:, 0], whole[:, :6], whole[:, 6])]
+        cards = cards[self._once("element", cards[:, 0], cards[:, :6], cards[:, 6])]
         order = np.argsort(numbers)
-        ordered, ends = numbers[order], whole[:, 3:6]
+        ordered, ends = numbers[order], cards[:, 3:6]
         at = np.minimum(np.searchsorted(ordered, ends), max(len(ordered) - 1, 0))
         there = ordered[at] == ends if len(ordered) else np.zeros_like(ends, dtype=bool)
         lost = (ends >= 0) & ~there
         if lost.any():
             row = int(np.flatnonzero(lost.any(axis=1))[0])
             point = ends[row][lost[row]][0]
-            what = self._element_place(whole[row])
+            what = self._element_place(cards[row])
             refuse(f"{what} refers to grid point {point}, which the file does not have", MeshError)
         raw.lines = np.where(there, order[at], -1) if len(ordered) else ends
         same = (ends[:, 0] == ends[:, 1]) | (ends[:, 2] >= 0) & (ends[:, :2] == ends[:, 2:]).any(axis=1)
         if same.any():
-            msg = f"{self._element_place(whole[np.flatnonzero(same)[0]])} joins a grid point with itself"
+            msg = f"{self._element_place(cards[np.flatnonzero(same)[0]])} joins a grid point with itself"
             raise MeshError(msg)
         if (raw.lines[:, 2] < 0).all():
             raw.lines = raw.lines[:, :2].copy()
-        raw.line_numbers = whole[:, 0]
-        self._properties(raw, whole)
+        raw.line_numbers = cards[:, 0]
+        self._properties(raw, cards)
 
     def _element_place(self, row: Ints) -> str:
         return f"{self.bulk.place(int(row[6]))}: {LINES[row[1]]} {row[0]}"
 
-    def _properties(self, raw: RawMesh, whole: Ints) -> None:
+    def _properties(self, raw: RawMesh, cards: Ints) -> None:
         """Make a set of each property number, and of the cards that have none."""
-        prop = whole[:, 2].copy()
+        prop = cards[:, 2].copy()
         for name, default in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
             if default in self.defaults and (value := self._default_of(default, 1)):
-                prop[(prop == _BLANK) & (whole[:, 1] == LINES.index(name))] = value
-        prop = np.where(prop == _BLANK, whole[:, 0], prop)
+                prop[(prop == _BLANK) & (cards[:, 1] == LINES.index(name))] = value
+        prop = np.where(prop == _BLANK, cards[:, 0], prop)
         without = {_CONROD: "CONROD", _PLOTEL: "PLOTEL"}
-        key = np.where(np.isin(whole[:, 1], list(without)), -1 - whole[:, 1], prop)
+        key = np.where(np.isin(cards[:, 1], list(without)), -1 - cards[:, 1], prop)
         order = np.argsort(key, kind="stable")
         keys, starts = np.unique(key[order], return_index=True)
         rows = np.split(order, starts[1:])
@@ -466,8 +466,8 @@ def read_grids(bulk: BulkData, path: Path | None = None) -> Grids:
         if path is not None or run.name in ("GRID", "GRDSET", *SYSTEMS):
             reader._run(run)
     with np.errstate(over="ignore", invalid="ignore"):
-        whole, points = reader.placed_grids()
-    return Grids(whole[:, 0], whole[:, 2], whole[:, 3], points, reader.systems)
+        grids, points = reader.placed_grids()
+    return Grids(grids[:, 0], grids[:, 2], grids[:, 3], points, reader.systems)
 
 
 def _number(text: str) -> int:
@@ -481,7 +481,7 @@ def _empty(column: list[str]) -> bool:
     return not any(text.strip() for text in set(column))
 
 
-def _whole(column: list[str], n: int, blank: int | None = None) -> Ints:
+def _ints(column: list[str], n: int, blank: int | None = None) -> Ints:
     """Return a column of whole numbers; empty fields are only allowed where they have a meaning."""
     if not column and blank is not None:
         return np.full(n, blank)

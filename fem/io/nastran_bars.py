@@ -38,21 +38,21 @@ def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Conn
     """Return the bars, their properties, and the torsional stiffness of rods."""
     properties = Properties(deck)
     found = [_beam(deck, properties, card) for card in deck.by_number(*BEAMS).values()]
-    beams = {row for bar in found for row in bar.ends}
+    beams = {row for b in found for row in b.ends}
     rods = [_rod(deck, properties, card) for card in deck.by_number(*RODS).values()]
     _check_numbers(found, rods)
     twists = [t for rod in rods if (t := _twist(deck, properties, rod, beams)) is not None]
     found += rods
     deck.notes.plain.extend(properties.notes())
-    rows = [(bar.card.whole(0), bar.ends, bar.place, bar.height, bar.offsets, bar.stiffness) for bar in found]
+    rows = [(b.card.integer(0), b.ends, b.place, b.height, b.offsets, b.stiffness) for b in found]
     return Bars.of(rows), tuple(properties.found), twists
 
 
 def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:
-    numbers = {bar.card.whole(0): bar.card for bar in beams}
+    numbers = {bar.card.integer(0): bar.card for bar in beams}
     for rod in rods:
-        if rod.card.whole(0) in numbers:
-            other = numbers[rod.card.whole(0)]
+        if rod.card.integer(0) in numbers:
+            other = numbers[rod.card.integer(0)]
             rod.card.refuse(f"has the number of {other} at {other.place}; give one of them another number")
 
 
@@ -66,9 +66,9 @@ def _ends(deck: NastranDeck, card: Card, first: int) -> tuple[int, int]:
 
 
 def _rod(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
-    whole = None if card.name == "CONROD" else card.whole(1, card.whole(0))
+    prop = None if card.name == "CONROD" else card.integer(1, card.integer(0))
     ends = _ends(deck, card, 1 if card.name == "CONROD" else 2)
-    place, profile = properties.of(card, whole)
+    place, profile = properties.of(card, prop)
     return Bar(card, ends, place, profile, np.full(3, np.nan), np.zeros((2, 3)), np.full((2, 6), np.inf))
 
 
@@ -92,7 +92,7 @@ def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int])
 def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     card = _with_defaults(deck, card)
     ends = _ends(deck, card, 2)
-    place, profile = properties.of(card, card.whole(1, card.whole(0)))
+    place, profile = properties.of(card, card.integer(1, card.integer(0)))
     if card.name == "CBEAM" and not card.blank(16, 18) and card.reals(16, 18).any():
         deck.notes.add("SA and SB, the scalar points of warping, are left out", card)
     flags = card.text(7)

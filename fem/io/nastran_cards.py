@@ -41,7 +41,7 @@ class BulkData:
     notes: list[str] = field(default_factory=list)
     control: list[str] | None = None
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
-    _begun: str = ""
+    _bulk_place: str = ""
     _ended: bool = False
     _parts: bool = False
 
@@ -92,13 +92,13 @@ class BulkData:
             self._add(file, lines, done, len(lines))
 
     def _begin(self, rest: str, place: str) -> None:
-        if (_OTHER_MODEL.search(rest) and not self._parts) or self._begun:
+        if (_OTHER_MODEL.search(rest) and not self._parts) or self._bulk_place:
             msg = (
-                f"{place}: BEGIN{rest[:30]} begins another model beside the main bulk data"
-                f"{f' ({self._begun})' if self._begun else ''}; write a file for each"
+                f"{place}: BEGIN{rest[:30]} begins another model after the main bulk data"
+                f"{f' ({self._bulk_place})' if self._bulk_place else ''}; write a file for each"
             )
             raise MeshError(msg)
-        self._begun = place
+        self._bulk_place = place
         self.control = list(self.lines)
         self.lines.clear()
         self._runs.clear()

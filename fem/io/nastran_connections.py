@@ -23,7 +23,7 @@ def bodies_of(deck: NastranDeck, fixed: Fixed) -> list[Body]:
 
 
 def _conm2(deck: NastranDeck, card: Card) -> Body:
-    node, system, units = deck.node(card, 1), card.whole(2, 0), deck.units
+    node, system, units = deck.node(card, 1), card.integer(2, 0), deck.units
     axes = deck.axes_of(card, system, node)
     arm = card.reals(4, 7) * units.length
     if system < 0:
@@ -53,7 +53,7 @@ def _body(deck: NastranDeck, card: Card, node: int, mass: float, arm: Floats, in
 
 def _conm1(deck: NastranDeck, card: Card) -> Body:
     """Return the body of a 6 by 6 matrix, if it is one."""
-    node, system = deck.node(card, 1), card.whole(2, 0)
+    node, system = deck.node(card, 1), card.integer(2, 0)
     M = np.zeros((6, 6))
     M[np.tril_indices(6)] = card.reals(3, 24)
     M = M + np.tril(M, -1).T
@@ -78,7 +78,7 @@ def _scalar_masses(deck: NastranDeck, fixed: Fixed) -> list[Body]:
         value = card.real(1) if card.name == "CMASS2" else _property(deck, card, "PMASS").real(1)
         node = deck.node(card, 2)
         at = by_node.setdefault(node, {})
-        at[card.whole(3) - 1] = at.get(card.whole(3) - 1, 0.0) + value
+        at[card.integer(3) - 1] = at.get(card.integer(3) - 1, 0.0) + value
         cards.setdefault(node, card)
     return [_scalar_body(deck, cards[node], node, at, fixed.get(node, ())) for node, at in by_node.items()]
 
@@ -113,7 +113,7 @@ def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
 
 
 def _property(deck: NastranDeck, card: Card, name: str) -> Card:
-    number, cards = card.whole(1, card.whole(0)), deck.by_number(name)
+    number, cards = card.integer(1, card.integer(0)), deck.by_number(name)
     if number not in cards:
         card.refuse(f"refers to property {number}, but the file has no {name} {number}")
     return cards[number]
@@ -133,7 +133,7 @@ def _scalar(
     deck: NastranDeck, card: Card, fixed: Fixed, K: float = 0.0, C: float = 0.0, eta: float = 0.0
 ) -> Connection:
     """Return a spring or dashpot between one component of two grid points, or of one and the ground."""
-    sides = [(deck.node(card, k), card.whole(k + 1) - 1) for k in (2, 4) if card.text(k) not in ("", "0")]
+    sides = [(deck.node(card, k), card.integer(k + 1) - 1) for k in (2, 4) if card.text(k) not in ("", "0")]
     if not sides:
         card.refuse("has no grid point")
     if any(not 0 <= component < 6 for _, component in sides):
@@ -182,7 +182,7 @@ def _bush1d(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     ends, u = (deck.node(card, 2), deck.node(card, 3)), deck.units
     if source.real(3):
         deck.notes.add("the mass of PBUSH1D is left out", card)
-    system = card.whole(4, -1)
+    system = card.integer(4, -1)
     axes = deck.axes_of(card, system, ends[0]) if system >= 0 else _line_axes(deck, card, ends)
     return Connection(
         name=str(card), nodes=ends, axes=axes,
@@ -221,7 +221,7 @@ def _bush_values(card: Card) -> dict[str, Floats]:
 def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) -> Floats:
     """Return the axes of a CBUSH: its system CID, or along the line with an orientation, or motions of GA."""
     if card.text(7):
-        system = card.whole(7)
+        system = card.integer(7)
         return deck.axes_of(card, system, a)
     if b is None or not np.linalg.norm(deck.points[b] - deck.points[a]) > 0:
         if not card.blank(4, 7):
@@ -243,7 +243,7 @@ def _bush_axes(deck: NastranDeck, card: Card, a: int, b: int | None, K: Floats) 
 
 def _bush_place(deck: NastranDeck, card: Card, a: int, b: int | None) -> Floats:
     """Return where a CBUSH acts: S of the way to GB, or an offset from GA in the system OCID."""
-    system = card.whole(9, -1)
+    system = card.integer(9, -1)
     if system >= 0:
         axes = deck.axes_of(card, system, a)
         return deck.points[a] + card.reals(10, 13) * deck.units.length @ axes

@@ -45,7 +45,7 @@ class Card:
         """Return a field, empty if the card has none."""
         return self.fields[k].strip().upper() if k < len(self.fields) else ""
 
-    def whole(self, k: int, default: int | None = None) -> int:
+    def integer(self, k: int, default: int | None = None) -> int:
         """Return a whole number; a blank needs a default."""
         text = self.text(k)
         if not text and default is not None:
@@ -138,14 +138,14 @@ class NastranDeck:
         """Return the cards of some names by their numbers, which must differ."""
         found: dict[int, Card] = {}
         for card in self.of(*names):
-            old = found.setdefault(card.whole(0), card)
+            old = found.setdefault(card.integer(0), card)
             if (old.name, list(old.fields)) != (card.name, list(card.fields)):
                 card.refuse(f"is already defined, differently, at {old.place}; give one another number")
         return found
 
     def node(self, card: Card, k: int) -> int:
         """Return the row of the grid point in a field."""
-        return self.row(card, card.whole(k))
+        return self.row(card, card.integer(k))
 
     def row(self, card: Card, number: int) -> int:
         """Return the row of a grid point."""

@@ -30,7 +30,7 @@ APPLIED: Final = (
         PVISC CBUSH PBUSH CBUSH1D PBUSH1D RBE2 RBE3 RBAR RROD MPC MPCADD SPC SPC1 SPCADD PARAM TABDMP1"""
     )
 )
-"""Cards that are applied, beside those that nothing in a frame model refers to."""
+"""Cards that are applied, besides those that nothing in a frame model refers to."""
 
 _MEANING: Final = {
     "NSM NSM1 NSML NSML1 NSMADD": "its non-structural mass is left out: frequencies are too high",
@@ -49,7 +49,7 @@ REFUSED: Final = words(
     "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 CELAS3 "
     "CELAS4 CDAMP3 CDAMP4 CDAMP5"
 )
-"""Cards that change the stiffness or the mass, beside other elements, whose names begin with C."""
+"""Cards that change the stiffness or the mass, besides other elements, whose names begin with C."""
 
 _SELECTED: Final = {
     "STATSUB": "prestress by loads",

@@ -18,7 +18,7 @@ READ: Final = frozenset({"GRID", *DEFAULTS, *SYSTEMS, *LINES})
 REFUSED: Final[dict[str, str]] = {
     **dict.fromkeys(words("CORD3G CORD3R CORD3RX CORD1RX CORD2RX GMCORD"), "a coordinate system"),
     "GMCURV": "geometry that elements follow",
-    "SEBULK": "superelements in parts of their own",
+    "SEBULK": "superelements in separate parts",
     "SELOC": "a superelement's place",
     "SEMPLN": "a mirrored superelement",
     "SECONCT": "connections of superelements",

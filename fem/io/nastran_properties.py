@@ -83,7 +83,7 @@ class Properties:
         """Return the MAT1 card that another one refers to."""
         if number not in self.materials:
             other = next(
-                (c for c in self.deck.of("MAT2", "MAT8", "MAT9", "MAT3") if c.whole(0) == number), None
+                (c for c in self.deck.of("MAT2", "MAT8", "MAT9", "MAT3") if c.integer(0) == number), None
             )
             has = f"no MAT1 {number}" + (f", but {other} at {other.place}" if other else "")
             card.refuse(f"refers to material {number}, and the file has {has}; isotropic MAT1 is read")
@@ -196,7 +196,7 @@ def _pbar(reader: Properties, card: Card) -> Profile:
     k = (card.real(16), card.real(17)) if not I12 else (0.0, 0.0)
     section = _constants(reader, card, np.array([A, I1, I2, I12, J]), k)
     nsm = card.real(6) * reader.deck.mass_factor * reader.deck.units.mass_per_length
-    return Profile(card, card.whole(1), section, mass_per_length=nsm)
+    return Profile(card, card.integer(1), section, mass_per_length=nsm)
 
 
 def _shape(reader: Properties, card: Card, start: int) -> tuple[Section, float, int]:
@@ -211,14 +211,14 @@ def _shape(reader: Properties, card: Card, start: int) -> tuple[Section, float, 
             f"has the shape {shape}, which needs {stop - start} dimensions; DIM{lost - start + 1} is blank"
         )
     section = section_of_shape(
-        shape, (card.reals(start, stop) * units.length).tolist(), reader.nu(card, card.whole(1))
+        shape, (card.reals(start, stop) * units.length).tolist(), reader.nu(card, card.integer(1))
     )
     return section, card.real(stop) * reader.deck.mass_factor * units.mass_per_length, stop + 1
 
 
 def _pbarl(reader: Properties, card: Card) -> Profile:
     section, nsm, _ = _shape(reader, card, 8)
-    return Profile(card, card.whole(1), section, mass_per_length=nsm)
+    return Profile(card, card.integer(1), section, mass_per_length=nsm)
 
 
 def _pbeaml(reader: Properties, card: Card) -> Profile:
@@ -268,7 +268,7 @@ def _tapered(
             reader.deck.notes.add("stations between the ends are left out; the section tapers evenly", card)
     if not same and not first.shape:
         reader.deck.notes.add("between its ends √A and the fourth roots of I1, I2 and J are linear", card)
-    return Profile(card, card.whole(1), first, None if same else last, sum(masses) / len(masses), centroid)
+    return Profile(card, card.integer(1), first, None if same else last, sum(masses) / len(masses), centroid)
 
 
 def _by_constants(s: Section) -> Section:
@@ -328,7 +328,7 @@ def _ptube(reader: Properties, card: Card) -> Profile:
         reader.deck.notes.add("the tube tapers; the mean of its diameters is taken", card)
     J = math.pi / 32 * (outer**4 - inner**4)
     nsm = card.real(4) * reader.deck.mass_factor * units.mass_per_length
-    return Profile(card, card.whole(1), rod(math.pi / 4 * (outer**2 - inner**2)),
+    return Profile(card, card.integer(1), rod(math.pi / 4 * (outer**2 - inner**2)),
                    mass_per_length=nsm, torsion=J)  # fmt: skip
 
 
@@ -337,7 +337,7 @@ _READERS: dict[str, Callable[[Properties, Card], Profile]] = {
     "PBARL": _pbarl,
     "PBEAM": _pbeam,
     "PBEAML": _pbeaml,
-    "PROD": lambda reader, card: _rod(reader, card, card.whole(1), 2),
-    "CONROD": lambda reader, card: _rod(reader, card, card.whole(3), 4),
+    "PROD": lambda reader, card: _rod(reader, card, card.integer(1), 2),
+    "CONROD": lambda reader, card: _rod(reader, card, card.integer(3), 4),
     "PTUBE": _ptube,
 }

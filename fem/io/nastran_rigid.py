@@ -16,7 +16,7 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
     cards, sums = list(deck.of(*names)), deck.by_number(adding)
     if not cards:
         return []
-    numbers = {card.whole(0) for card in cards}
+    numbers = {card.integer(0) for card in cards}
     if deck.control is None:
         added = {n for card in sums.values() for n in _members(card)}
         roots = sorted(set(sums) or numbers - added)
@@ -38,11 +38,11 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
             f"is in a set that is not selected: case control has {key} = {chosen}, which the file lacks"
         )
     wanted = set(_members(sums[chosen])) | {chosen} if chosen in sums else {chosen}
-    return [card for card in cards if card.whole(0) in wanted]
+    return [card for card in cards if card.integer(0) in wanted]
 
 
 def _members(card: Card) -> Iterator[int]:
-    yield from (card.whole(k) for k in range(1, len(card.fields)) if card.text(k))
+    yield from (card.integer(k) for k in range(1, len(card.fields)) if card.text(k))
 
 
 # Supports ---------------------------------------------------------------------------------------------------
@@ -55,7 +55,7 @@ def fixed_of(deck: NastranDeck) -> tuple[dict[int, tuple[str, ...]], tuple[Conne
     for card in deck.of("GRID"):
         at = card if card.text(6) or given is None else given
         if components := at.directions(6):
-            fixed.setdefault(deck.rows[card.whole(0)], set()).update(components)
+            fixed.setdefault(deck.rows[card.integer(0)], set()).update(components)
     for card in selected(deck, "SPC", ("SPC", "SPC1"), "SPCADD"):
         for row, components in (_spc if card.name == "SPC" else _spc1)(deck, card):
             fixed.setdefault(row, set()).update(components)
@@ -84,13 +84,13 @@ def _listed(card: Card, start: int) -> Iterator[tuple[int, bool]]:
         if not card.text(k):
             k += 1
         elif card.text(k + 1) == "THRU":
-            first, last = card.whole(k), card.whole(k + 2)
+            first, last = card.integer(k), card.integer(k + 2)
             if last - first > 10**7 or last < first:
                 card.refuse(f"has the range {first} THRU {last}; it must rise, by at most 10000000")
             yield from ((n, False) for n in range(first, last + 1))
             k += 3
         else:
-            yield card.whole(k), True
+            yield card.integer(k), True
             k += 1
 
 

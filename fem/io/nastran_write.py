@@ -103,10 +103,10 @@ def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
     for row, (n, place) in enumerate(zip(deck.nodes, deck.points, strict=True)):
         if row not in deck.known:
             yield from card("GRID", n, None, *(float(x) / u.length for x in place), None)
-    held: dict[str, list[int]] = {}
+    by_components: dict[str, list[int]] = {}
     for row, fixed in deck.supports.items():
-        held.setdefault("".join(COMPONENT[d] for d in fixed), []).append(int(deck.nodes[row]))
-    for components, nodes in held.items():
+        by_components.setdefault("".join(COMPONENT[d] for d in fixed), []).append(int(deck.nodes[row]))
+    for components, nodes in by_components.items():
         yield from card("SPC1", 1, components, *nodes)
 
 
@@ -233,7 +233,7 @@ def _dmig(deck: ModelDeck, u: Units) -> Iterator[str]:
 
 
 def _damping(deck: ModelDeck) -> tuple[list[str], list[str]]:
-    """Return the damping of the whole structure as cards, and as requests of the case control."""
+    """Return the damping of the structure as cards, and as requests of the case control."""
     d = deck.damping
     if d is None:
         return [], []

@@ -106,7 +106,7 @@ def _text(file: Path, data: bytes) -> Iterator[_Matrix]:
     at = 0
     while at < len(lines) and lines[at].strip():
         width = 8 if lines[at][:8].strip() else 16
-        numbers = _whole(file, at, lines[at][: 4 * width], width, 4)
+        numbers = _ints(file, at, lines[at][: 4 * width], width, 4)
         rest = lines[at][4 * width :]
         form = _FORMAT.search(rest[8:]) or ("", "5", "16")  # Nastran's default is 1P,5E16.9
         name = rest[:8].strip().upper()
@@ -121,7 +121,7 @@ def _columns(
     """Read the columns of a matrix in text, and return the line after them."""
     yield from ()
     while True:
-        column, row, n = _whole(file, at, lines[at] if at < len(lines) else "", width, 3)
+        column, row, n = _ints(file, at, lines[at] if at < len(lines) else "", width, 3)
         if column > matrix.columns:
             return at + 1 + -(-max(n, 0) // form[0])
         head, at = at, at + 1
@@ -131,9 +131,7 @@ def _columns(
         else:
             good = True
             while n > 0:
-                mark = _whole(
-                    file, at, lines[at] if at < len(lines) else "", width, 2 if matrix.bigmat else 1
-                )
+                mark = _ints(file, at, lines[at] if at < len(lines) else "", width, 2 if matrix.bigmat else 1)
                 row, words, spent = _string(matrix, mark)
                 n -= spent
                 size = words // matrix.words * matrix.reals
@@ -153,7 +151,7 @@ def _string(matrix: _Matrix, mark: list[int]) -> tuple[int, int, int]:
     return mark[0] % 65536, words, words + 1
 
 
-def _whole(file: Path, at: int, line: str, width: int, n: int) -> list[int]:
+def _ints(file: Path, at: int, line: str, width: int, n: int) -> list[int]:
     try:
         words = line.split()  # some numbers are wider than their columns say, others touch
         if len(words) == n:
@@ -189,7 +187,7 @@ def _binary(file: Path, data: bytes) -> Iterator[_Matrix]:
     """Read Fortran records: a matrix has one of 24 bytes (48 with 64-bit integers), and one a column."""
     order = "<" if data[0] in (24, 48) else ">"
     word = 4 if data[0 if order == "<" else 3] == 24 else 8
-    whole, matrix = np.dtype(f"{order}i{word}"), None
+    integer, matrix = np.dtype(f"{order}i{word}"), None
     at = 0
     while at < len(data):
         record, end = _record(file, data, at, order)
@@ -198,17 +196,17 @@ def _binary(file: Path, data: bytes) -> Iterator[_Matrix]:
                 _refuse(
                     file, f"byte {at}", f"a record of {len(record)} bytes; a matrix begins with {6 * word}"
                 )
-            numbers = np.frombuffer(record, whole, 4).tolist()
+            numbers = np.frombuffer(record, integer, 4).tolist()
             name = record[4 * word :].decode("latin-1").strip("\0 ").upper()
             matrix = _opened(file, f"byte {at}", numbers, name, word)
         else:
             if len(record) < 3 * word or len(record) % word:
                 _refuse(file, f"byte {at}", f"a record of {len(record)} bytes is no column of {matrix.name}")
-            column, row, n = np.frombuffer(record, whole, 3).tolist()
+            column, row, n = np.frombuffer(record, integer, 3).tolist()
             if column > matrix.columns:
                 yield matrix
                 matrix = None
-            elif not _binary_column(matrix, record[3 * word :], column, row, n, whole):
+            elif not _binary_column(matrix, record[3 * word :], column, row, n, integer):
                 text = f"column {column} of {matrix.name} has {n} words that do not fit {matrix.rows} rows"
                 _refuse(file, f"byte {at}", text)
         at = end
@@ -226,10 +224,10 @@ def _record(file: Path, data: bytes, at: int, order: str) -> tuple[bytes, int]:
     return data[at + 4 : end - 4], end
 
 
-def _binary_column(matrix: _Matrix, data: bytes, column: int, row: int, n: int, whole: Any) -> bool:
+def _binary_column(matrix: _Matrix, data: bytes, column: int, row: int, n: int, integer: Any) -> bool:
     """Read a column of a binary file; return whether it fits the matrix."""
-    size = whole.itemsize
-    real = np.dtype(f"{whole.byteorder}f{size * matrix.words // matrix.reals}")
+    size = integer.itemsize
+    real = np.dtype(f"{integer.byteorder}f{size * matrix.words // matrix.reals}")
     if not 0 < n <= len(data) // size:
         return False
     if row:
@@ -237,7 +235,7 @@ def _binary_column(matrix: _Matrix, data: bytes, column: int, row: int, n: int, 
     at, good = 0, True
     while at < n and good:
         head = 2 if matrix.bigmat else 1
-        mark = np.frombuffer(data[at * size : (at + head) * size], whole).tolist()
+        mark = np.frombuffer(data[at * size : (at + head) * size], integer).tolist()
         if len(mark) < head:
             return False
         row, words, spent = _string(matrix, mark)

@@ -1,4 +1,4 @@
-"""Files with matrices of parts, by their endings and contents, and the files beside them.
+"""Files with matrices of parts, by their endings and contents, and the files next to them.
 
 Formats with one file for each matrix are named after one path: ``part.mtx`` stands for ``part.K.mtx`` and
 ``part.M.mtx``, and so do ``job_STIF2.mtx`` and ``job_MASS2.mtx`` of Abaqus. Places of nodes come from a deck.
@@ -99,21 +99,21 @@ def _read(path: Path, deck: Path | None) -> dict[str, Any]:
         msg = f"{path}: there is no such file"
         raise MatricesError(msg)
     if suffix in DMIG:
-        return read_dmig(path, deck or _beside(path, path.stem, DECKS, path))
+        return read_dmig(path, deck or _companion(path, path.stem, DECKS, path))
     if suffix == ".op4":
         if path.with_suffix(".dofs.csv").is_file():
             return {**read_output4(path, None), **(places(deck) if deck else {})}
-        return read_output4(path, deck or _beside(path, path.stem, DECKS))
+        return read_output4(path, deck or _companion(path, path.stem, DECKS))
     if suffix == ".mat":
         return {**_matlab(path), **(places(deck) if deck else {})}
     base, files = matrix_files(path)
     found = _mtx(path, files) if suffix == ".mtx" else _harwell_boeing(path, files)
-    deck = deck or _beside(path, base, (".nodes.csv", ".inp"))
+    deck = deck or _companion(path, base, (".nodes.csv", ".inp"))
     return {**found, **(places(deck) if deck else {})}
 
 
-def _beside(path: Path, base: str, endings: tuple[str, ...], but: Path | None = None) -> Path | None:
-    """Return the first file beside another with a name and one of some endings."""
+def _companion(path: Path, base: str, endings: tuple[str, ...], but: Path | None = None) -> Path | None:
+    """Return the first file next to another with a name and one of some endings."""
     files = (path.with_name(f"{base}{ending}") for ending in endings)
     return next((file for file in files if file != but and file.is_file()), None)
 
@@ -166,7 +166,7 @@ def _mtx(path: Path, files: dict[str, Path]) -> dict[str, Any]:
 
 
 def _harwell_boeing(path: Path, files: dict[str, Path]) -> dict[str, Any]:
-    """Read Harwell-Boeing files and the table of equations beside that of K."""
+    """Read Harwell-Boeing files and the table of equations next to that of K."""
     if not {"K", "M"} <= set(files):
         msg = (
             f"{path}: a file of K and one of M are needed, such as {path.stem}.K{path.suffix} and "
@@ -175,7 +175,7 @@ def _harwell_boeing(path: Path, files: dict[str, Path]) -> dict[str, Any]:
         raise MatricesError(msg)
     found: dict[str, Any] = {key: read_harwell_boeing(file) for key, file in files.items() if key != "Q"}
     for file in (files["K"], path):
-        table = _beside(file, file.stem, (".mapping", ".MAPPING"))
+        table = _companion(file, file.stem, (".mapping", ".MAPPING"))
         if table is not None:
             return {**found, **read_mapping(table, found["K"].shape[0])}
     return found

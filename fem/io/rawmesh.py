@@ -310,7 +310,7 @@ def _built(
 ) -> Mesh:
     cells, parts_of, shared = sets.disjoint(len(lines))
     if shared:
-        notes.append(f"sets overlap; lines that several share are members of their own: {listed(shared)}")
+        notes.append(f"sets overlap; lines that several share are separate members: {listed(shared)}")
     try:
         mesh = Mesh.from_lines(points, lines, cells, names, [f"{file}: {note}" for note in notes])
     except MeshError as reason:

@@ -60,18 +60,18 @@ class LineSets:
         line, number = np.divmod(pair, max(1, len(self.names)))
         size = np.bincount(number, minlength=len(self.names))
         part = _parts(line, np.argsort(np.argsort(size, kind="stable"))[number], n_lines)
-        held = np.flatnonzero(part >= 0)
-        rows = np.split(held[np.argsort(part[held], kind="stable")], np.cumsum(np.bincount(part[held]))[:-1])
+        used = np.flatnonzero(part >= 0)
+        rows = np.split(used[np.argsort(part[used], kind="stable")], np.cumsum(np.bincount(part[used]))[:-1])
         holders = _holders(number, part[line], np.argsort(size, kind="stable"), len(rows))
         named = self._named(holders, [len(r) for r in rows], size)
         place = {name: k for k, name in enumerate(self.names)}
         parts = sorted(range(len(rows)), key=lambda k: place.get(named[k], len(place)))
-        whole: dict[str, list[str]] = {}
+        parts_of: dict[str, list[str]] = {}
         for k, keys in enumerate(holders):
             for key in keys:
-                whole.setdefault(self.names[key], []).append(named[k])
+                parts_of.setdefault(self.names[key], []).append(named[k])
         alone = set(named)
-        groups = {n: tuple(whole[n]) for n in self.names if n in whole and n not in alone}
+        groups = {n: tuple(parts_of[n]) for n in self.names if n in parts_of and n not in alone}
         shared = [named[k] for k in parts if len(holders[k]) > 1 and named[k] not in place]
         return {named[k]: rows[k] for k in parts}, groups, shared
 
@@ -108,11 +108,11 @@ def _parts(line: Ints, rank: Ints, n_lines: int) -> Ints:
             _, label = np.unique(label * n_sets + column, return_inverse=True)
         code[here] = used + label
         used += int(label.max()) + 1
-    held = np.flatnonzero(code >= 0)
-    _, first, label = np.unique(code[held], return_index=True, return_inverse=True)
+    in_sets = np.flatnonzero(code >= 0)
+    _, first, label = np.unique(code[in_sets], return_index=True, return_inverse=True)
     order = np.empty_like(first)
     order[np.argsort(first)] = np.arange(len(first))
-    code[held] = order[label]
+    code[in_sets] = order[label]
     return code
 
 

@@ -411,8 +411,8 @@ def _tdms_starts(
             0.0 if date is None else float((np.datetime64(date, "us") - min(dated)) / np.timedelta64(1, "s"))
         )
         # a date in microseconds may be off by one of these
-        whole = float(np.round(since * rate))
-        out.append(offset + (whole / rate if abs(since - whole / rate) <= min(1e-6, 0.25 / rate) else since))
+        steps = float(np.round(since * rate))
+        out.append(offset + (steps / rate if abs(since - steps / rate) <= min(1e-6, 0.25 / rate) else since))
     return out
 
 
@@ -433,7 +433,7 @@ def _together(
     curves: Sequence[Floats],
     units: Sequence[str],
     starts: Sequence[float] | None = None,
-    own_rate: float | None = None,
+    file_rate: float | None = None,
 ) -> TimeData:
     """Return channels of one rate on the samples that all of them have.
 
@@ -445,14 +445,14 @@ def _together(
     channels, curves, units : sequences
     starts : sequence of float, optional
         Times of their first samples [s].
-    own_rate : float, optional
+    file_rate : float, optional
         That of the starts, where another one is asked for [Hz].
     """
     shift = np.zeros(len(curves)) if starts is None else np.asarray(starts, dtype=float)
-    shift = (shift - shift.min()) * (own_rate or rate)
+    shift = (shift - shift.min()) * (file_rate or rate)
     with np.errstate(invalid="ignore"):
-        whole = np.round(shift).astype(np.int64)
-    bad = ~(np.abs(shift - whole) <= OFF_GRID)  # starts that are no number among them
+        offsets = np.round(shift).astype(np.int64)
+    bad = ~(np.abs(shift - offsets) <= OFF_GRID)  # starts that are no number among them
     if bad.any():
         k = int(np.argmax(bad))
         _refuse(
@@ -461,19 +461,19 @@ def _together(
             "their samples, a whole number of them apart, are needed",
         )
     sizes = {name: c.size for name, c in zip(channels, curves, strict=True)}
-    if not whole.any():
+    if not offsets.any():
         if len(set(sizes.values())) > 1:
             shown = ", ".join(f"{name} {n}" for name, n in list(sizes.items())[:6])
             _refuse(path, f"its channels have different numbers of samples ({shown}); one number is needed")
         return TimeData(path.name, rate, tuple(channels), np.column_stack(curves), tuple(units))
-    first, last = whole.max(), min(w + c.size for w, c in zip(whole, curves, strict=True))
+    first, last = offsets.max(), min(w + c.size for w, c in zip(offsets, curves, strict=True))
     if last - first < 1:
         _refuse(path, "its channels have no time in common")
-    values = np.column_stack([c[first - w : last - w] for w, c in zip(whole, curves, strict=True)])
-    late = channels[int(np.argmax(whole))]
+    values = np.column_stack([c[first - w : last - w] for w, c in zip(offsets, curves, strict=True)])
+    late = channels[int(np.argmax(offsets))]
     note = (
         f"{path.name}: its channels start at different times, '{late}' "
-        f"{whole.max() / (own_rate or rate):.6g} s after the first; the {last - first} samples that all "
+        f"{offsets.max() / (file_rate or rate):.6g} s after the first; the {last - first} samples that all "
         "of them have are used"
     )
     return TimeData(path.name, rate, tuple(channels), values, tuple(units), notes=(note,))
@@ -493,13 +493,13 @@ def _text(path: Path, sample_rate: float | None) -> TimeData:
         stamped = k == 0 and table.stamped
         label = "" if stamped else heading.unit
         seconds[k] = _seconds(path, f"the column '{heading.name}'", label) * table.values[:, k].real
-    starts, own = _starts_of_columns(path, rest, seconds, even=sample_rate is None)
+    starts, file_rate = _starts_of_columns(path, rest, seconds, even=sample_rate is None)
     channels = [heads[k].name or f"ch{i + 1}" for i, k in enumerate(rest)]
     curves = [np.asarray(table.values[:, k], dtype=float) for k in rest]
     units = [heads[k].unit for k in rest]
     if not rest:
-        _refuse(path, "it has times and no channels beside them")
-    return _together(path, _rate(path, sample_rate, own), channels, curves, units, starts, own)
+        _refuse(path, "it has times and no other channels")
+    return _together(path, _rate(path, sample_rate, file_rate), channels, curves, units, starts, file_rate)
 
 
 def _rises(x: Floats) -> bool:
@@ -607,8 +607,8 @@ def _arrays(path: Path, arrays: dict[str, Named], sample_rate: float | None) -> 
     data = {k: v for k, v in data.items() if v.ndim in (1, 2) and v.size > 1}
     if not data:
         _refuse(path, f"it has no arrays of samples; it has {', '.join(arrays) or 'none'}")
-    own = _rate_of_times(path, times) if times and (sample_rate is None or len(times) > 1) else None
-    found = sample_rate or own or _stated(path, arrays, named(_RATES), named(_STEPS))
+    file_rate = _rate_of_times(path, times) if times and (sample_rate is None or len(times) > 1) else None
+    found = sample_rate or file_rate or _stated(path, arrays, named(_RATES), named(_STEPS))
     longest = max(max(v.shape) for v in data.values())
     channels: list[str] = []
     curves: list[Floats] = []
@@ -641,7 +641,7 @@ def _arrays(path: Path, arrays: dict[str, Named], sample_rate: float | None) -> 
         listed = ", ".join(f"{k} {' × '.join(map(str, v.shape))}" for k, v in data.items())
         sizes = ", ".join(f"{k} {t.size}" for k, t in times.items())
         _refuse(path, f"no array has as many samples as its times ({sizes}); it has {listed}")
-    return _together(path, _rate(path, sample_rate, found), channels, curves, units, starts, own)
+    return _together(path, _rate(path, sample_rate, found), channels, curves, units, starts, file_rate)
 
 
 def _rate_of_times(path: Path, times: Mapping[str, Floats]) -> float:

@@ -1,4 +1,4 @@
-"""Try compiled readers in a process of their own first: a damaged file may end it."""
+"""Try compiled readers in a separate process first: a damaged file may end it."""
 
 import faulthandler
 import os

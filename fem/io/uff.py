@@ -1,8 +1,8 @@
 """Universal files (UFF, ``.uff`` and ``.unv``): the datasets that are read, and their results.
 
-Datasets that define the meaning of others (units 164, coordinate systems 18 and 2420, nodes) act on the
-whole file, whatever their place. Lengths and forces are in SI, positions and directions along the global
-axes. A dataset of another type is in ``skipped``, unless it says nothing about geometry or measured values.
+Datasets that define the meaning of others (units 164, coordinate systems 18 and 2420, nodes) act on all of
+the file, whatever their place. Lengths and forces are in SI, positions and directions along the global axes.
+A dataset of another type is in ``skipped``, unless it says nothing about geometry or measured values.
 """
 
 import os
@@ -217,7 +217,7 @@ def read_uff(
         Kind of the FRFs whose data types do not say it. Those that say it keep theirs.
     unit_labels : bool
         Whether FRFs whose records have the label of a unit other than SI, such as g or mm/s², are converted
-        by it; not where the caller has a factor of his own.
+        by it; not where the caller gives a factor.
 
     Raises
     ------

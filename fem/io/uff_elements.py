@@ -9,7 +9,7 @@ import numpy as np
 from fem.io.array_types import Bools, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import Block
-from fem.io.uff_numbers import Tokens, text_at, tokens, whole, whole_of
+from fem.io.uff_numbers import Tokens, integer, integer_of, text_at, tokens
 from fem.io.uff_types import Element, TraceLine
 
 HEADS: dict[int, tuple[int, tuple[int, ...]]] = {780: (8, (0, 1, 3, 5, 7)), 2412: (6, (0, 1, 2, 3, 5))}
@@ -100,7 +100,7 @@ class Elements(Sequence[Element]):
                 one, two = sorted((int(self.line[order[k]]), int(self.line[order[k + 1]])))
                 refuse(
                     f"element {a.number} is defined at line {one} and again, with other nodes or type, at "
-                    f"line {two}; each element needs a number of its own"
+                    f"line {two}; each element needs another number"
                 )
             kept[order[k + 1]] = False
         return self._chosen(kept)
@@ -218,7 +218,7 @@ def _damage(block: Block) -> str:
     n_head, columns = HEADS[block.kind]
     record = 1
     while record < block.n_lines:
-        head = _whole_line(block, record)
+        head = _integer_line(block, record)
         if isinstance(head, str) or len(head) != n_head or head[columns[4]] < 1:
             return (
                 head
@@ -232,13 +232,13 @@ def _damage(block: Block) -> str:
         record += 1
         got = 0
         if record < block.n_lines:
-            row = _whole_line(block, record)
+            row = _integer_line(block, record)
             if (not isinstance(row, str) and len(row) != min(n, 8) and len(row) == 3) or (
                 n == 3 and head[columns[1]] in BEAMS
             ):
                 record += 1
         while got < n and record < block.n_lines:
-            row = _whole_line(block, record)
+            row = _integer_line(block, record)
             if isinstance(row, str):
                 return row
             if not row or len(row) != min(n - got, 8):
@@ -253,10 +253,10 @@ def _damage(block: Block) -> str:
     return "its lines do not have the form of elements"
 
 
-def _whole_line(block: Block, record: int) -> list[int] | str:
+def _integer_line(block: Block, record: int) -> list[int] | str:
     row: list[int] = []
     for word in block.lines[record].split():
-        value = whole_of(word)
+        value = integer_of(word)
         if value is None:
             return f"{block.at(record)} has {word[:20]!r} where a whole number is expected"
         row.append(value)
@@ -268,12 +268,12 @@ def trace_line_of(block: Block) -> TraceLine:
     head = text_at(block, 1)
     words = head.split()
     number, count = (
-        whole(block, 1, word) for word in (words[:2] if len(words) >= 3 else (head[:10], head[10:20]))
+        integer(block, 1, word) for word in (words[:2] if len(words) >= 3 else (head[:10], head[10:20]))
     )
     name = text_at(block, 2).strip()
     nodes: list[int] = []
     for record in range(3, block.n_lines):
-        nodes += _whole_row(block, record)
+        nodes += _integer_row(block, record)
     if len(nodes) < count:
         refuse(f"trace line {number} announces {count} nodes and has {len(nodes)}")
     strokes: list[list[int]] = [[]]
@@ -293,12 +293,12 @@ def _columns_of_ten(line: str) -> list[str]:
     return [line[k : k + 10] for k in range(0, len(line.rstrip()), 10)]
 
 
-def _whole_row(block: Block, record: int) -> list[int]:
+def _integer_row(block: Block, record: int) -> list[int]:
     line = text_at(block, record)
     words = line.split()
     if all(len(word) <= 10 for word in words) and line.isascii() and "".join(words).isdigit():
         return list(map(int, words))
-    return [whole(block, record, word) for word in _columns_of_ten(line)]
+    return [integer(block, record, word) for word in _columns_of_ten(line)]
 
 
 def _by_code(codes: Sequence[int], labels: Sequence[int]) -> dict[int, list[int]]:
@@ -314,7 +314,7 @@ def _entities(
     """Read the entities of a group line by line; return also the line after them."""
     flat: list[int] = []
     while len(flat) < count * per_entity:
-        row = _whole_row(block, record)
+        row = _integer_row(block, record)
         if not row or len(row) % per_entity:
             refuse(
                 f"{block.at(record)} has {len(row)} numbers where {per_entity} for each entity of {group} "
@@ -338,7 +338,7 @@ def groups_of(block: Block) -> Iterator[Group]:
         head = _columns_of_ten(block.lines[record])
         if not 6 <= len(head) <= 8:
             refuse(f"{block.at(record)} has {len(head)} numbers where the 8 of a group are expected")
-        number, count = whole(block, record, head[0]), whole(block, record, head[-1])
+        number, count = integer(block, record, head[0]), integer(block, record, head[-1])
         name = text_at(block, record + 1).strip()
         place = f"dataset {block.kind}, {block.at(record)}"
         record += 2

@@ -272,7 +272,7 @@ def _refused(cursor: _Cursor, block: Block) -> Block:
 def _layouts(header: tuple[str, ...]) -> list[np.dtype[Any]]:
     """Return the possible layouts of one value: that of the header first, then those of other programs.
 
-    Where the abscissa is stored, some programs write it in single precision beside ordinates in double
+    Where the abscissa is stored, some programs write it in single precision with ordinates in double
     precision; some write double precision under a header that says single, or the reverse.
     """
     if len(header) < HEADER_LINES:

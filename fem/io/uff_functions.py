@@ -13,7 +13,7 @@ from fem.io.array_types import Floats
 from fem.io.faults import error_at, refuse
 from fem.io.uff_format import Block, UffError, label_of, parse_label
 from fem.io.uff_nodes import Nodes
-from fem.io.uff_numbers import number_of, real, text_at, tokens, whole, whole_of
+from fem.io.uff_numbers import integer, integer_of, number_of, real, text_at, tokens
 from fem.io.uff_types import MOTIONS, Function
 from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
 
@@ -58,8 +58,8 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
             raise ValueError(msg) from None
     axes = [_axis(block, record) for record in (8, 9, 10)]
     x, values = _ordinates(block, notes)
-    factor, said, _ = abscissa_factor(axes[0][0], axes[0][1])
-    notes += [said] if said and numbers[0] in FRF_TYPES else []
+    factor, note, _ = abscissa_factor(axes[0][0], axes[0][1])
+    notes += [note] if note and numbers[0] in FRF_TYPES else []
     x_unit = axes[0][1]
     if factor != 1.0:
         x_unit = "s" if axes[0][0] == TIME else "Hz"
@@ -76,23 +76,23 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
 def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tuple[_End, _End]]:
     """Read record 6, by its columns, or by its blanks where a long name has shifted them.
 
-    Columns are trusted where each whole number ends with its own and nothing stands between them.
+    Columns are trusted where each integer ends with its column and nothing is between them.
     """
     line = text_at(block, 6)
     parts = [[line[a:b].ljust(b - a) for a, b in part] for part in _ENDS]
     columns = [*parts[0], *(text for part in parts[1:] if "".join(part).strip() for text in part[1:])]
     blank = not line[80:].strip() and all(not line[k : k + 1].strip() for k in (30, 55))
-    if blank and all(text[-1:].strip() and whole_of(text) is not None for text in columns):
-        found = [_End(name.strip(), *(whole(block, 6, t) for t in texts)) for name, *texts in parts[1:]]
-        return [whole(block, 6, text) for text in parts[0]], (found[0], found[1])
+    if blank and all(text[-1:].strip() and integer_of(text) is not None for text in columns):
+        found = [_End(name.strip(), *(integer(block, 6, t) for t in texts)) for name, *texts in parts[1:]]
+        return [integer(block, 6, text) for text in parts[0]], (found[0], found[1])
     words = line.split()
-    whole_numbers = [whole_of(words[k]) if k < len(words) else None for k in (0, 1, 2, 3, 5, 6, 8, 9)]
-    if len(words) != 10 or None in whole_numbers:
+    integers = [integer_of(words[k]) if k < len(words) else None for k in (0, 1, 2, 3, 5, 6, 8, 9)]
+    if len(words) != 10 or None in integers:
         refuse(
             f"{block.at(6)} does not have response and reference in the columns of the format: a name of "
             "more than 10 characters shifts node and direction; shorten it, or leave out its blanks"
         )
-    numbers = [k for k in whole_numbers if k is not None]
+    numbers = [k for k in integers if k is not None]
     notes.append(
         "names of more than 10 characters shift the columns of response and reference, which are "
         "therefore split at blanks"
@@ -103,7 +103,7 @@ def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tupl
 def _axis(block: Block, record: int) -> tuple[int, str]:
     """Return the specific data type of an axis and the label of its unit."""
     line = text_at(block, record)
-    kind = whole(block, record, line[:10])
+    kind = integer(block, record, line[:10])
     if line[46:47].strip():  # a long label of the axis shifts that of the unit
         parts = re.split(r" {2,}", line[26:].strip())
         return kind, text_of(parts[-1]) if len(parts) > 1 else ""
@@ -113,7 +113,7 @@ def _axis(block: Block, record: int) -> tuple[int, str]:
 def _ordinates(block: Block, notes: list[str]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return abscissa and ordinate, as many as the header announces."""
     line = text_at(block, 7)
-    kind, n, even = (whole(block, 7, line[k : k + 10]) for k in (0, 10, 20))
+    kind, n, even = (integer(block, 7, line[k : k + 10]) for k in (0, 10, 20))
     start, step = (real(block, 7, line[k : k + 13]) for k in (30, 43))
     if kind not in (2, 4, 5, 6) or n < 0 or even not in (0, 1):
         refuse(
@@ -271,7 +271,7 @@ class _Group:
         self.labels: dict[tuple[str, bool], str] = {}
 
     def alike(self, function: Function, kind: FRFKind) -> bool:
-        """Tell whether a record is of this matrix; rotations have a unit label of their own."""
+        """Tell whether a record is of this matrix; rotations have another unit label."""
         return (
             kind == self.kind
             and function.load_case == self.first.load_case
@@ -341,7 +341,7 @@ def frf_groups(records: Sequence[Record], file: str) -> FRFGroups:
     cases = list(dict.fromkeys(g.first.load_case for g in groups))
     if len(cases) > 1:
         out.notes.append(
-            f"FRFs of {len(cases)} load cases ({', '.join(map(str, cases))}) are matrices of their own, "
+            f"FRFs of {len(cases)} load cases ({', '.join(map(str, cases))}) are separate matrices, "
             f"load case {cases[0]} from {groups[0].first.place} on"
         )
     for group in groups:
@@ -360,7 +360,7 @@ def _strains_apart(records: Sequence[Record]) -> list[Record]:
 
 @dataclass(slots=True, eq=False)
 class _Twice:
-    """Records that come again: with the same values, and with others beside the first of them."""
+    """Records that are repeated: with the same values, and with other ones than the first of them."""
 
     equal: list[Function] = field(default_factory=list)
     other: list[tuple[Function, Function]] = field(default_factory=list)

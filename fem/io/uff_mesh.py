@@ -159,10 +159,10 @@ def _add_sets(
     for trace, pairs in zip(trace_lines, _pairs_of(trace_lines, points, raw), strict=True):
         found = lines.joining(pairs)
         by_number[trace.number] = found
-        own = found[free[found]]
-        if own.size:
-            sets[trace.name] = own
-            free[own] = False
+        free_lines = found[free[found]]
+        if free_lines.size:
+            sets[trace.name] = free_lines
+            free[free_lines] = False
     for group in groups:
         rows = _lines_of(group, elements, lines, by_number, raw)
         nodes = _nodes_of(group, points, raw)

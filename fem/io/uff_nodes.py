@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fem.io.array_types import Bools, Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import Block, label_of, parse_label
-from fem.io.uff_numbers import line_of, records, whole_columns
+from fem.io.uff_numbers import integer_columns, line_of, records
 from fem.io.uff_systems import CARTESIAN, GLOBAL_NUMBERS, Systems
 from fem.io.uff_types import Points
 
@@ -22,7 +22,7 @@ PATTERNS: dict[int, tuple[tuple[int, ...], ...]] = {
 """Columns of the lines of a node: label, definition system, displacement system, colour, coordinates."""
 
 _ALONG_AXIS = 1e-4
-"""Components by which a direction may miss a global axis and count as its own: angles of 0.006 degrees."""
+"""Components by which a direction may miss a global axis and count as along it: angles of 0.006 degrees."""
 
 
 @dataclass(slots=True, eq=False)
@@ -44,7 +44,7 @@ class Nodes:
             row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
             place = line_of(block, row, len(pattern))
             refuse(f"node {values[row, 0]:g} at {place} has a coordinate that is not a finite number")
-        self.blocks.append((block, whole_columns(block, values, (0, 1, 2), len(pattern)), values[:, 4:]))
+        self.blocks.append((block, integer_columns(block, values, (0, 1, 2), len(pattern)), values[:, 4:]))
 
     def points(self, length: float) -> Points | None:
         """Return all nodes in global coordinates [m], each once; ``length`` is file units a metre.
@@ -56,7 +56,7 @@ class Nodes:
         """
         if not self.blocks:
             return None
-        numbers = np.concatenate([whole for _, whole, _ in self.blocks])
+        numbers = np.concatenate([integers for _, integers, _ in self.blocks])
         labels = numbers[:, 0]
         xyz = np.concatenate([xyz for _, _, xyz in self.blocks])
         self._place(numbers, xyz)
@@ -70,9 +70,8 @@ class Nodes:
         return Points(labels[kept], xyz[kept] / length)
 
     def _place(self, numbers: Ints, xyz: Floats) -> None:
-        """Turn positions in systems of their own into global ones, in place."""
-        own = np.unique(numbers[:, 1])
-        for number in own.tolist():
+        """Turn positions in local systems into global ones, in place."""
+        for number in np.unique(numbers[:, 1]).tolist():
             rows = np.flatnonzero(numbers[:, 1] == number)
             try:
                 system = self.systems.get(number)
@@ -102,20 +101,19 @@ class Nodes:
             more = f", and {int(other.sum()) - 1} more nodes likewise" if other.sum() > 1 else ""
             refuse(
                 f"node {numbers[one, 0]} is defined at {self._line(one)} and at {self._line(two)} with two "
-                f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs a number of its "
-                "own"
+                f"{what}, {_triple(xyz[one])} and {_triple(xyz[two])}{more}; each node needs another number"
             )
 
     def _line(self, row: int) -> str:
-        for block, whole, _ in self.blocks:
-            if row < len(whole):
+        for block, integers, _ in self.blocks:
+            if row < len(integers):
                 return line_of(block, int(row), len(PATTERNS[block.kind]))
-            row -= len(whole)
+            row -= len(integers)
         return "an unknown line"
 
     def _remember_turned(self, numbers: Ints, xyz: Floats) -> None:
-        own = [k for k in np.unique(numbers[:, 2]).tolist() if k not in GLOBAL_NUMBERS or self._defines(k)]
-        rows = np.flatnonzero(np.isin(numbers[:, 2], own))
+        turned = [k for k in np.unique(numbers[:, 2]).tolist() if k not in GLOBAL_NUMBERS or self._defines(k)]
+        rows = np.flatnonzero(np.isin(numbers[:, 2], turned))
         self._turned = dict(zip(numbers[rows, 0].tolist(), numbers[rows, 2].tolist(), strict=True))
         self._at = dict(zip(numbers[rows, 0].tolist(), xyz[rows], strict=True))
 
@@ -147,7 +145,7 @@ class Nodes:
 
     @property
     def any_turned(self) -> bool:
-        """Whether displacements of a node are in a system of its own."""
+        """Whether displacements of a node are in a local system."""
         return bool(self._turned)
 
     def global_label(self, label: str) -> str | None:

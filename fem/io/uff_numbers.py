@@ -2,7 +2,7 @@
 
 The format has columns, in which numbers may touch (``0-1.000000E+00``) and an empty column means 0; many
 programs write other widths, with blanks between. A line with as many numbers between blanks as it has columns
-is taken by its blanks, every other one by its columns. Whole datasets whose lines are all of the first kind
+is taken by its blanks, every other one by its columns. Datasets whose lines are all of the first kind
 are converted at once.
 """
 
@@ -22,8 +22,8 @@ _NUMBER = re.compile(
     r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([-+]?[0-9]+)|([-+][0-9]+))?", re.ASCII
 )
 _LONGEST_NUMBER = 60
-_LARGEST_WHOLE = 2.0**53
-"""Whole numbers up to which a float is exact."""
+_LARGEST_INTEGER = 2.0**53
+"""Integers up to which a float is exact."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,11 +50,11 @@ def number_of(text: str) -> float | None:
     return None if found is None else float(f"{found[1]}e{found[2] or found[3] or 0}")
 
 
-def whole_of(text: str) -> int | None:
+def integer_of(text: str) -> int | None:
     """Return a whole number; None if it is none."""
     value = number_of(text)
-    whole = value is not None and value == np.floor(value) and abs(value) <= _LARGEST_WHOLE
-    return int(value) if whole and value is not None else None
+    exact = value is not None and value == np.floor(value) and abs(value) <= _LARGEST_INTEGER
+    return int(value) if exact and value is not None else None
 
 
 def real(block: Block, record: int, text: str) -> float:
@@ -71,9 +71,9 @@ def real(block: Block, record: int, text: str) -> float:
     return value
 
 
-def whole(block: Block, record: int, text: str) -> int:
+def integer(block: Block, record: int, text: str) -> int:
     """Return the whole number in a column, 0 where it is empty; raise as :func:`real`."""
-    value = whole_of(text) if text.strip() else 0
+    value = integer_of(text) if text.strip() else 0
     if value is None:
         refuse(f"{block.at(record)} has {text.strip()[:20]!r} where a whole number is expected")
     return value
@@ -145,7 +145,7 @@ def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> F
     Raises
     ------
     ValueError
-        With the line of the file, where there is no number or the last record is not whole.
+        With the line of the file, where there is no number or the last record is not complete.
     """
     found = tokens(block, first)
     columns = np.array([len(widths) for widths in pattern])
@@ -169,10 +169,10 @@ def line_of(block: Block, position: int, n_lines: int, first: int = 1) -> str:
     return block.at(full[position * n_lines])
 
 
-def whole_columns(block: Block, values: Floats, columns: Sequence[int], n_lines: int) -> Ints:
+def integer_columns(block: Block, values: Floats, columns: Sequence[int], n_lines: int) -> Ints:
     """Return columns of records as whole numbers; raise with the line where one is none."""
     chosen = values[:, columns]
-    good = np.isfinite(chosen) & (np.abs(chosen) <= _LARGEST_WHOLE)
+    good = np.isfinite(chosen) & (np.abs(chosen) <= _LARGEST_INTEGER)
     good &= np.where(good, chosen, 0.5) == np.floor(np.where(good, chosen, 0.0))
     if not good.all():
         row, column = (int(k) for k in np.argwhere(~good)[0])

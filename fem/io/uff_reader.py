@@ -39,7 +39,7 @@ R = TypeVar("R")
 
 
 @dataclass(slots=True)
-class _Said:
+class _Counted:
     """A sentence about the first of several things, and how many there are."""
 
     first: str
@@ -53,18 +53,18 @@ class _Sentences:
     """Sentences, one for each subject."""
 
     def __init__(self) -> None:
-        self._said: dict[str, _Said] = {}
+        self._counted: dict[str, _Counted] = {}
 
     def add(self, key: str, words: str) -> None:
         """Add a sentence, or count it where there is one about the same."""
-        if key in self._said:
-            self._said[key].count += 1
+        if key in self._counted:
+            self._counted[key].count += 1
         else:
-            self._said[key] = _Said(words)
+            self._counted[key] = _Counted(words)
 
     def texts(self, without: tuple[str, ...] = ()) -> list[str]:
         """Return all sentences but those whose keys begin with one of some words."""
-        return [str(said) for key, said in self._said.items() if not without or not key.startswith(without)]
+        return [str(c) for key, c in self._counted.items() if not without or not key.startswith(without)]
 
 
 class FileReader:
@@ -180,8 +180,8 @@ class FileReader:
         converted = set() if points is None else {"coordinates"}
         converted |= {"mode shapes"} if self.shapes else set()
         frfs = frf_groups(self._guarded("", self._frfs, (units, converted)), self.file)
-        modes, said = modes_of(self._guarded("", self._global_shapes, units), self.file)
-        for note in (*frfs.notes, *said):
+        modes, mode_notes = modes_of(self._guarded("", self._global_shapes, units), self.file)
+        for note in (*frfs.notes, *mode_notes):
             self.notes.add(note, note)
         for words in frfs.left_out:
             self.skipped.add(f"FRF {words}", words)
@@ -220,11 +220,11 @@ class FileReader:
         units, converted = given
         out: list[Record] = []
         of_motions = next((kind for f, kind in self.records if not f.is_strain), None)
-        for f, own in self.records:
-            kind = of_motions if f.is_strain and of_motions is not None else own
-            factor, by_file, said = response_and_force(f, kind, units, self.unit_labels)
-            if said:
-                self.skipped.add(f"FRF {said}", f"{f.place}: FRF {f.response}/{f.reference}: {said}")
+        for f, stated in self.records:
+            kind = of_motions if f.is_strain and of_motions is not None else stated
+            factor, by_file, problem = response_and_force(f, kind, units, self.unit_labels)
+            if problem:
+                self.skipped.add(f"FRF {problem}", f"{f.place}: FRF {f.response}/{f.reference}: {problem}")
             if np.isclose(factor, by_file, rtol=1e-12, atol=0):
                 converted.add("FRFs")
             else:
@@ -257,7 +257,7 @@ class FileReader:
             if self.nodes.any_turned:
                 shape = replace(shape, values=shape.values.copy())
                 if n := turn_shape(self.nodes, shape.nodes.tolist(), shape.values):
-                    words = f"displacements of shapes at {n} nodes are turned from systems of their own"
+                    words = f"displacements of shapes at {n} nodes are turned from local systems"
                     self.notes.add("shapes turned", f"{words} into global ones")
             out.append(shape_in_si(shape, units))
         return out

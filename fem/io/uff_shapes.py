@@ -11,7 +11,7 @@ from fem.analysis.modes import Modes
 from fem.io.array_types import Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import Block, UffError, label_of
-from fem.io.uff_numbers import number_of, real, text_at, tokens, whole
+from fem.io.uff_numbers import integer, number_of, real, text_at, tokens
 from fem.io.uff_types import Units
 
 _DISPLACEMENTS = (0, 1, 8, 11, 12)
@@ -63,7 +63,7 @@ def read_shape(block: Block) -> Shape | str:
     """Read a dataset 55 or 2414: a shape, or why it is none."""
     if len(block.lines) < 9:
         refuse(f"it has {len(block.lines)} lines, too few for its header")
-    if block.kind == 2414 and (location := _wholes(block, 3, 1)[0]) != 1:
+    if block.kind == 2414 and (location := _integers(block, 3, 1)[0]) != 1:
         return f"its values are at location {location}, not at nodes (1)"
     head = _header_of_2414(block) if block.kind == 2414 else _header_of_55(block)
     if isinstance(head, str):
@@ -90,9 +90,9 @@ def read_shape(block: Block) -> Shape | str:
     return Shape(nodes, values, size / (2 * np.pi), zeta, 0.0, block.name, head.modal_a, head.number)
 
 
-def _wholes(block: Block, record: int, count: int) -> list[int]:
+def _integers(block: Block, record: int, count: int) -> list[int]:
     line = text_at(block, record)
-    return [whole(block, record, line[10 * k : 10 * k + 10]) for k in range(count)]
+    return [integer(block, record, line[10 * k : 10 * k + 10]) for k in range(count)]
 
 
 def _reals(block: Block, record: int, count: int) -> list[float]:
@@ -104,10 +104,10 @@ def _reals(block: Block, record: int, count: int) -> list[float]:
 
 
 def _header_of_55(block: Block) -> _Header | str:
-    _, analysis, characteristic, result, data_type, per_node = _wholes(block, 6, 6)
+    _, analysis, characteristic, result, data_type, per_node = _integers(block, 6, 6)
     if analysis not in (2, 3, 7):
         return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
-    number = _wholes(block, 7, 4)[3]
+    number = _integers(block, 7, 4)[3]
     frequency, mass, viscous, hysteretic, *_ = reals = _reals(block, 8, 6)
     return _Header(
         analysis, characteristic, result, data_type, per_node, frequency, mass, viscous, hysteretic,
@@ -116,10 +116,10 @@ def _header_of_55(block: Block) -> _Header | str:
 
 
 def _header_of_2414(block: Block) -> _Header | str:
-    _, analysis, characteristic, result, data_type, per_node = _wholes(block, 9, 6)
+    _, analysis, characteristic, result, data_type, per_node = _integers(block, 9, 6)
     if analysis not in (2, 3, 7):
         return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
-    number = _wholes(block, 10, 6)[5]
+    number = _integers(block, 10, 6)[5]
     _, frequency, eigenvalue, mass, viscous, hysteretic = _reals(block, 12, 6)
     more = _reals(block, 13, 6)
     if not frequency and eigenvalue > 0:
@@ -165,7 +165,7 @@ def _nodal_values_by_width(block: Block, count: int, first: int) -> tuple[Ints, 
         if not block.lines[record].strip():
             record += 1
             continue
-        nodes.append(whole(block, record, block.lines[record][:10]))
+        nodes.append(integer(block, record, block.lines[record][:10]))
         record += 1
         row: list[float] = []
         while len(row) < count and record < len(block.lines):
@@ -239,9 +239,9 @@ def _of_one_test(shapes: list[Shape]) -> list[list[Shape]]:
     """Return shapes in groups that are connected by sharing half of two shapes' nodes or more."""
     groups: list[tuple[list[frozenset[int]], list[Shape]]] = []
     for shape in shapes:
-        own = frozenset(shape.nodes.tolist())
-        near = [g for g in groups if any(2 * len(own & other) >= len(own | other) for other in g[0])]
-        sets = list(dict.fromkeys([*(one for g in near for one in g[0]), own]))
+        nodes = frozenset(shape.nodes.tolist())
+        near = [g for g in groups if any(2 * len(nodes & other) >= len(nodes | other) for other in g[0])]
+        sets = list(dict.fromkeys([*(one for g in near for one in g[0]), nodes]))
         joined = sets, [*(one for g in near for one in g[1]), shape]
         groups = [*(g for g in groups if g not in near), joined]
     return [group for _, group in groups]

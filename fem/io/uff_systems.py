@@ -8,7 +8,7 @@ import numpy as np
 from fem.io.array_types import Floats
 from fem.io.faults import refuse
 from fem.io.uff_format import Block
-from fem.io.uff_numbers import cells, real, text_at, whole
+from fem.io.uff_numbers import cells, integer, real, text_at
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = range(3)
 
@@ -183,7 +183,7 @@ def _of_2420(block: Block) -> Iterator[tuple[int, _Definition]]:
         if not block.lines[record].strip():
             record += 1
             continue
-        number, kind = (whole(block, record, text) for text in _leading(text_at(block, record), 10, 2))
+        number, kind = (integer(block, record, text) for text in _leading(text_at(block, record), 10, 2))
         rows = []
         for k in range(record + 2, record + 6):
             text_at(block, k)
@@ -200,7 +200,7 @@ def _of_18(block: Block) -> Iterator[tuple[int, _Definition]]:
             record += 1
             continue
         number, kind, reference, _, method = (
-            whole(block, record, text) for text in _leading(text_at(block, record), 10, 5)
+            integer(block, record, text) for text in _leading(text_at(block, record), 10, 5)
         )
         values: list[float] = []
         for k, n in ((record + 2, 6), (record + 3, 3)):

@@ -10,7 +10,7 @@ import numpy as np
 from fem.analysis.frf import FRFKind
 from fem.io.faults import refuse
 from fem.io.uff_format import Block, parse_label
-from fem.io.uff_numbers import real, text_at, whole
+from fem.io.uff_numbers import integer, real, text_at
 from fem.io.uff_types import MOTIONS, Function, Units
 from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, strain_of
 
@@ -67,7 +67,7 @@ def units_of(block: Block) -> Units:
     length, force = (real(block, 2, text) for text in texts)
     if not (length > 0 and force > 0):
         refuse(f"unit factors {length} and {force}; they must be positive")
-    return Units(whole(block, 1, head[:10]), head[10:30].strip(), length, force)
+    return Units(integer(block, 1, head[:10]), head[10:30].strip(), length, force)
 
 
 def motion_factor(label: str, kind: FRFKind, turned: bool) -> float | None:
@@ -138,17 +138,17 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
 
 
 def _between_motions(f: Function, units: Units, labels: bool) -> tuple[float, float, str]:
-    """Return the same for a motion for a motion: each has its own label or the file's unit of length."""
+    """Return the same for a motion for a motion: each has a label or the file's unit of length."""
     factors, by_file, unknown = [], [], []
     response = f.response, f.ordinate_type, f.unit
     reference = f.reference, f.denominator_type, f.denominator_unit
     for end, kind, label in (response, reference):
         turned = abs(parse_label(end)[1]) > 3
-        own = 1.0 if turned else 1 / units.length
+        of_file = 1.0 if turned else 1 / units.length
         known = motion_factor(label, MOTIONS[kind], turned) if label else None
         if label and known is None:
             unknown.append(f"'{label}'")
-        factors.append(known if known and labels else own)
-        by_file.append(own)
+        factors.append(known if known and labels else of_file)
+        by_file.append(of_file)
     words = f"the unit label {' and '.join(unknown)} is not known for transmissibilities and is ignored"
     return factors[0] / factors[1], by_file[0] / by_file[1], words if unknown and labels else ""

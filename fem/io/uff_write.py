@@ -54,7 +54,7 @@ def write_uff(
 ) -> None:
     """Write FRFs, other functions, mode shapes and a geometry to a universal file, in SI units.
 
-    The file is replaced whole or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
+    The file is replaced completely or not at all. Datasets: 151 header, 164 units, 15 or 2411 points, 2412
     elements, 82 trace lines (one a member), 2467 permanent groups (of a mesh's groups and named points),
     55 mode shapes, 58 or 58b FRFs. The format keeps FRF values exactly in binary double precision, to 6e-8 in
     binary single, 5e-13 in text double and 5e-6 in text single precision; frequencies to 1e-12 or exactly in
@@ -85,7 +85,7 @@ def write_uff(
         ω_d the imaginary part of λ, which is unit modal mass where damping is proportional. Zero, for
         unknown, unless given.
     geometry : Points, optional
-        Points with node numbers of their own, in place of those of a mesh.
+        Points with node numbers, in place of those of a mesh.
     trace_lines : sequence of TraceLine, optional
         Lines through them, in place of a mesh's members.
     functions : sequence of Function, optional
@@ -94,7 +94,7 @@ def write_uff(
     Raises
     ------
     UffError
-        For a mesh beside a geometry, trace lines through nodes that are not there, labels that are not
+        For a mesh together with a geometry, trace lines through nodes that are not there, labels that are not
         degrees of freedom, values that single precision cannot hold, frequencies that the precision cannot
         tell apart, names that the format does not keep (longer than their field, with line ends), or nothing
         to write.
@@ -190,9 +190,9 @@ def _formatted(numbers: Sequence[float], cells: list[str], per_line: int) -> str
     """
     line = "".join(cells) * (per_line // len(cells)) + "\n"
     at_once = _LINES_AT_ONCE * per_line
-    n_whole = len(numbers) - len(numbers) % at_once
-    out = [line * _LINES_AT_ONCE % tuple(numbers[k : k + at_once]) for k in range(0, n_whole, at_once)]
-    rest = tuple(numbers[n_whole:])
+    n_blocks = len(numbers) - len(numbers) % at_once
+    out = [line * _LINES_AT_ONCE % tuple(numbers[k : k + at_once]) for k in range(0, n_blocks, at_once)]
+    rest = tuple(numbers[n_blocks:])
     n_lines, n_cells = divmod(len(rest), per_line)
     last = "".join([*cells, *cells * (per_line // len(cells))][:n_cells]) + "\n" if n_cells else ""
     return "".join([*out, (line * n_lines + last) % rest])
@@ -275,7 +275,7 @@ def _group_text(mesh: Mesh) -> str:
 def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> list[bytes]:
     start, step = _even_spacing(frf.frequency)
     if not step:
-        _check_told_apart(frf.frequency, binary, double)
+        _check_distinct(frf.frequency, binary, double)
     if not double and frf.H.size and np.abs(frf.H).max() > np.finfo(np.float32).max:
         msg = f"an FRF value is as large as {np.abs(frf.H).max():.3g}; single precision ends at 3.4e38"
         raise UffError(msg)
@@ -301,7 +301,7 @@ def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
     if not step and (np.diff(f.x) <= 0).any():
         refuse(f"the abscissa of {f.type_name} {f.response} does not rise", UffError)
     if not step:
-        _check_told_apart(f.x, binary, double)
+        _check_distinct(f.x, binary, double)
     columns = [np.real(f.values), np.imag(f.values)] if is_complex else [f.values]
     if not double and f.values.size and np.abs(f.values).max() > np.finfo(np.float32).max:
         msg = f"a value of {f.type_name} {f.response} is too large for single precision, which ends at 3.4e38"
@@ -349,14 +349,14 @@ def _even_spacing(frequency: Floats, least: float = -np.inf) -> tuple[float, flo
     return (start, step) if good else (0.0, 0.0)
 
 
-def _check_told_apart(frequency: Floats, binary: bool, double: bool) -> None:
+def _check_distinct(frequency: Floats, binary: bool, double: bool) -> None:
     if binary and double:
         return
     kept = frequency.astype(np.float32) if binary else np.array([float(f"{f:.6e}") for f in frequency])
     if (np.diff(kept) <= 0).any():
         k = int(np.argmax(np.diff(kept) <= 0))
         msg = (
-            f"frequencies {frequency[k]!r} and {frequency[k + 1]!r} Hz cannot be told apart in this form; "
+            f"frequencies {frequency[k]!r} and {frequency[k + 1]!r} Hz cannot be distinguished in this form; "
             "write binary and double"
         )
         raise UffError(msg)

@@ -301,7 +301,7 @@ def _symbols(text: str, at: int, nested: bool) -> tuple[list[Factor], int] | Non
 
 
 def _product(factors: Sequence[Factor]) -> Size:
-    size = math.prod(own**n for own, _, n in factors)
+    size = math.prod(factor**n for factor, _, n in factors)
     force, length, time, angle = (sum(n * powers[i] for _, powers, n in factors) for i in range(4))
     return size, (force, length, time, angle)
 

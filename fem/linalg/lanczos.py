@@ -56,7 +56,7 @@ def lowest_eigenpairs(
     Block Lanczos on (K - σM)⁻¹M with full M-orthogonalisation (Grimes, Lewis and Simon, *SIAM J. Matrix
     Anal. Appl.* 15, 1994, 228-272), without restart, until the residuals of all wanted pairs are below
     `TOLERANCE`. Of a repeated eigenvalue, a block of b vectors shows up to b eigenvectors; where as many are
-    found, another start looks for more beside them. Eigenvalues that are close but not equal are told apart
+    found, another start looks for more. Eigenvalues that are close but not equal are separated
     by the residuals, which stay large until each has its own vector.
 
     Parameters
@@ -90,8 +90,8 @@ def lowest_eigenpairs(
         if not (full or ended):
             break
         seed += 1
-        beside = np.hstack([fixed, pairs.vectors])
-        new, ended = _search(solve, M, shift, max(short, 0), limit if short > 0 else top, beside, block, seed)
+        found = np.hstack([fixed, pairs.vectors])
+        new, ended = _search(solve, M, shift, max(short, 0), limit if short > 0 else top, found, block, seed)
         pairs = merged(pairs, new, len(pairs.eigenvalues) + len(new.eigenvalues))
     want = max(n, int((pairs.eigenvalues <= limit).sum()) + 1)
     return pairs if new is pairs else merged(pairs, pairs.head(0), want)
@@ -162,9 +162,9 @@ def merged(one: RitzPairs, two: RitzPairs, n: int) -> RitzPairs:
     """Return the n lowest of two sets of pairs that are M-orthogonal to each other."""
     eigenvalues = np.concatenate([one.eigenvalues, two.eigenvalues])
     order = np.argsort(eigenvalues, kind="stable")
-    keep, left = order[:n], order[n:]
+    keep, dropped = order[:n], order[n:]
     vectors, residual = np.hstack([one.vectors, two.vectors]), np.concatenate([one.residual, two.residual])
-    following = min([one.following, two.following, *eigenvalues[left].tolist()])
+    following = min([one.following, two.following, *eigenvalues[dropped].tolist()])
     return RitzPairs(eigenvalues[keep], vectors[:, keep], residual[keep], following)
 
 

@@ -2,7 +2,7 @@
 
 A separator of few coordinates cuts the graph of the matrix into two halves, these are cut again, and so on
 (George, *SIAM J. Numer. Anal.* 10, 1973, 345-363). The leaves of this tree are eliminated first, each as a
-dense *front* of its own coordinates and of those in separators that they touch; the elimination's Schur
+dense *front* of its coordinates and of those in separators that they touch; the elimination's Schur
 complement on the separators is handed to the parent (Duff and Reid, *ACM Trans. Math. Softw.* 9, 1983,
 302-325). All arithmetic is in dense kernels of BLAS and LAPACK.
 
@@ -31,15 +31,15 @@ class Front:
     Attributes
     ----------
     first, last : int
-        Its own p coordinates are first … last - 1, in the order of elimination.
+        It eliminates the p coordinates first … last - 1, in this order.
     boundary : ndarray (b,)
         Coordinates eliminated later that its elimination couples, rising.
     children : tuple of (int, list of (int, int, int))
         Fronts that hand their remainder to this one, each with its boundary in runs: where a run begins and
-        ends there, and where it begins in this front. No run is both of own and of boundary coordinates.
-    own, edge : ndarray
-        Places of the matrix's entries in the block of own coordinates (p, p) and in that of boundary rows
-        (b, p), flat and column by column.
+        ends there, and where it begins in this front. No run is both of eliminated and of boundary
+        coordinates.
+    diagonal, edge : ndarray
+        Places of the matrix's entries in the diagonal block (p, p) and in the boundary rows (b, p), flat.
     split : ndarray of bool
         Which of the matrix entries belong to the first.
     """
@@ -48,7 +48,7 @@ class Front:
     last: int
     boundary: NDArray[np.int64]
     children: tuple[tuple[int, list[tuple[int, int, int]]], ...]
-    own: NDArray[np.int64]
+    diagonal: NDArray[np.int64]
     edge: NDArray[np.int64]
     split: NDArray[np.bool_]
 
@@ -122,7 +122,7 @@ def _upper_half(
 ) -> NDArray[np.bool_]:
     """Return which nodes lie in the upper half of their domain along x.
 
-    Whole levels of x stay together where neither side gets less than a fifth by that.
+    Nodes with the same x stay together where each side still gets a fifth of the weight.
     """
     order = _sorted_by(domain, x)
     w, d, x = weight[order], domain[order], x[order]
@@ -133,12 +133,12 @@ def _upper_half(
     level = np.zeros(n_domains, dtype=x.dtype)
     level[d[head]] = x[head]  # of the first node of the upper half
     best = np.full(n_domains, 0.2)
-    for whole in (x > level[d], x >= level[d]):
-        share = np.bincount(d, w * whole, n_domains) / np.maximum(total, 1e-300)
+    for above in (x > level[d], x >= level[d]):
+        share = np.bincount(d, w * above, n_domains) / np.maximum(total, 1e-300)
         fair = np.minimum(share, 1 - share)
         better = fair > best
         best = np.where(better, fair, best)
-        upper = np.where(better[d], whole, upper)
+        upper = np.where(better[d], above, upper)
     out = np.empty(len(x), dtype=bool)
     out[order] = upper
     return out
@@ -312,11 +312,11 @@ def _front(
     i = lower.indices[begin:end]
     j = np.repeat(np.arange(p), np.diff(lower.indptr[first : last + 1]))
     split = i < last
-    own = i[split] - first + j[split] * p
+    diagonal = i[split] - first + j[split] * p
     edge = np.searchsorted(rows, i[~split]) + j[~split] * b
     index = np.concatenate([np.arange(first, last), rows])
     at = tuple((c, _runs(np.searchsorted(index, boundary), p)) for c, boundary in children)
-    return Front(first, last, rows, at, own, edge, split)
+    return Front(first, last, rows, at, diagonal, edge, split)
 
 
 def _runs(at: NDArray[np.int64], p: int) -> list[tuple[int, int, int]]:
@@ -335,8 +335,8 @@ class Blocks:
     Attributes
     ----------
     plan : Plan
-    own : list of (ndarray (p, p), ndarray or None)
-        For each front the Cholesky factor of its own block and None, or its LU factors and their pivots.
+    diagonal : list of (ndarray (p, p), ndarray or None)
+        For each front the Cholesky factor of its diagonal block and None, or its LU factors and pivots.
     edge : list of ndarray (b, p)
         Boundary rows; times L⁻ᵀ where there is a Cholesky factor.
     negative : int or None
@@ -344,18 +344,18 @@ class Blocks:
     """
 
     plan: Plan
-    own: list[tuple[NDArray[Any], NDArray[Any] | None]]
+    diagonal: list[tuple[NDArray[Any], NDArray[Any] | None]]
     edge: list[NDArray[Any]]
     negative: int | None
 
     def solve(self, b: NDArray[Any]) -> NDArray[Any]:
         """Solve for one or many right-hand sides, shape (n,) or (n, k)."""
-        dtype = self.own[-1][0].dtype
+        dtype = self.diagonal[-1][0].dtype
         if np.iscomplexobj(b) and dtype.kind != "c":
             return self.solve(np.real(b)) + 1j * self.solve(np.imag(b))
         trsm, _, _, getrs = _kernels(dtype)
         X = np.ascontiguousarray(np.reshape(b, (len(b), -1))[self.plan.permutation], dtype=dtype)
-        steps = list(zip(self.plan.fronts, self.own, self.edge, strict=True))
+        steps = list(zip(self.plan.fronts, self.diagonal, self.edge, strict=True))
         for front, (F, pivots), E in steps:
             x = X[front.first : front.last]
             if not x.size:
@@ -390,7 +390,7 @@ def _kernels(dtype: np.dtype[Any]) -> tuple[Any, Any, Any, Any]:
 def factorise_blocks(A: Any, plan: Plan) -> Blocks:
     """Factorise a symmetric matrix, real or complex, with the pattern of a plan.
 
-    A front's own block gets a Cholesky factor if it is real and positive definite, and LU with partial
+    A front's diagonal block gets a Cholesky factor if it is real and positive definite, and LU with partial
     pivoting otherwise. Negative eigenvalues add up over the fronts (Haynsworth, *Linear Algebra Appl.* 1,
     1968, 73-81).
 
@@ -408,7 +408,7 @@ def factorise_blocks(A: Any, plan: Plan) -> Blocks:
     real = data.dtype.kind != "c"
     dtype = np.dtype(np.float64 if real else np.complex128)
     trsm, syrk, getrf, getrs = _kernels(dtype)
-    own: list[tuple[NDArray[Any], NDArray[Any] | None]] = []
+    diagonal: list[tuple[NDArray[Any], NDArray[Any] | None]] = []
     edge: list[NDArray[Any]] = []
     rest: dict[int, NDArray[Any]] = {}
     negative = 0
@@ -429,11 +429,11 @@ def factorise_blocks(A: Any, plan: Plan) -> Blocks:
             if failed:
                 raise ZeroDivisionError
             S = S - E @ getrs(L, pivots, E.T)[0] if E.size else S
-        own.append((L, pivots))
+        diagonal.append((L, pivots))
         edge.append(E)
         if S.size:
             rest[k] = S
-    return Blocks(plan, own, edge, negative if real else None)
+    return Blocks(plan, diagonal, edge, negative if real else None)
 
 
 def _add_remainder(
@@ -462,10 +462,10 @@ def _add_remainder(
 def _assembled(
     front: Front, values: NDArray[Any], dtype: np.dtype[Any]
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return the own block, the boundary rows, both with the matrix's entries, and an empty remainder."""
+    """Return the diagonal block and the boundary rows with the matrix's entries, and an empty remainder."""
     p, b = front.last - front.first, len(front.boundary)
     F, E = (np.zeros((m, p), dtype, order="F") for m in (p, b))
-    F.ravel(order="K")[front.own] = values[front.split]
+    F.ravel(order="K")[front.diagonal] = values[front.split]
     E.ravel(order="K")[front.edge] = values[~front.split]
     return F, E, np.zeros((b, b), dtype, order="F")
 

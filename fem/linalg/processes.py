@@ -1,4 +1,4 @@
-"""Eigenpairs by SLEPc and MUMPS in processes of their own, on one machine or several.
+"""Eigenpairs by SLEPc and MUMPS in separate processes, on one machine or several.
 
 The environment variable ``DOVETAIL_MPI`` holds the command that starts them, such as
 ``mpirun -n 2 /usr/bin/python3``. Its Python needs petsc4py and slepc4py, and need not be the one that runs
@@ -73,10 +73,10 @@ class Found:
 def lowest_by_processes(
     K: Any, M: Any, shift: float, n: int, known: NDArray[np.float64], start: tuple[str, ...] | None = None
 ) -> Found:
-    """Compute the n lowest eigenpairs beside known ones by Krylov-Schur iteration.
+    """Compute the n lowest eigenpairs besides known ones by Krylov-Schur iteration.
 
     The inertia of K - μM, with μ just above the last pair that is apart from the next, counts the eigenvalues
-    below. Where it counts more than were found, others are searched for beside them.
+    below. Where it counts more than were found, the missing ones are searched for.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ def lowest_by_processes(
     if vectors.shape[1]:
         vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
     following = float(eigenvalues[n]) if len(eigenvalues) > n else np.inf
-    own = found["processes"]
+    usage = found["processes"]
     return Found(
         RitzPairs(eigenvalues[:n], vectors[:, :n], residual[:n], following),
         found["n_below"],
-        tuple(p["cpu_seconds"] for p in own),
-        tuple(p["peak_bytes"] for p in own),
-        max(p["factor_seconds"] for p in own),
-        max(p["seconds"] for p in own),
+        tuple(p["cpu_seconds"] for p in usage),
+        tuple(p["peak_bytes"] for p in usage),
+        max(p["factor_seconds"] for p in usage),
+        max(p["seconds"] for p in usage),
     )
 
 
@@ -166,13 +166,13 @@ def _largest_stack() -> Iterator[None]:
 
 
 def _reason(text: str) -> str:
-    """Return Python's own error of the first process that failed, or the last lines of all."""
+    """Return the Python error of the first process that failed, or the last lines of all."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     for k, line in enumerate(lines):
         if re.match(r"[\w.]+(Error|Exception)\b", line):
-            # PETSc's own words are the last of the lines that begin with a process's number.
-            own = list(itertools.takewhile(lambda other: other.startswith("["), lines[k + 1 :]))
-            return " ".join([line, *own[-1:]])
+            # PETSc's message is the last of the lines that begin with a process's number.
+            numbered = list(itertools.takewhile(lambda other: other.startswith("["), lines[k + 1 :]))
+            return " ".join([line, *numbered[-1:]])
     return " | ".join(lines[-_LINES:]) or "no message"
 
 
@@ -210,14 +210,14 @@ def write_petsc(file: Path, A: Any, like: Any = None) -> None:
 
 
 def _spread(A: Any, pattern: Any) -> Any:
-    """Return A with the entries of a pattern that holds its own."""
+    """Return A with all entries of a pattern that contains those of A."""
     rows = np.repeat(np.arange(A.shape[0], dtype=np.int64), np.diff(pattern.indptr))
     keys = rows * A.shape[1] + pattern.indices
     A = A.copy()
     A.sort_indices()
-    own = np.repeat(np.arange(A.shape[0], dtype=np.int64), np.diff(A.indptr)) * A.shape[1] + A.indices
+    entries = np.repeat(np.arange(A.shape[0], dtype=np.int64), np.diff(A.indptr)) * A.shape[1] + A.indices
     data = np.zeros(pattern.nnz)
-    data[np.searchsorted(keys, own)] = A.data
+    data[np.searchsorted(keys, entries)] = A.data
     return sp.csr_array((data, pattern.indices, pattern.indptr), shape=A.shape)
 
 

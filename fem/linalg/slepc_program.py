@@ -1,4 +1,4 @@
-"""Lowest eigenpairs of K φ = λ M φ by SLEPc, with K - σM factorised by MUMPS: a program of its own.
+"""Lowest eigenpairs of K φ = λ M φ by SLEPc, with K - σM factorised by MUMPS: a separate program.
 
     mpirun -n N python slepc_program.py FOLDER
 
@@ -44,7 +44,7 @@ def main(folder: Path) -> None:
     slepc4py.init()
     from petsc4py import PETSc  # pyright: ignore[reportMissingImports]
 
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     problem = json.loads(Path(folder, "problem.json").read_text())
     K, M = (_matrix(PETSc, folder / f"{name}.petsc") for name in "KM")
     first, last = K.getOwnershipRange()
@@ -73,7 +73,7 @@ def main(folder: Path) -> None:
         found = [v for _, v, _ in pairs]
         more = _search(eps, count - k, known + found, size, tolerance)
         pairs = sorted(pairs + more, key=lambda pair: pair[0])
-    _write(PETSc, folder, pairs[: n + 1], n_below, begun, factored, K)
+    _write(PETSc, folder, pairs[: n + 1], n_below, start_time, factored, K)
 
 
 def _matrix(PETSc: Any, file: Path) -> Any:
@@ -88,7 +88,7 @@ def _matrix(PETSc: Any, file: Path) -> Any:
 def _ordering(PETSc: Any) -> int:
     """Return the number of a nested dissection that this MUMPS was built with, or of minimum fill.
 
-    Its own choice without METIS is PORD, which fills slender structures five times as much as minimum fill.
+    Without METIS MUMPS chooses PORD, which fills slender structures five times as much as minimum fill.
     """
     options, key = PETSc.Options("probe_"), "mat_mumps_icntl_7"
     n = 1000
@@ -142,7 +142,7 @@ def _solver(K: Any, M: Any, shift: float) -> Any:
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(shift)
-    # Relative to λ, as SLEPc's own test is, the residual of the inverse would depend on the unit of time.
+    # Relative to λ, as in SLEPc's default test, the residual of the inverse would depend on the unit of time.
     eps.setConvergenceTest(SLEPc.EPS.Conv.ABS)
     st = eps.getST()
     st.setType("sinvert")
@@ -173,7 +173,7 @@ def _largest(eps: Any, M: Any, known: list[Any]) -> float:
 def _search(
     eps: Any, n: int, known: list[Any], size: float, tolerance: float
 ) -> list[tuple[float, Any, float]]:
-    """Return n pairs beside those known, and those after them that SLEPc has, with their residuals."""
+    """Return n pairs besides those known, and further ones that SLEPc has found, with their residuals."""
     K, shift = eps.getOperators()[0], eps.getTarget()
     eps.setDeflationSpace(known)
     worst, absolute = np.inf, FIRST * tolerance * size
@@ -217,7 +217,7 @@ def _count(PETSc: Any, K: Any, M: Any, mu: float) -> int:
 
 
 def _write(
-    PETSc: Any, folder: Path, pairs: list[Any], n_below: int, begun: float, factored: float, K: Any
+    PETSc: Any, folder: Path, pairs: list[Any], n_below: int, start_time: float, factored: float, K: Any
 ) -> None:
     comm, file = PETSc.COMM_WORLD, folder / "vectors.npy"
     size, (first, last) = K.getSize()[0], K.getOwnershipRange()
@@ -230,13 +230,13 @@ def _write(
             vectors[first:last, k] = v.getArray()
         vectors.flush()
     used = resource.getrusage(resource.RUSAGE_SELF)
-    own = {
+    usage = {
         "cpu_seconds": used.ru_utime + used.ru_stime,
         "peak_bytes": 1024 * used.ru_maxrss,
-        "factor_seconds": factored - begun,
-        "seconds": time.perf_counter() - begun,
+        "factor_seconds": factored - start_time,
+        "seconds": time.perf_counter() - start_time,
     }
-    Path(folder, f"process-{comm.rank}.json").write_text(json.dumps(own))
+    Path(folder, f"process-{comm.rank}.json").write_text(json.dumps(usage))
     comm.barrier()
     if comm.rank == 0:
         found = {

@@ -21,7 +21,7 @@ SMALL = 1000
 BACKENDS = ("superlu", "multifrontal", "pardiso")
 
 SLEPC = "slepc"
-"""Value of ``DOVETAIL_SOLVER`` by which :mod:`fem.linalg.processes` computes modes; factors are our own."""
+"""Value of ``DOVETAIL_SOLVER`` by which :mod:`fem.linalg.processes` computes modes, but no factors."""
 
 
 class SolverError(ValueError):

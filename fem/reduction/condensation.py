@@ -22,7 +22,7 @@ from fem.reduction.expansion import left_inverse
 from fem.summary import fields_summary
 from fem.system import System, law_change
 
-_HELD = 1e-12
+_ROUNDING = 1e-12
 """Entries of Q below this are rounding: the DOF does not move with the coordinate."""
 
 _NEGATIVE = 1e-13
@@ -41,7 +41,7 @@ class Reduction:
     T : ndarray (n_dof, r)
         From the reduced coordinates to all DOFs.
     K, M, C, D : ndarray (r, r)
-        Reduced matrices; Rayleigh, structural and modal damping of the whole structure are not in C and D.
+        Reduced matrices; Rayleigh, structural and modal damping of the structure are not in C and D.
     labels : tuple of str
         Names of the coordinates: kept DOFs such as ``"3Z+"``, then ``"fixed mode 1"`` and so on.
     n_kept : int
@@ -135,8 +135,8 @@ def reduce_guyan(system: System, keep: Selection) -> Reduction:
         For a structure with a motion of negative stiffness.
     """
     part = _partition(system, keep)
-    held = _hold(system, part)
-    return _project(system, "guyan", part, _spread(part, held.static), held)
+    fixed = _fix(system, part)
+    return _project(system, "guyan", part, _spread(part, fixed.static), fixed)
 
 
 def reduce_dynamic(system: System, keep: Selection, frequency: float) -> Reduction:
@@ -167,8 +167,8 @@ def reduce_dynamic(system: System, keep: Selection, frequency: float) -> Reducti
     except SingularMatrixError:
         raise ModelError(what) from None
     t = -factor.solve(coupling)
-    left = Z[part.omitted][:, part.omitted] @ t + coupling
-    if not np.isfinite(t).all() or np.linalg.norm(left) > 1e-6 * np.linalg.norm(coupling):
+    residual = Z[part.omitted][:, part.omitted] @ t + coupling
+    if not np.isfinite(t).all() or np.linalg.norm(residual) > 1e-6 * np.linalg.norm(coupling):
         raise ModelError(what)
     return _project(system, "dynamic", part, _spread(part, t), None)
 
@@ -197,9 +197,9 @@ def reduce_irs(system: System, keep: Selection, iterations: int = 1) -> Reductio
         msg = f"{iterations} iterations are asked for; IRS needs at least 1"
         raise ModelError(msg)
     part = _partition(system, keep)
-    held = _hold(system, part)
+    fixed = _fix(system, part)
     M_oo, M_oa = system.M[part.omitted][:, part.omitted], system.M[part.omitted][:, part.kept]
-    t = held.static
+    t = fixed.static
     for _ in range(iterations):
         T = _spread(part, t)
         K, M = (T.T @ (X @ T) for X in (system.K, system.M))
@@ -209,17 +209,17 @@ def reduce_irs(system: System, keep: Selection, iterations: int = 1) -> Reductio
             msg = f"kept DOF {name} has no mass; IRS needs some at every kept DOF, so leave it out"
             raise ModelError(msg)
         slope = (y * eigenvalues) @ (y.T @ M)  # M_r⁻¹ K_r
-        if held.factor is None:
+        if fixed.factor is None:
             break
-        t = held.static + held.factor.solve((M_oa + M_oo @ t) @ slope)
-    return _project(system, "irs", part, _spread(part, t), held)
+        t = fixed.static + fixed.factor.solve((M_oa + M_oo @ t) @ slope)
+    return _project(system, "irs", part, _spread(part, t), fixed)
 
 
 def reduce_serep(system: System, keep: Selection, n_modes: int | None = None) -> Reduction:
     """Reduce to modes seen at the kept DOFs: T = Φ Φ_a⁺.
 
-    SEREP (O'Callahan, Avitabile & Riemer, IMAC VII, 1989, 29-37). The natural frequencies are the full
-    system's own. With fewer modes than kept DOFs the reduced matrices have the rank of the modes.
+    SEREP (O'Callahan, Avitabile & Riemer, IMAC VII, 1989, 29-37). The natural frequencies are those of
+    the full system. With fewer modes than kept DOFs the reduced matrices have the rank of the modes.
 
     Parameters
     ----------
@@ -268,14 +268,14 @@ def reduce_craig_bampton(
         As :func:`reduce_guyan`.
     """
     part = _partition(system, keep)
-    held = _hold(system, part)
-    T = _spread(part, held.static)
+    fixed = _fix(system, part)
+    T = _spread(part, fixed.static)
     if len(part.omitted) and n_modes != 0:
-        pairs = solve_eigenpairs(_held_system(system, part.omitted), n_modes, max_frequency)
+        pairs = solve_eigenpairs(_fixed_system(system, part.omitted), n_modes, max_frequency)
         modes = np.zeros((system.n_free, pairs.vectors.shape[1]))
         modes[part.omitted] = pairs.vectors
         T = np.hstack([T, modes])
-    return _project(system, "craig-bampton", part, T, held)
+    return _project(system, "craig-bampton", part, T, fixed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -288,8 +288,8 @@ class _Partition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Held:
-    """Held at the kept DOFs: the factor of K_oo, None if all are kept, and t_s = -K_oo⁻¹ K_oa."""
+class _Fixed:
+    """The structure fixed at the kept DOFs: the factor of K_oo, None if all are kept; t_s = -K_oo⁻¹ K_oa."""
 
     factor: Factor | None
     static: NDArray[np.float64]
@@ -309,9 +309,9 @@ def _partition(system: System, keep: Selection) -> _Partition:
     kept = np.empty(len(dofs), dtype=np.int64)
     for i, (dof, label) in enumerate(zip(dofs.tolist(), labels, strict=True)):
         at = slice(Q.indptr[dof], Q.indptr[dof + 1])
-        real = np.abs(Q.data[at]) > _HELD
+        real = np.abs(Q.data[at]) > _ROUNDING
         column, entry = Q.indices[at][real], Q.data[at][real]
-        if len(column) == 1 and abs(abs(entry[0]) - 1) < _HELD:
+        if len(column) == 1 and abs(abs(entry[0]) - 1) < _ROUNDING:
             kept[i] = column[0]
             continue
         names = sorted({c.key[0] for c in model.constraints() if dof in c.dofs})
@@ -321,7 +321,7 @@ def _partition(system: System, keep: Selection) -> _Partition:
         elif not len(column):
             msg = f"DOF {label} is held by {by}; keep one that can move"
         else:
-            msg = f"DOF {label} is tied to others by {by}; keep one that is free, or a sensor beside it"
+            msg = f"DOF {label} is tied to others by {by}; keep one that is free, or a sensor next to it"
         raise ModelError(msg)
     values, counts = np.unique(kept, return_counts=True)
     if (counts > 1).any():
@@ -339,7 +339,7 @@ def _spread(part: _Partition, t: NDArray[np.float64]) -> NDArray[np.float64]:
     return T
 
 
-def _hold(system: System, part: _Partition) -> _Held:
+def _fix(system: System, part: _Partition) -> _Fixed:
     loose = system.rigid.shape[1]
     if loose:
         s = np.linalg.svd(system.rigid[part.kept], compute_uv=False)
@@ -354,7 +354,7 @@ def _hold(system: System, part: _Partition) -> _Held:
     coupling = K[:, part.kept].toarray()
     if not len(part.omitted):
         _refuse_unstable(system, part, coupling.T @ coupling, 0)
-        return _Held(None, coupling)
+        return _Fixed(None, coupling)
     try:
         factor = factorise(K[:, part.omitted])
     except SingularMatrixError:
@@ -362,7 +362,7 @@ def _hold(system: System, part: _Partition) -> _Held:
         raise ModelError(msg) from None
     static = -factor.solve(coupling)
     _refuse_unstable(system, part, coupling.T @ static, n_negative(K[:, part.omitted], factor))
-    return _Held(factor, static)
+    return _Fixed(factor, static)
 
 
 def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float64], n_omitted: int) -> None:
@@ -375,7 +375,7 @@ def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float6
             solve_eigenpairs(system, 1)
 
 
-def _held_system(system: System, omitted: NDArray[np.int64]) -> System:
+def _fixed_system(system: System, omitted: NDArray[np.int64]) -> System:
     """Return the system of the structure held at its kept DOFs."""
 
     def inner(X: sp.csc_array) -> sp.csc_array:
@@ -398,7 +398,7 @@ def _project(
     method: str,
     part: _Partition,
     T: NDArray[np.float64],
-    held: _Held | None,
+    fixed: _Fixed | None,
     rank: int | None = None,
 ) -> Reduction:
     def inner(X: Any) -> NDArray[np.float64]:
@@ -408,7 +408,7 @@ def _project(
     K, M, C, D = (inner(X) for X in (system.K, system.M, system.C, system.D))
     n_kept = len(part.kept)
     names = (*part.labels, *(f"fixed mode {k + 1}" for k in range(T.shape[1] - n_kept)))
-    flexibility = None if held is None else _condensed_flexibility(system, part, held)
+    flexibility = None if fixed is None else _condensed_flexibility(system, part, fixed)
     laws = tuple((law, inner(X)) for law, X in system.laws)
     return Reduction(
         method, system.Q @ T, K, M, C, D, names, n_kept, rank or T.shape[1], laws, system, flexibility
@@ -437,13 +437,13 @@ def _small_eigenpairs(
 
 
 def _condensed_flexibility(
-    system: System, part: _Partition, held: _Held
+    system: System, part: _Partition, fixed: _Fixed
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Return b ↦ K⁺ b for loads that rigid-body motions do not feel: block elimination with K_oo's factor.
 
     K⁻¹ = T_s K_s⁻¹ T_sᵀ + K_oo⁻¹ with Guyan's T_s and K_s, which is singular for a free structure.
     """
-    T = _spread(part, held.static)
+    T = _spread(part, fixed.static)
     K = T.T @ (system.K @ T)
     scale = 1 / np.sqrt(K.diagonal())
     K = scale[:, None] * (K + K.T) / 2 * scale
@@ -452,8 +452,8 @@ def _condensed_flexibility(
 
     def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
         x = T @ (scale[:, None] * sla.cho_solve(inner, scale[:, None] * (T.T @ b)))
-        if held.factor is not None:
-            x[part.omitted] += held.factor.solve(b[part.omitted])
+        if fixed.factor is not None:
+            x[part.omitted] += fixed.factor.solve(b[part.omitted])
         return x
 
     return solve

@@ -22,7 +22,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EndChanges:
-    """What outputs, or inputs, may read besides their own combinations of DOFs, each by a size x.
+    """Combinations of DOFs that outputs, or inputs, may read besides the stated ones, each by a size x.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class DeviatingFRF(ParametricFRF):
         self._stiff, self._lossy = ((T.T @ s)[self.active] for s in (deviations.stiff, deviations.lossy))
         self._elements = [self.restrict(project(parts)) for parts in deviations.elements]
         bounds = np.cumsum([len(self.refs), *deviations.sizes])
-        self._own = [slice(first, last) for first, last in pairwise(bounds)]
+        self._rows = [slice(first, last) for first, last in pairwise(bounds)]
         self._changes = [
             EndChanges(e.of, e.along[self.active] if len(e.of) else np.zeros((len(self.active), 0)))
             for e in (deviations.outputs, deviations.inputs)
@@ -109,14 +109,14 @@ class DeviatingFRF(ParametricFRF):
     def matrices(self, values: Floats) -> tuple[dict[str, Any], list[Term]]:
         """Return the sums of all matrices but losses, and single terms."""
         total, alone = super().matrices(values)
-        size = values[self._own[0]]
+        size = values[self._rows[0]]
         if size.any():
             total["K"] = total["K"] + (self._stiff * size) @ self._stiff.T
         return total, alone
 
     def losses(self, values: Floats) -> Floats | None:
         """Return the sum of all losses, (r, r)."""
-        _, along, elements, *_ = self._own
+        _, along, elements, *_ = self._rows
         if not values[along.start : elements.stop].any():
             return None
         out = (self._lossy * values[along]) @ self._lossy.T
@@ -126,8 +126,8 @@ class DeviatingFRF(ParametricFRF):
 
     def ends(self, values: Floats) -> tuple[Floats, Floats]:
         """Return outputs and inputs with their changes."""
-        both = zip(self._changes, super().ends(values), self._own[3:], strict=True)
-        outputs, inputs = (change.added_to(ends, values[own]) for change, ends, own in both)
+        both = zip(self._changes, super().ends(values), self._rows[3:], strict=True)
+        outputs, inputs = (change.added_to(ends, values[at]) for change, ends, at in both)
         return outputs, inputs
 
     def _derivatives(
@@ -162,23 +162,23 @@ class DeviatingFRF(ParametricFRF):
         dH[once] = moved[first]
         for k in np.setdiff1d(np.arange(len(rows)), first):
             dH[rows[k]] += moved[k]
-        for own, S, factor in zip(self._own, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
+        for at, S, factor in zip(self._rows, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
                 along = S.astype(np.float32)
                 ui, uo = (_complex(*(X @ along).transpose(2, 3, 0, 1)) for X in (inward, outward))
                 ui *= (size * factor).astype(np.complex64)[:, None]
-                dH[own] = uo[:, :, :, None] * ui[:, :, None, :]
+                dH[at] = uo[:, :, :, None] * ui[:, :, None, :]
         sides = (inward, of_inward), (outward, of_outward)
         for k, (change, (moved, scale)) in enumerate(zip(self._changes, sides, strict=True)):
             if not change.of.size:
                 continue
             read = _complex(*(moved @ change.along.astype(np.float32)).transpose(2, 3, 0, 1))
             read *= scale.astype(np.complex64)[:, None]
-            row, own = np.arange(len(change.of)), dH[self._own[3 + k]]
+            row, part = np.arange(len(change.of)), dH[self._rows[3 + k]]
             if k == 0:
-                own[row, :, change.of] = read
+                part[row, :, change.of] = read
             else:
-                own[row, :, :, change.of] = read
+                part[row, :, :, change.of] = read
         slopes: Any = dH
         if zeta.ndim > 1:
             slopes[n_refs] -= slopes[n_refs + 1]  # all but the connections are damped as members
@@ -197,11 +197,11 @@ class DeviatingFRF(ParametricFRF):
         """Return the rows of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n).
 
         Behind the rows of parameters and deviations is that of ζ, and that of the ζ of ``connections`` if
-        they have one of their own.
+        they have a separate one.
         """
         by, n_linear = self.factors(state), len(self._linear)
         slopes = self.slopes(values, alone)
-        constant = [*slopes[:n_linear], *enumerate(self._elements, self._own[2].start)]
+        constant = [*slopes[:n_linear], *enumerate(self._elements, self._rows[2].start)]
         still = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
         if self._constant is None:
             parts = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]

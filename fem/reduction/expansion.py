@@ -24,7 +24,7 @@ Measured shapes are good to three digits at best, so that even a hundredth of it
 _TIED = 1e-10
 """Relative size below which a sensor's row, or its part independent of others, is rounding."""
 
-_HELD = 1e9
+_SINGULAR_CONDITION = 1e9
 """Condition number above which a frequency counts as one of the structure held at its sensors."""
 
 
@@ -126,8 +126,8 @@ def expand_smooth(
     """Expand by the shape of least strain energy that meets the sensors within their noise.
 
     Of all u = Φ c with ‖(ψ - S u) / s‖² ≤ n_sensors it is that with the least cᵀ Ω² c = uᵀ K u: Tikhonov's
-    regularisation with Morozov's discrepancy principle, a smoothing spline whose curvature is the
-    structure's own. Rigid-body modes cost nothing and are met by least squares. There may be more modes than
+    regularisation with Morozov's discrepancy principle, a smoothing spline whose curvature is that
+    of the structure. Rigid-body modes cost nothing and are met by least squares. There may be more modes than
     sensors; for all modes and no noise it tends to the static expansion. Where even the best fit misses by
     more than the noise, that fit is returned, and ``misfit`` shows it.
 
@@ -204,7 +204,7 @@ def expand_static(system: System, sensors: Selection, shapes: ArrayLike) -> Expa
 
 
 def expand_dynamic(system: System, sensors: Selection, shapes: ArrayLike, frequency: ArrayLike) -> Expansion:
-    """Expand with inertia: K - ω²M in place of K, each shape at its own frequency.
+    """Expand with inertia: K - ω²M in place of K, each shape at its frequency.
 
     No force acts but at the sensors (Kidder, *AIAA J.* 11, 1973, 892). A natural frequency of the structure
     is no obstacle, but one of the structure held at its sensors is.
@@ -318,29 +318,29 @@ def _interpolant(
 ) -> tuple[NDArray[np.float64], float]:
     """Return T (n_free, n) with B T = I that makes qᵀ Z q stationary, and a condition number.
 
-    T = Y (B Y)⁻¹ with Y = (Z + Bᵀ W B)⁻¹ Bᵀ. The added stiffness W at the sensors is as large as the
-    structure's own and changes nothing where B q is given, but makes free structures and natural
+    T = Y (B Y)⁻¹ with Y = (Z + Bᵀ W B)⁻¹ Bᵀ. The added stiffness W at the sensors is as large as that
+    of the structure and changes nothing where B q is given, but makes free structures and natural
     frequencies regular.
     """
     B = sp.csr_array(rows.T) @ system.Q
     size = np.sqrt(np.asarray((B * B).sum(axis=1)).ravel())
-    held = np.flatnonzero(size <= _TIED * np.maximum(np.linalg.norm(rows, axis=0), 1e-300))
-    if held.size:
-        msg = f"supports hold sensor {labels[held[0]]}; leave it out"
+    immobile = np.flatnonzero(size <= _TIED * np.maximum(np.linalg.norm(rows, axis=0), 1e-300))
+    if immobile.size:
+        msg = f"supports hold sensor {labels[immobile[0]]}; leave it out"
         raise ModelError(msg)
     _check_independent(B, size, labels)
-    own = np.asarray(abs(B) @ system.K.diagonal()[:, None]).ravel()
-    weights = np.maximum(own, 1e-300) / size**2 / np.asarray(abs(B).sum(axis=1)).ravel()
+    stiffness = np.asarray(abs(B) @ system.K.diagonal()[:, None]).ravel()
+    weights = np.maximum(stiffness, 1e-300) / size**2 / np.asarray(abs(B).sum(axis=1)).ravel()
     Bt = sp.csc_array(B.T)
     Y = factorise(sp.csc_array(Z + Bt @ sp.diags_array(weights) @ B)).solve(Bt.toarray())
     G = np.asarray(B @ Y)
-    # W^½ G W^½ = (W^-½ S W^-½ + I)⁻¹ with the structure's own stiffness S against the sensors' motions, which
+    # W^½ G W^½ = (W^-½ S W^-½ + I)⁻¹ with the structure's stiffness S against the sensors' motions, which
     # is infinite at a natural frequency of the structure held there.
     scale = np.sqrt(weights)
     scaled = scale[:, None] * G * scale
     singular = np.linalg.svd(scaled, compute_uv=False)
     condition = max(1.0, float(singular[0])) / max(float(singular[-1]), 1e-300)
-    if not condition < _HELD:
+    if not condition < _SINGULAR_CONDITION:
         msg = "the structure held at its sensors has a motion without stiffness"
         raise SingularMatrixError(msg)
     return np.linalg.solve(scaled, (Y * scale).T).T * scale, condition
@@ -351,8 +351,8 @@ def _check_independent(B: sp.csr_array, size: NDArray[np.float64], labels: Seque
     touched = np.unique(B.indices)
     unit = B[:, touched].toarray() / size[:, None]
     R, order = sla.qr(unit.T, mode="r", pivoting=True)
-    left = np.abs(R.diagonal())
-    lost = np.concatenate([np.flatnonzero(left <= _TIED * left[0]), np.arange(len(left), len(labels))])
+    pivots = np.abs(R.diagonal())
+    lost = np.concatenate([np.flatnonzero(pivots <= _TIED * pivots[0]), np.arange(len(pivots), len(labels))])
     if lost.size:
         row = int(order[lost[0]])
         like = np.flatnonzero(np.abs(unit @ unit[row]) > 1 - 1e-9)
@@ -373,8 +373,7 @@ def _smoothest(
     """Minimise Σ ω² |c|² subject to ‖A c - b‖² ≤ n; the first ``n_rigid`` unknowns are free."""
     R, E = A[:, :n_rigid], A[:, n_rigid:] / omega[n_rigid:]
     basis = np.linalg.qr(R)[0] if n_rigid else np.zeros((len(A), 0))
-    left = E - basis @ (basis.T @ E)
-    U, s, Vt = np.linalg.svd(left, full_matrices=False)
+    U, s, Vt = np.linalg.svd(E - basis @ (basis.T @ E), full_matrices=False)
     keep = s > 1e-12 * max(s.max(initial=0.0), 1e-300)
     U, s, Vt = U[:, keep], s[keep], Vt[keep]
     rest = b - basis @ (basis.T @ b)

@@ -1,6 +1,6 @@
 """Changes at few DOFs of a solved state, by low-rank updates.
 
-The cost of a candidate effect depends on its own few DOFs only.
+The cost of a candidate effect depends on its few DOFs only.
 """
 
 from collections.abc import Mapping, Sequence
@@ -89,8 +89,8 @@ class Fields:
                     continue
                 value: Any = factor(np.real(self.omega)) if callable(factor) else factor
                 force += value * (X @ moved.reshape(b, m, -1)).reshape(moved.shape)
-            left = self.outputs[c.dofs].reshape(b * m, n_out, n_freq).transpose(2, 1, 0)
-            out -= left @ force.reshape(b * m, n_in, n_freq).transpose(2, 0, 1)
+            outward = self.outputs[c.dofs].reshape(b * m, n_out, n_freq).transpose(2, 1, 0)
+            out -= outward @ force.reshape(b * m, n_in, n_freq).transpose(2, 0, 1)
         return out
 
 
@@ -158,7 +158,7 @@ class LocalChanges:
     def violations(self) -> tuple[list[tuple[str, str]], NDArray[np.complex128]]:
         """Return the keys of the constraints that hold, and the outputs' responses to unit violations.
 
-        Shape (n_constraints, n_out, n_freq): the response to the motion that a constraint prescribes, beside
+        Shape (n_constraints, n_out, n_freq): the response to the motion that a constraint prescribes, with
         nominal stiffness and mass; only their ratio matters for its shape.
         """
         engine, basis = self.engine, self.engine.reduced.basis
@@ -184,8 +184,8 @@ class LocalChanges:
     def _term(self, effect: Effect) -> Term:
         """Return what an effect adds to the state."""
         engine = self.engine
-        beside = terms_in_series(engine.reduced, [effect], engine.candidates, self.values)
-        return engine.reduced.value_of(effect) if beside is None else beside[0]
+        in_series = terms_in_series(engine.reduced, [effect], engine.candidates, self.values)
+        return engine.reduced.value_of(effect) if in_series is None else in_series[0]
 
     def with_terms(self, terms: Sequence[Term]) -> list[NDArray[np.complex128]]:
         """Return the same for effects that are projected already.
@@ -197,8 +197,8 @@ class LocalChanges:
         factors = self.engine.factors(self.state)
         groups: dict[Any, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
         rows: dict[Any, Term] = {}
-        for i, whole in enumerate(terms):
-            term = self.engine.restrict(whole)
+        for i, full in enumerate(terms):
+            term = self.engine.restrict(full)
             parts = term.parts(factors, self.engine.omega)
             if not parts:
                 continue
@@ -270,7 +270,7 @@ class LocalChanges:
         inverse: NDArray[np.float64],
         matrices: list[NDArray[np.float64]],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return fewer motions: of a stretch of a beam its bending as a whole, not that of each element.
+        """Return fewer motions: of a stretch of a beam its bending as one beam, not that of each element.
 
         With X the sum of the matrices, each scaled to 1, and U the responses at the place to the forces at
         inputs and outputs, X is replaced by X U (Uᵀ X U)⁻¹ Uᵀ X.

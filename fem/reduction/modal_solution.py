@@ -33,7 +33,7 @@ class ModalSolution:
     U: NDArray[np.float64] | None
     resisting: NDArray[np.complex128]
     yielding: NDArray[np.complex128]
-    own: NDArray[np.float64] | None = None
+    U_connections: NDArray[np.float64] | None = None
     _correct: NDArray[Any] | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -102,7 +102,7 @@ class ModalSolution:
             nothing = np.zeros((len(omega), 0, 0), dtype=complex)
             return cls(lam, V, stiffness, connections, mass, by_zeta, inverse, None, nothing, nothing)
         C, D = U.T @ total["C"] @ U, U.T @ total["D"] @ U
-        Um, own = V.T @ U, U.T @ total["connections"] @ U if others else None
+        Um, U_connections = V.T @ U, U.T @ total["connections"] @ U if others else None
         S = 1j * (omega[:, None, None] * C + D)
         for factor, X in laws:
             S = S + factor[:, None, None] * (U.T @ X @ U)
@@ -112,7 +112,7 @@ class ModalSolution:
         where[i, j] = where[j, i] = np.arange(len(i))
         G = half[:, where]
         yielding = np.eye(U.shape[1]) + S @ G
-        return cls(lam, V, stiffness, connections, mass, by_zeta, inverse, Um, S, yielding, own)
+        return cls(lam, V, stiffness, connections, mass, by_zeta, inverse, Um, S, yielding, U_connections)
 
     @property
     def correct(self) -> NDArray[Any]:
@@ -183,7 +183,7 @@ def range_of(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
     sizes = [float(np.abs(X).max()) for X in matrices]
     if max(sizes) == 0:
         return None
-    # Not of squares, which lose a soft damper beside a stiff one: dissipation is semidefinite, so that
+    # Not of squares, which lose a soft damper next to a stiff one: dissipation is semidefinite, so that
     # the range of the sum is that of all. Gyroscopic forces are skew, and squared; there are few.
     both = np.zeros_like(matrices[0])
     for X, size in zip(matrices, sizes, strict=True):

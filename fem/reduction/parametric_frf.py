@@ -21,7 +21,7 @@ _Forces = dict[int, NDArray[np.complex128]]
 """Forces (m, n_in, n_freq) of parameters, by their rows."""
 
 
-def _beside(forces: _Forces) -> NDArray[np.complex128]:
+def _side_by_side(forces: _Forces) -> NDArray[np.complex128]:
     return np.concatenate(list(forces.values()), axis=1)
 
 
@@ -34,23 +34,23 @@ def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scaled:
-    """An effect whose matrices parameters of other effects but multiply.
+    """An effect whose matrices are only multiplied by parameters of other effects.
 
-    ``own`` are the rows of its own parameters and their values in ``start``, the term there. That and the
+    ``parameters`` are the rows of its parameters and their values in ``start``, the term there. That and the
     ``slopes`` by these are None if it is not linear in them. ``foreign`` are the rows of the others, their
     nominal values and which of K, M, C and D go in proportion (see :meth:`ReducedModel.scaling_of`).
     """
 
     effect: Effect
-    own: tuple[tuple[int, float], ...]
+    parameters: tuple[tuple[int, float], ...]
     foreign: tuple[tuple[int, float, Mapping[str, int]], ...]
     start: Term | None
     slopes: list[Term] | None
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Rows of its own parameters."""
-        return tuple(i for i, _ in self.own)
+        """Rows of its parameters."""
+        return tuple(i for i, _ in self.parameters)
 
     def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
         """Return the factors of K, M, C and D."""
@@ -132,11 +132,11 @@ class ParametricFRF:
             known = {p.name: p for p in effect.parameters()}
             free = [known[self.refs[i][1]] for i in rows]
             known_refs = effect.refers_to(reduced.model)
-            beside = effect.gives_way and effect.refers_to(self._series) != known_refs
-            if beside:
+            in_series = effect.gives_way and effect.refers_to(self._series) != known_refs
+            if in_series:
                 known_refs = effect.refers_to(self._series)
             foreign = [i for i, ref in enumerate(self.refs) if ref in known_refs]
-            linear = all(p.linear for p in free) and not foreign and not beside
+            linear = all(p.linear for p in free) and not foreign and not in_series
             if name in candidate_names and linear:
                 self._add_fixed(reduced.value_of(effect), 1.0)
             if linear:
@@ -150,7 +150,7 @@ class ParametricFRF:
                 continue
             if name not in candidate_names:
                 self._add_fixed(reduced.base[name], -1.0)
-            scaled = None if beside else self._as_scaled(effect, rows, free, foreign)
+            scaled = None if in_series else self._as_scaled(effect, rows, free, foreign)
             if scaled is None:
                 self._nonlinear.append((effect, rows, foreign))
             else:
@@ -161,6 +161,7 @@ class ParametricFRF:
         # A step that is tried without derivatives is often asked for them next.
         self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[Term]] | None
         self._last = None
+        self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[Term]] | None = None
 
     def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
@@ -177,44 +178,44 @@ class ParametricFRF:
     def _as_scaled(
         self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
     ) -> _Scaled | None:
-        """Return an effect whose matrices parameters of others but multiply; None if they do otherwise."""
-        known, nominal = [], self.reduced.model.values()
+        """Return an effect whose matrices are only multiplied by parameters of others; None for another."""
+        known, nominal = [], self.reduced.nominal
         for i in foreign:
             exponents = self.reduced.scaling_of(effect, self.refs[i])
             if exponents is None:
                 return None
             known.append((i, nominal[self.refs[i]], exponents))
-        own = tuple((i, p.value) for i, p in zip(rows, free, strict=True))
+        parameters = tuple((i, p.value) for i, p in zip(rows, free, strict=True))
         start = slopes = None
         if all(p.linear for p in free):
             start = self.restrict(self.reduced.value_of(effect))
             slopes = [self.restrict(self.reduced.derivative_of(effect, p.name, p.value)) for p in free]
             if not all(np.array_equal(start.dofs, s.dofs) for s in slopes):  # type: ignore[arg-type]
                 start = slopes = None
-        return _Scaled(effect, own, tuple(known), start, slopes)
+        return _Scaled(effect, parameters, tuple(known), start, slopes)
 
     def damped_range(self, zeta: NDArray[np.float64], now: Sequence[Term]) -> NDArray[np.float64] | None:
         """Return an orthonormal basis (r, k) of the range of local damping and laws at any values.
 
         None where it depends on the values; ``now`` are the terms of :meth:`matrices` there.
         """
-        own = zeta.ndim > 1
+        connections = zeta.ndim > 1
         moving = [t for s, t in zip(self._scaled, now, strict=False) if s.start is None]
-        if any(t.damps(own) for t in (*moving, *now[len(self._scaled) :])):
+        if any(t.damps(connections) for t in (*moving, *now[len(self._scaled) :])):
             return None
-        if own in self._damped:
-            return self._damped[own]
+        if connections in self._damped:
+            return self._damped[connections]
         terms = [term for _, _, term in self._linear]
         terms += [term for s in self._scaled for term in (s.start, *(s.slopes or ())) if term is not None]
         damping = [self._fixed["C"], self._fixed["D"], *(X for _, X in self._fixed["laws"])]
         damping += [t.dense(key) for t in terms for key in "CD" if getattr(t, key) is not None]
         damping += [t.spread(X) for t in terms for _, X in t.laws]
-        if own:
+        if connections:
             stiff = [t.dense("K") for t in terms if t.connection and t.K is not None]
             damping += [self._fixed["connections"], *stiff]
         U = range_of(damping)
-        self._damped[own] = np.zeros((self._n, 0)) if U is None else U
-        return self._damped[own]
+        self._damped[connections] = np.zeros((self._n, 0)) if U is None else U
+        return self._damped[connections]
 
     def restrict(self, term: Term) -> Term:
         """Return a term on the active coordinates, without those of constraints that hold."""
@@ -253,24 +254,56 @@ class ParametricFRF:
         if any(effect.gives_way for effect, _, _ in self._nonlinear):
             series = self._series.with_values(at)
         names = {e.name for e in model.effects}
-        if own := {ref: value for ref, value in at.items() if ref[0] in names}:
-            model = model.with_values(own)
+        if of_model := {ref: value for ref, value in at.items() if ref[0] in names}:
+            model = model.with_values(of_model)
         return [
             (self._now(e, rows, values), series if e.gives_way else model, rows, others)
             for e, rows, others in self._nonlinear
         ]
 
+    def anchor(self, values: NDArray[np.float64]) -> None:
+        """Keep the sums of all matrices at some values: near them only the terms that differ are added.
+
+        For sweeps of one parameter after another. The sums differ from those without it by rounding.
+        """
+        self._anchor = None
+        values = np.array(values, dtype=float)
+        self._anchor = (values, *ParametricFRF.matrices(self, values))
+
+    def _matrices_near(
+        self, values: NDArray[np.float64], there: NDArray[np.float64], sums: dict[str, Any], known: list[Term]
+    ) -> tuple[dict[str, Any], list[Term]]:
+        """Return the results of :meth:`matrices` from those ``there``, where no effect is ``_nonlinear``."""
+        total, alone, moved = dict(sums), list(known), values != there
+        for rows, _, terms in self._together:
+            if moved[rows].any():
+                self.add(total, combined(terms, values[rows] - there[rows]), 1.0)
+        for k, scaled in enumerate(self._scaled):
+            if not moved[[i for i, *_ in (*scaled.parameters, *scaled.foreign)]].any():
+                continue
+            alone[k] = self._term_of(scaled, values)
+            for term, at, sign in ((known[k], there, -1.0), (alone[k], values, 1.0)):
+                self.add(total, term.scaled(scaled.factors(at)) if scaled.foreign else term, sign)
+        return total, alone
+
+    def _term_of(self, scaled: _Scaled, values: NDArray[np.float64]) -> Term:
+        """Return the term of an effect before parameters of others multiply it."""
+        term = scaled.start
+        if term is None:
+            return self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
+        for (i, begin), slope in zip(scaled.parameters, scaled.slopes or (), strict=False):
+            term = term.plus(slope, values[i] - begin)
+        return term
+
     def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
+        if self._anchor is not None and not self._nonlinear:
+            return self._matrices_near(values, *self._anchor)
         total, alone = dict(self._fixed), []
         for rows, starts, terms in self._together:
             self.add(total, combined(terms, values[rows] - starts), 1.0)
         for scaled in self._scaled:
-            term = scaled.start
-            if term is None:
-                term = self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
-            for (i, begin), slope in zip(scaled.own, scaled.slopes or (), strict=False):
-                term = term.plus(slope, values[i] - begin)
+            term = self._term_of(scaled, values)
             self.add(total, term.scaled(scaled.factors(values)) if scaled.foreign else term, 1.0)
             alone.append(term)
         for now, model, _, _ in self._following(values):
@@ -327,7 +360,7 @@ class ParametricFRF:
         """Compute receptances and derivatives.
 
         Z = K (1 + i (η + 2ζ(ω)) + iωβ) + iD + iωC + iωα M - ω²M, with the model's η, α, β; dH = -Hₒ dZ Hᵢ.
-        The stiffness of connections, a part of K, may have a ζ of its own.
+        The stiffness of connections, a part of K, may have another ζ.
 
         Parameters
         ----------
@@ -373,17 +406,17 @@ class ParametricFRF:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return dH by the parameters and by ζ, from the results of :meth:`solve`."""
         n_par, connections = len(self.refs), zeta.ndim > 1
-        whole, places = self._slope_forces(self.slopes(values, alone), state, Xi)
-        whole[n_par] = state.by_zeta[:, None] * Xi
-        if connections and state.U is not None and state.own is not None:
-            whole[n_par + 1] = 2j * times(state.U @ state.own, times(state.U.T, Xi))
-        moved, Ho = state.read(self.outputs, _beside(whole), [P for P, _ in places])
+        everywhere, places = self._slope_forces(self.slopes(values, alone), state, Xi)
+        everywhere[n_par] = state.by_zeta[:, None] * Xi
+        if connections and state.U is not None and state.U_connections is not None:
+            everywhere[n_par + 1] = 2j * times(state.U @ state.U_connections, times(state.U.T, Xi))
+        moved, Ho = state.read(self.outputs, _side_by_side(everywhere), [P for P, _ in places])
         shape = (len(self.omega), self.outputs.shape[1], Xi.shape[1])
         slopes = np.zeros((n_par + (2 if connections else 1), *shape), dtype=complex)
-        for i, product in zip(whole, np.split(moved, len(whole), axis=2), strict=True):
+        for i, product in zip(everywhere, np.split(moved, len(everywhere), axis=2), strict=True):
             slopes[i] -= product
         for (_, forces), h in zip(places, Ho, strict=True):
-            products = h @ lines_first(_beside(forces))
+            products = h @ lines_first(_side_by_side(forces))
             for i, product in zip(forces, np.split(products, len(forces), axis=2), strict=True):
                 slopes[i] -= product
         dH, by_zeta = slopes[:n_par], slopes[n_par:]
@@ -409,7 +442,7 @@ class ParametricFRF:
         a place has few forces and many motions it costs less to take them as forces that act everywhere.
         """
         factors, n_out, n_in = self.factors(state), self.outputs.shape[1], Xi.shape[1]
-        whole: _Forces = {}
+        everywhere: _Forces = {}
         groups: dict[bytes, list[tuple[int, Term]]] = {}
         places = []
         for i, term in slopes:
@@ -417,7 +450,7 @@ class ParametricFRF:
                 groups.setdefault(term.L.tobytes(), []).append((i, term))
                 continue
             for factor, X in term.parts(factors, self.omega):
-                _add_to(whole, i, factor * times(state.V.T @ X @ state.V, Xi))
+                _add_to(everywhere, i, factor * times(state.V.T @ X @ state.V, Xi))
         for group in groups.values():
             L: Any = group[0][1].L
             P, forces = (L @ state.V).T, {}
@@ -430,5 +463,5 @@ class ParametricFRF:
                 places.append((P, forces))
                 continue
             for i, force in forces.items():
-                _add_to(whole, i, times(P, force))
-        return whole, places
+                _add_to(everywhere, i, times(P, force))
+        return everywhere, places

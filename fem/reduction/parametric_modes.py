@@ -184,8 +184,8 @@ class ModesAt:
         n, k = len(shapes.coupling_M), len(shapes.M)
         P = self.columns[:n].T
 
-        def block(X: Floats, coupling: Any, own: Any) -> Floats:
-            return np.block([[X, coupling], [coupling.T, own]])
+        def block(X: Floats, coupling: Any, corner: Any) -> Floats:
+            return np.block([[X, coupling], [coupling.T, corner]])
 
         nothing = np.zeros((P.shape[0], k)), np.zeros((k, k))
         total: dict[str, Any] = {X: block(self._total[X], *nothing) for X in ("C", "D", "connections")}
@@ -233,7 +233,7 @@ class ModesAt:
             S = S + float(np.imag(factor[i])) * X
         return S
 
-    def _whole(self, i: int) -> Complexes:
+    def _without_mass(self, i: int) -> Complexes:
         """Return A at a frequency, without what is proportional to mass."""
         total, more = self._total, self._connections[i] - self._members[i]
         A = self._members[i] * total["K"] + more * total["connections"] + 1j * self._resisting(i)
@@ -268,7 +268,7 @@ class ModesAt:
         if self._local:
             laws = [(factor[there], of(X)) for factor, X in total["laws"]]
             resisting = omega * of(total["C"]) + of(total["D"]) + sum(np.imag(f) * s for f, s in laws)
-            # Laws have losses of their own: what they store is not damped as members are.
+            # Laws include losses: their stiffness is not damped as members are.
             first = first + 1j * resisting + (1 - members) * sum(np.real(f) * s for f, s in laws)
             strong = np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)
         for c, i in enumerate(there.tolist()):
@@ -286,7 +286,7 @@ class ModesAt:
         pairs = [self.pairs(i) for i in some.tolist()]
         lam = np.stack([p.eigenvalues for p in pairs])
         modal = {id(p): self.on(p.vectors) for p in pairs}
-        A = np.stack([modal[id(p)]._whole(i) for i, p in zip(some.tolist(), pairs, strict=True)])
+        A = np.stack([modal[id(p)]._without_mass(i) for i, p in zip(some.tolist(), pairs, strict=True)])
         S = np.stack([modal[id(p)]._resisting(i) for i, p in zip(some.tolist(), pairs, strict=True)])
         n = np.arange(lam.shape[1])
         stiff = (S + S.transpose(0, 2, 1)) / 2
@@ -352,8 +352,8 @@ class ModesAt:
                     moved[p] += V.T @ force if P is None else P.T @ force
                     continue
                 for c, pairs in enumerate(others):
-                    whole = force[:, c] if term.L is None else term.L.T @ force[:, c]
-                    moved[p, :, c] += pairs.vectors.T @ whole
+                    spread = force[:, c] if term.L is None else term.L.T @ force[:, c]
+                    moved[p, :, c] += pairs.vectors.T @ spread
         shapes = []
         for c, (_, k, _) in enumerate(modes):
             lam = others[c].eigenvalues
@@ -369,5 +369,5 @@ class ModesAt:
         every = 2j * complex(x @ self._total["K"] @ x)
         if len(self._zeta) == 1:
             return np.array([every])
-        own = 2j * complex(x @ self._total["connections"] @ x)
-        return np.array([every - own, own])
+        by_connections = 2j * complex(x @ self._total["connections"] @ x)
+        return np.array([every - by_connections, by_connections])

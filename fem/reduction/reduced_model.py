@@ -242,7 +242,7 @@ class ReducedModel:
     ) -> NDArray[np.float64] | None:
         """Return the static flexibility that the basis lacks to motions (m, k) of some DOFs, (k, k).
 
-        R = Sᵀ [Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ] S with the basis's own shift, S the motions. None for
+        R = Sᵀ [Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ] S with the basis's shift, S the motions. None for
         models with more than ``RESIDUAL_LIMIT`` DOFs, for which it would cost too much.
         """
         if self.model.n_dof > RESIDUAL_LIMIT:
@@ -318,11 +318,11 @@ class ReducedModel:
                 K, M, C, D = (_congruent(T, static, key) for key in "KMCD")
                 return Term(None, K, M, C, D)
             n, T = len(dofs), T[dofs]
-            own = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
-            full = sum_contributions(tuple(static_part(c, imaginary) for c in own), n)
+            renumbered = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
+            full = sum_contributions(tuple(static_part(c, imaginary) for c in renumbered), n)
             laws = [
                 (factor, sum_contributions((Contribution(c.dofs, X),), n)[0])
-                for c in own
+                for c in renumbered
                 if c.law is not None
                 for factor, X in law_parts(c, imaginary)
             ]
@@ -396,12 +396,12 @@ class ReducedModel:
             self.full.sums[effect.name] = Sums.of(effect, self.model)
         return self.full.sums[effect.name]
 
-    def _sum(self, effect: Effect, factors: NDArray[np.float64], own: slice = _ALL) -> Term:
+    def _sum(self, effect: Effect, factors: NDArray[np.float64], which: slice = _ALL) -> Term:
         """Return the sum of some of an effect's fixed matrices multiplied by factors."""
         sums, T = self.full.sums[effect.name], self.basis.T
         if effect.name not in self._summed:
             self._summed[effect.name] = np.stack([T.T @ (X @ T) for X in sums.full])
-        matrices, keys = self._summed[effect.name][own], sums.keys[own]
+        matrices, keys = self._summed[effect.name][which], sums.keys[which]
         by_key = np.where(keys == np.array(list("KMD"))[:, None], factors, 0.0)
         K, M, D = (by_key @ matrices.reshape(len(keys), -1)).reshape(3, *matrices.shape[1:])
         return Term(None, K, M, None, D if "D" in keys else None)
@@ -429,7 +429,7 @@ class ReducedModel:
         return None if unit.laws else (unit, p.value)
 
     def derivative_of(self, effect: Effect, parameter: str, value: float, model: Model | None = None) -> Term:
-        """Project an effect's derivative with respect to a parameter of its own, by a complex step."""
+        """Project an effect's derivative with respect to one of its parameters, by a complex step."""
         if model is None and (table := self._table_of(effect)) is not None:
             K, M = table.slopes(parameter_values(effect) | {parameter: value}, parameter)
             return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)

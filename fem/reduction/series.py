@@ -1,4 +1,4 @@
-"""Effects beside others where members give way: elements are in series, and matrices do not just add."""
+"""Effects in series with members that give way: their matrices do not just add."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,8 +35,8 @@ def terms_in_series(
 ) -> tuple[Term, ...] | None:
     """Return what one effect, at several values, adds to a reduced model where it is in series with others.
 
-    With its element the model's and the candidates' flexibilities change, and its own depends on all that
-    alters the element. None where it is in series with nothing: it then adds the same to any state.
+    With its element the model's and the candidates' flexibilities change, and that of the effect depends on
+    all that alters the element. None where it is in series with nothing: it then adds the same to any state.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def terms_in_series(
     soft = [e for e in others if _alters(effect, e, model)]
     if not soft and not any(_alters(e, effect, model) for e in model.effects):
         return None
-    known = model.values()
+    known = reduced.nominal if model is reduced.model else model.values()
     model = model.with_values({ref: v for ref, v in values.items() if v != known.get(ref, v)})
     out = []
     for each in effects:

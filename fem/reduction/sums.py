@@ -1,4 +1,4 @@
-"""Matrices of an effect on the whole model as sums of fixed ones, each times a function of one parameter."""
+"""Matrices of an effect on all DOFs as sums of fixed ones, each times a function of one parameter."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -62,8 +62,8 @@ class Sums:
                     table = Table.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES, NEGLIGIBLE)
                     tables.append((p.name, table))
                     for row in table.parts:
-                        own = _contributions(like, key, row)
-                        full.append(sum_contributions(own, model.n_dof)["KMCD".index(key)])
+                        of_row = _contributions(like, key, row)
+                        full.append(sum_contributions(of_row, model.n_dof)["KMCD".index(key)])
                         keys.append(key)
         bare = [(name, replace(t, parts=t.parts[:, :0])) for name, t in tables]
         return cls(tuple(bare), np.array(keys), tuple(full))
@@ -76,9 +76,9 @@ class Sums:
     def slopes(self, parameter: str, value: float) -> tuple[Floats, slice]:
         """Return the derivatives of some factors by a parameter, and which; others do not depend on it."""
         s, sizes = float(np.log(value)), [t.factors.shape[1] for _, t in self.tables]
-        own = [k for k, (name, _) in enumerate(self.tables) if name == parameter]
-        first, last = sum(sizes[: own[0]]), sum(sizes[: own[-1] + 1])
-        slopes = np.concatenate([self.tables[k][1].slopes_at(s) for k in own])
+        which = [k for k, (name, _) in enumerate(self.tables) if name == parameter]
+        first, last = sum(sizes[: which[0]]), sum(sizes[: which[-1] + 1])
+        slopes = np.concatenate([self.tables[k][1].slopes_at(s) for k in which])
         return slopes / value, slice(first, last)
 
 

@@ -57,7 +57,7 @@ class Term:
         return replace(self, K=K, M=M, C=C, D=D, laws=tuple((f, factor * X) for f, X in self.laws))
 
     def scaled(self, factors: Mapping[str, float]) -> "Term":
-        """Return K, M, C and D each multiplied by a factor of its own, laws as they are."""
+        """Return K, M, C and D each multiplied by a factor, laws as they are."""
         parts = {key: None if (X := getattr(self, key)) is None else f * X for key, f in factors.items()}
         return replace(self, **parts)
 
@@ -151,7 +151,7 @@ def motions_of(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return S (m, k) and S⁺ (k, m) for symmetric matrices: a basis of all their ranges, and its inverse.
 
-    Rows are scaled by the diagonals, so that soft directions count beside stiff ones, and rotations beside
+    Rows are scaled by the diagonals, so that soft directions count as much as stiff ones, and rotations as
     displacements; the scales (m,) are the third result.
     """
     diagonals = [np.abs(X.diagonal()) for X in matrices]

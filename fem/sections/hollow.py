@@ -122,7 +122,7 @@ class HollowShapes(SectionConstants):
         """
         check_positive("hollow polygon", d=d, t=t)
         if not (3 <= n <= MOST_SIDES and float(n).is_integer()):
-            msg = f"hollow polygon: n is {n}; it must be a whole number of sides, 3 to {MOST_SIDES}"
+            msg = f"hollow polygon: n is {n}; it must be an integer number of sides, 3 to {MOST_SIDES}"
             raise PropertyError(msg)
         if 2 * t >= d:
             msg = f"hollow polygon: the wall t = {t:g} m fills the width {d:g} m; t must be below half of it"

@@ -160,8 +160,7 @@ class ProfileShapes(SectionConstants):
         """Two plates of thickness t that cross in their middles: b along y, h along z [m].
 
         J = (b + h - t) t³ / 3 - 4 · 0.105 t⁴ + 0.68 t⁴: four free ends, and a crossing whose share is that of
-        a finite element solution; k from the shear flow (`fem.sections.walls`): each plate bears its own
-        shear.
+        a finite element solution; k from the shear flow (`fem.sections.walls`) of each plate.
         """
         check_positive("cruciform", b=b, h=h, t=t)
         if t >= min(b, h):
@@ -198,8 +197,8 @@ class ProfileShapes(SectionConstants):
         figure = integrate([outline], fillets)
         angle, centre = figure.principal_angle, figure.centroid
         about = figure.centred().turned(angle)
-        own = Walls(turned(points, centre, angle), tuple(walls), np.array(thickness))
-        flow = wall_constants(*own)
+        walls_turned = Walls(turned(points, centre, angle), tuple(walls), np.array(thickness))
+        flow = wall_constants(*walls_turned)
         y, z = (float(v) if abs(v) > 1e-12 * np.sqrt(figure.A) else 0.0 for v in flow.shear_centre)
         return cls(
             figure.A,
@@ -211,6 +210,6 @@ class ProfileShapes(SectionConstants):
             (turned(with_arcs(outline, radii), centre, angle),),
             angle=angle,
             shear_centre=(y, z),
-            walls=own,
+            walls=walls_turned,
             **named,
         )

@@ -85,7 +85,7 @@ class Section(SolidShapes, HollowShapes, ProfileShapes, PolygonShapes):
             return second if fraction else first
 
         def linear(a: float, b: float, power: int = 1) -> float:
-            if a == b:  # and numbers of sides stay whole
+            if a == b:  # and numbers of sides stay integers
                 return a
             return ((1 - fraction) * a ** (1 / power) + fraction * b ** (1 / power)) ** power
 

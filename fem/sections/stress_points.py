@@ -126,8 +126,8 @@ def _rectangle(section: SectionConstants, b: float, h: float, nu: float) -> Stre
     shear = np.zeros((len(y), 2, 3))
     ways = ((0, y, z, b / 2, h / 2, section.Iz), (1, z, y, h / 2, b / 2, section.Iy))
     for axis, along, across, a, width, I in ways:
-        own, other = _flexure(along, across, a, width, nu / (1 + nu) / I)
-        shear[:, axis, axis] = (a**2 - along**2) / (2 * I) + own
+        along_shear, other = _flexure(along, across, a, width, nu / (1 + nu) / I)
+        shear[:, axis, axis] = (a**2 - along**2) / (2 * I) + along_shear
         shear[:, 1 - axis, axis] = other
     if b <= h:
         shear[:, 0, 2], shear[:, 1, 2] = _torsion(y, z, b / 2, h / 2, section.J)
@@ -181,7 +181,7 @@ def _of_walls(section: SectionConstants, walls: Walls) -> StressPoints:
             on.append(np.full(s.size, k))
             place.append(s)
             offset.append(np.full(s.size, side * t / 2))
-    # a corner of the outline has the stresses of the nearest place on a wall, and its own bending
+    # a corner of the outline has the stresses of the nearest place on a wall, and bending at the corner
     corners = np.concatenate(section.outlines)
     r = (corners - flow.centroid)[:, None] - flow.first
     normal = np.column_stack([flow.along[:, 1], -flow.along[:, 0]])

@@ -179,7 +179,7 @@ def differentiate_modes(
         raise ModelError(msg)
     lam = pairs.eigenvalues
     groups = _groups(lam, max(close, _EQUAL))
-    n = _whole(groups, n, complete)
+    n = _complete_sets(groups, n, complete)
     groups = [g for g in groups if g[0] < n]
     shapes = system.Q @ pairs.vectors
     everywhere = isinstance(outputs, str)
@@ -215,9 +215,9 @@ def differentiate_modes(
         loads = np.asarray(system.Q.T @ _forces(parts, shapes[:, :n], lam[:n]))
         rest = np.zeros((system.n_free, n))
         if loads.any():
-            own = _complement(system, pairs, loads, lam[:n], True, close, tolerance)
-            rest = own.vectors @ own.solve(own.vectors.T @ loads)
-            errors[i] = own.error
+            complement = _complement(system, pairs, loads, lam[:n], True, close, tolerance)
+            rest = complement.vectors @ complement.solve(complement.vectors.T @ loads)
+            errors[i] = complement.error
         kinetic = np.einsum("ij,ij->j", rest, system.M @ rest).max()
         sizes[i] = np.sqrt(max(float(kinetic), 0.0)) * (abs(finite_value(model, ref)) or 1.0)
         dshapes[i] = shapes @ factors + system.Q @ rest
@@ -260,7 +260,7 @@ def _complement(
     close: float,
     tolerance: float,
 ) -> _Complement:
-    """Build the basis for loads b (n_free, k) and all eigenvalues (n,), or ``each`` for its own load (k = n).
+    """Build the basis for loads b (n_free, k) and all eigenvalues (n,), or each load with one (k = n).
 
     Blocks of (K - σM)⁻¹b, (K - σM)⁻¹M(K - σM)⁻¹b, … without the modes, orthonormal in K - σM =: A. There
     K - λM is I - (λ - σ)G with G = WᵀMW, and the residual of Galerkin's solution lies in the next block
@@ -282,10 +282,10 @@ def _complement(
             errors.append(np.sqrt(_LOST) * (errors[-1] if errors else float(k > 0)))
             break
         Mnew = np.asarray(M @ new)
-        coupling, own = W.T @ Mnew, new.T @ Mnew
+        coupling, gram = W.T @ Mnew, new.T @ Mnew
         if k:
-            errors.append(_left(G, coupling, own, load, shift, each))
-        G, load = np.block([[G, coupling], [coupling.T, own]]), np.vstack([load, new.T @ b])
+            errors.append(_residual_error(G, coupling, gram, load, shift, each))
+        G, load = np.block([[G, coupling], [coupling.T, gram]]), np.vstack([load, new.T @ b])
         if k + new.shape[1] > len(space):
             space = np.concatenate([space, np.empty_like(space)])
         space[k : k + new.shape[1]] = new.T
@@ -325,10 +325,10 @@ def _orthonormal(
     return block
 
 
-def _left(
+def _residual_error(
     G: NDArray[np.float64],
     coupling: NDArray[np.float64],
-    own: NDArray[np.float64],
+    gram: NDArray[np.float64],
     b: NDArray[np.float64],
     shift: NDArray[np.float64],
     each: bool,
@@ -340,14 +340,14 @@ def _left(
     """
     g, U = np.linalg.eigh(G)
     load, across = U.T @ b, coupling.T @ U
-    left, size = (np.zeros((len(shift), 1 if each else b.shape[1])) for _ in range(2))
+    error, size = (np.zeros((len(shift), 1 if each else b.shape[1])) for _ in range(2))
     for j, s in enumerate(shift.tolist()):
         gain = 1 / (1 - s * g)
         c = gain[:, None] * load[:, [j] if each else slice(None)]
         d = s * (across @ c)
         size[j] = np.sqrt((np.maximum(g, 0.0)[:, None] * c**2).sum(axis=0))
-        left[j] = np.sqrt(np.maximum(np.einsum("ij,ij->j", d, own @ d), 0.0)) * max(np.abs(gain).max(), 1.0)
-    return float((left.max(axis=0) / np.maximum(size.max(axis=0), 1e-300)).max())
+        error[j] = np.sqrt(np.maximum(np.einsum("ij,ij->j", d, gram @ d), 0.0)) * max(np.abs(gain).max(), 1.0)
+    return float((error.max(axis=0) / np.maximum(size.max(axis=0), 1e-300)).max())
 
 
 def _groups(lam: NDArray[np.float64], close: float) -> list[NDArray[np.int64]]:
@@ -356,7 +356,7 @@ def _groups(lam: NDArray[np.float64], close: float) -> list[NDArray[np.int64]]:
     return np.split(np.arange(len(lam)), apart)
 
 
-def _whole(groups: list[NDArray[np.int64]], n: int, complete: bool) -> int:
+def _complete_sets(groups: list[NDArray[np.int64]], n: int, complete: bool) -> int:
     """Return the number of modes with which the set of the n-th ends.
 
     Raise an error if modes that were not computed may belong to it.
@@ -410,10 +410,10 @@ def _modal_factors(
 ) -> NDArray[np.float64]:
     """Return c (m, n) with dφ_j = Σ φ_k c_kj + z_j."""
     gap = lam[:, None] - lam[None, :n]
-    own = np.zeros(gap.shape, dtype=bool)
+    same_group = np.zeros(gap.shape, dtype=bool)
     for g in groups:
-        own[np.ix_(g, g)] = True
-    return np.where(own, -PM / 2, f / np.where(own, 1.0, gap))
+        same_group[np.ix_(g, g)] = True
+    return np.where(same_group, -PM / 2, f / np.where(same_group, 1.0, gap))
 
 
 def _split(lam: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -58,6 +58,54 @@ MOVED = """(slider, x) => new Promise((done) => {
 """Moves a slider; the time until the FRF is drawn again [ms]."""
 
 
+FAINT = """() => {
+  const rgba = (text) => [...text.match(/[\\d.]+/g).map(Number), 1].slice(0, 4);
+  const over = (top, below) => [0, 1, 2].map((k) => top[3] * top[k] + (1 - top[3]) * below[k]);
+  const light = (c) => {
+    const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    const [r, g, b] = c.map((v) => linear(v / 255));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const ratio = (a, b) => {
+    const [low, high] = [light(a), light(b)].sort((x, y) => x - y);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const paper = (e) => {
+    if (!e) return [255, 255, 255];
+    const colour = rgba(getComputedStyle(e).backgroundColor);
+    return colour[3] === 1 ? colour.slice(0, 3) : over(colour, paper(e.parentElement));
+  };
+  const out = [];
+  const judge = (e, words, colour, least) => {
+    const below = paper(e), got = ratio(over(rgba(colour), below), below);
+    if (got < least) out.push(`${words}: ${colour} on ${below} has ${got.toFixed(2)}`);
+  };
+  for (const e of document.querySelectorAll('body *')) {
+    const text = [...e.childNodes].filter((n) => n.nodeType === 3 && n.data.trim());
+    const style = getComputedStyle(e);
+    const unread = '[disabled], .disabled, [aria-disabled=true], .heatmap-label, .hoverlayer';
+    if (!text.length || e.closest(unread) || !e.checkVisibility({visibilityProperty: true})) continue;
+    if (!['SCRIPT', 'STYLE', 'NOSCRIPT'].includes(e.tagName))
+      judge(e, text[0].data.trim(), e.closest('svg') ? style.fill : style.color, 4.5);
+  }
+  for (const e of document.querySelectorAll('.q-field--outlined .q-field__control'))
+    judge(e.parentElement, 'field', getComputedStyle(e, ':before').borderTopColor, 3);
+  return [...new Set(out)];
+}"""
+"""Texts, but for those on coloured cells, with a contrast below 4.5, and edges of fields with one below 3.
+
+As WCAG 2.2 computes it (1.4.3, 1.4.11).
+"""
+NAMELESS = """() => {
+  const named = (e) => e.ariaLabel || e.labels?.length || e.innerText || e.closest('[aria-label]');
+  const controls = 'button, input, textarea, [role=combobox], [role=application]';
+  return [...document.querySelectorAll(controls)]
+    .filter((e) => e.checkVisibility() && !e.disabled && (e.tabIndex < 0 || !named(e)))
+    .map((e) => e.outerHTML.slice(0, 200));
+}"""
+"""Controls that Tab does not reach, or that have no name."""
+
+
 # Who may reach it -------------------------------------------------------------------------------------------
 
 
@@ -222,10 +270,13 @@ def chromium(browser):
 class Tab:
     """A tab with the desk, which notes what must not happen."""
 
-    def __init__(self, chromium, address):
+    def __init__(self, chromium, address, *, patience=60_000, first_time=False, **more):
         self.faults = []
-        self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(60_000)
+        self.page = page = chromium.new_page(viewport={"width": 1280, "height": 900}, **more)
+        if not first_time:  # the help is open then
+            url = address.partition("?")[0]
+            page.context.add_cookies([{"name": "dovetail-desk-help", "value": "closed", "url": url}])
+        page.set_default_timeout(patience)
         page.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda e: self.faults.append(str(e)))
         page.on("request", lambda r: self._asked(r.url))
@@ -251,20 +302,23 @@ class Tab:
     def press(self, name):
         self.page.get_by_role("button", name=name, exact=True).click()
 
-    def pick(self, name):
-        """Click a mark in the model."""
-        self.page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
+    def pick(self, name, box="Place"):
+        """Click a mark in the model until a list shows it."""
+        model = self.page.locator('[aria-label^="The model"]')
+        model.scroll_into_view_if_needed()
         self.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
-        place = self.page.get_by_role("combobox", name="Place", exact=True)
-        for _ in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
+        shown = self.page.get_by_role("combobox", name=box, exact=True)
+        for k in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
+            pause = 200 * (1 + k / 3)  # longer each time, as a loaded machine needs it
+            model.scroll_into_view_if_needed()
             x, y = self.page.evaluate(PROJECTED, name)
             self.page.mouse.move(x - 3, y)
-            self.page.wait_for_timeout(200)
+            self.page.wait_for_timeout(pause)
             self.page.mouse.move(x, y)
-            self.page.wait_for_timeout(400)
+            self.page.wait_for_timeout(2 * pause)
             self.page.mouse.click(x, y, delay=150)
-            self.page.wait_for_timeout(500)
-            if place.input_value() == name:
+            self.page.wait_for_timeout(2 * pause)
+            if shown.input_value() == name:
                 return
         msg = f"{name} was not picked"
         raise AssertionError(msg)
@@ -356,11 +410,11 @@ def test_a_walk_through_the_example(example, chromium, tmp_path, capsys):
         again.close()
 
 
-def near_the_joint(tab, off):
-    """Click beside the mark of joint J, and return the place and the sensor that the page shows then."""
+def near(tab, name, off):
+    """Click beside a mark of the model, and return the place and the sensor that the page shows then."""
     page = tab.page
     page.locator('[aria-label^="The model"]').scroll_into_view_if_needed()
-    x, y = page.evaluate(PROJECTED, "joint J")
+    x, y = page.evaluate(PROJECTED, name)
     for step in (3, 0):
         page.mouse.move(x + off[0] - step, y + off[1])
         page.wait_for_timeout(300)
@@ -384,10 +438,17 @@ def test_two_tabs_share_a_desk_that_answers(example, chromium):
         one = Tab(chromium, server.address)
         two = Tab(chromium, server.address)
         one.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
-        # The first frame of a canvas takes seconds without a graphics card, and clicks before it are late.
-        _, sensor = settled(lambda: near_the_joint(one, (0, 0)))
-        near = [near_the_joint(one, off) for off in ((0, 0), (4, 2), (2, 6))]
-        assert near == [["joint J", sensor]] * 3  # and no sensor above it
+        # without a graphics card the first frame takes seconds; clicks before it are answered late
+        one.pick("joint J")
+        _, sensor = settled(lambda: near(one, "joint J", (0, 0)))
+        clicked = [near(one, "joint J", off) for off in ((0, 0), (4, 2), (2, 6))]
+        assert clicked == [["joint J", sensor]] * 3  # and no sensor above it
+        one.page.get_by_role("combobox", name="View", exact=True).click()
+        one.page.get_by_role("option", name="CMIF", exact=True).click()
+        one.page.get_by_label("Complex mode indication function").wait_for()
+        one.pick("D9z", "Sensor")
+        one.page.get_by_label("Amplitude and phase of one FRF").wait_for()  # of the sensor, in sight
+        assert one.page.locator('[aria-label^="Amplitude and phase"] .nsewdrag').first.is_visible()
         nominal, kz = one.error(), "joint_stiffness:J.z"
         one.press(f"Add {TURNING}")
         one.page.get_by_label(f"stiffness of {TURNING}, N·m/rad").wait_for()  # lists are drawn anew
@@ -449,6 +510,63 @@ def test_the_map_of_the_test_is_shown_for_a_kind_and_a_question(tmp_path, chromi
         tab.press("Fit uncertain parameters")
         page.get_by_text("Beside an earlier hypothesis").wait_for()
         assert tab.faults == []
+    finally:
+        errors = server.close()
+    assert errors == ""
+
+
+def by_key(tab, role, name, key):
+    """Press a key on a control."""
+    control = tab.page.get_by_role(role, name=name, exact=True)
+    control.focus()
+    control.press(key)
+
+
+def test_a_desk_by_keys_in_both_colours(tmp_path, chromium):
+    server = Server(write_study(tmp_path))
+    try:
+        tab = Tab(chromium, server.address, first_time=True)
+        page, opened = tab.page, tab.page.get_by_text("How the desk works")
+        opened.wait_for()
+        page.keyboard.press("Escape")
+        opened.wait_for(state="hidden")
+        assert page.evaluate(NAMELESS) == []
+        by_key(tab, "checkbox", "Logarithmic frequency", "Space")
+        frf = "document.querySelector('[aria-label^=\"Amplitude and phase\"]')"
+        page.wait_for_function(f"() => {frf}._fullLayout.xaxis.type === 'log'")
+        by_key(tab, "combobox", "View", "Enter")
+        page.get_by_role("option", name="CMIF", exact=True).wait_for()
+        for key in ("ArrowDown", "ArrowDown", "Enter"):
+            page.keyboard.press(key)
+        page.get_by_label("Complex mode indication function").wait_for()
+        model = "document.querySelector('[aria-label^=\"The model\"]')"
+        eye = f"{model}._fullLayout.scene?._scene?.getCamera().eye.x"
+        page.wait_for_function(f"() => {eye} !== undefined")
+        before = page.evaluate(eye)
+        page.get_by_role("application", name="The model").press("ArrowLeft")
+        page.wait_for_function(f"(was) => {eye} !== was", arg=before)
+        by_key(tab, "button", "Compare modes", "Enter")
+        by_key(tab, "button", "Show mode 2", "Enter")
+        shapes = "document.querySelector('[aria-label^=\"Shapes of measured mode\"]')"
+        page.wait_for_function(f"() => {shapes}?._transitionData?._frames?.length === 7")
+        page.get_by_text("Measured mode 2, ").wait_for()
+        cell = page.locator('[aria-label^="MAC of measured"] .nsewdrag').first
+        cell.scroll_into_view_if_needed()
+        box = cell.bounding_box()
+        page.mouse.move(box["x"] + 2, box["y"] + 3)
+        page.mouse.click(box["x"] + 4, box["y"] + 4)
+        page.get_by_text("Measured mode 1, ").wait_for()
+        assert page.evaluate(FAINT) == []
+        night = Tab(chromium, server.address, first_time=True, color_scheme="dark")
+        night.page.locator("body.body--dark").wait_for()
+        night.page.get_by_label("count sensor").first.wait_for(state="attached")
+        night.page.get_by_text("How the desk works").wait_for()
+        assert night.page.evaluate(FAINT) == []
+        page.goto(server.address)  # closed once, the help is closed
+        page.get_by_role("button", name="Help", exact=True).wait_for()
+        page.wait_for_function("() => window.did_handshake")
+        assert opened.count() == 0
+        assert tab.faults == night.faults == []
     finally:
         errors = server.close()
     assert errors == ""

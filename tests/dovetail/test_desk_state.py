@@ -24,16 +24,20 @@ from dovetail.desk.journal import JournalError, journal_of, read_journal, write_
 from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
+from dovetail.desk.views import VIEWS, Chosen
 from dovetail.disk.output import OutputError
+from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
+from fem.analysis.modes import Modes
 from tests.frames import write_study
+from updating.diagnosis.fitted_modes import damped_modes
 from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import MeasurementError
+from updating.measurement.measurement import MeasurementError, sensor_rows
 from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
@@ -358,6 +362,69 @@ def test_a_band_is_held_out_and_written(desk, tmp_path):
     assert desk.shown.result.held_out_db == before.held_out_db
 
 
+@pytest.mark.parametrize("name", VIEWS)
+def test_a_view_that_follows_a_slider_is_the_one_that_is_drawn_after_it(desk, name):
+    view, chosen = VIEWS[name], Chosen(("U3z", "D3z"), True, (60.0, 90.0))
+    desk.add(MASS, mass=0.1)
+    before = view.draw(desk, chosen)
+    frames, traces = view.moved(before, desk.preview(MASS, "mass", 0.2), chosen)
+    after = view.draw(desk, chosen)
+    assert len(traces) == {"Amplitude and phase": 2, "CMIF": 2, "Sensitivity": 0}.get(name, 1)
+    for k, trace in enumerate(after.data):
+        moved = frames[traces.index(k)] if k in traces else {}
+        was = before.data[k]
+        for key in ("x", "y"):
+            drawn, shown = (np.asarray(v, dtype=float) for v in (trace[key], moved.get(key, was[key])))
+            if name != "Sensitivity":
+                np.testing.assert_allclose(shown, drawn, atol=0.051 if name != "FRAC" else 1e-4)
+    if name == "Nyquist":
+        assert [t.x.size for t in after.data] == [16, 16, 16]  # lines of the band, 2 Hz apart
+    scale = after.layout.xaxis.type
+    assert (scale == "log") == view.over_frequency
+
+
+def test_views_leave_out_what_amplitudes_do_not_tell():
+    assert {n for n, v in VIEWS.items() if not v.needs_phase} == {"Amplitude and phase", "Sensitivity"}
+
+
+def as_if_measured(desk, modes):
+    """Return computed modes as measured ones at the sensors, with a frequency that is 2 % higher."""
+    sensors = desk.live.problem.data.measurement.sensors
+    shapes = sensor_rows(desk.study.model, sensors) @ modes.shapes[:, modes.n_rigid :]
+    f, zeta = 1.02 * modes.frequency[modes.n_rigid :], modes.zeta[modes.n_rigid :]
+    n = np.ones(len(f))
+    names = tuple(s.name for s in sensors)
+    return MeasuredModes(Modes(f, -3.0 * shapes, zeta, labels=names), sensors, 1e-3 * n, 0.01 * n, "test")
+
+
+def test_modes_of_the_model_itself_have_a_mac_of_one(desk):
+    h = desk.now.hypothesis
+    modes = damped_modes(desk.study.model, desk.live.problem.damping, h.zeta, 300.0)
+    desk.study = replace(desk.study, modes=as_if_measured(desk, modes))
+    job = desk.compare_modes()
+    assert job.wait(60)
+    found = desk.compared_modes = job.result
+    assert found.hypothesis is h
+    elastic = modes.n_modes - modes.n_rigid
+    seen = [k for k in range(elastic) if np.linalg.norm(found.measured.modes.shapes[:, k]) > 1e-3]
+    assert len(seen) >= 4
+    for k in seen:
+        assert found.mac[k, k] == pytest.approx(1.0, abs=1e-9)
+        row = figures.mode_rows(found)[k]
+        if found.partner.get(k) == k:
+            assert (row["mode"], row["Δf [%]"], row["MAC"], row["partner"]) == (k + 1, "-1.96", "1.000", k)
+    figure = figures.shapes_figure(found, seen[0], seen[0])
+    assert len(figure.frames) == 7
+    tips = [t for t in figure.data if t.meta and t.meta.get("moves") in ("measured", "computed")]
+    measured, computed = (np.array([t.x, t.y, t.z]).T.reshape(-1, 3, 3)[:, 1] for t in tips)
+    np.testing.assert_allclose(measured, computed, atol=1e-6)  # scaled to the mode, and alike
+    desk.add(MASS, mass=0.1)
+    again = desk.compare_modes()
+    assert again.wait(60)
+    assert again.result.measured is found.measured  # not identified again
+    assert again.result.frequencies()[1][0] < found.frequencies()[1][0]
+
+
 def test_a_click_finds_its_spot(desk):
     joint = desk.spots["joint J"]
     assert "joint J on its second side (as a point)" in joint.places
@@ -379,6 +446,9 @@ def test_a_click_means_the_nearest_mark():
     assert figures.nearest_mark([above, joint, beyond], beam, 0.1) is joint  # one is farther, one hidden
     front = mark("U5z", 5.0, 0.3)
     assert figures.nearest_mark([joint, front], beam, 0.1) is front  # over each other: the foremost
+    assert figures.nearest_mark([joint, front], beam, 0.1, {"joint J"}) is joint  # but the joint wins
+    aside = {**joint, "off": 9.0}
+    assert figures.nearest_mark([aside, front], beam, 0.1, {"joint J"}) is front  # the click is not on it
     assert figures.nearest_mark([mark("far", 40.0, 0.1)], beam, 0.1) is None
 
 

@@ -1,11 +1,13 @@
 """Parts of other programs in studies: their attachments are joints, and parts need no members."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dovetail.export import WRITERS, exported_deck
 from dovetail.file import condensed, connections
 from dovetail.file.config import load_study
 from dovetail.file.table import StudyError
@@ -13,7 +15,8 @@ from fem.analysis.modes import solve_modes
 from fem.effects.joint_stiffness import JointStiffness
 from fem.effects.superelement import Superelement
 from fem.elements.part_ties import Attachment
-from fem.io.matrices import read_matrices
+from fem.io.frame_model import model_of, read_deck
+from fem.io.matrices import read_matrices, write_matrices
 from fem.model import DIRECTIONS
 from fem.system import assemble
 
@@ -144,6 +147,11 @@ def test_a_place_that_no_attachment_names_is_refused(tmp_path):
         study(tmp_path, PARTS.replace('"left top"', '"left end"'))
 
 
+def test_a_part_is_not_named_like_the_members(tmp_path):
+    with pytest.raises(StudyError, match="name: 'frame' stands for the members; give the part another name"):
+        study(tmp_path, attached().replace("file =", 'name = "frame"\nfile ='))
+
+
 def test_a_large_part_is_condensed_once(tmp_path, monkeypatch):
     monkeypatch.setattr(connections, "WORTH_KEEPING", 10)
     first = study(tmp_path, PARTS).model.effect("left")
@@ -158,3 +166,63 @@ def test_a_large_part_is_condensed_once(tmp_path, monkeypatch):
     (tmp_path / "left.condensed.npz").write_bytes(b"PK damaged")
     np.testing.assert_array_equal(study(tmp_path, PARTS).model.effect("left").K, first.K)
     assert condensed.FORMAT == 1
+
+
+SUPPORTED = attached() + '[[supports]]\npoint = "A"\n'
+
+
+@pytest.mark.parametrize("name", ["again.npz", "again.mtx"])
+def test_matrices_written_are_the_same_part(tmp_path, name):
+    expected = solve_modes(assemble(study(tmp_path, SUPPORTED).model), n=14).frequency
+    write_matrices(tmp_path / name, read_matrices(DATA / "bracket.npz"))
+    again = study(tmp_path, SUPPORTED.replace("bracket.npz", name)).model
+    np.testing.assert_allclose(solve_modes(assemble(again), n=14).frequency, expected, rtol=1e-6)
+
+
+def test_matrices_of_a_frame_are_a_part_of_another(tmp_path):
+    """A frame that is free: written as matrices, and read as a part that is tied at one of its points."""
+    undamped = FRAME + "[damping]\nmodal = 0\n"
+    free = study(tmp_path, undamped).model
+    write_matrices(tmp_path / "arm.mtx", assemble(free))
+    last = free.mesh.point_names["B"]
+    at = FRAME.replace("A = [0, 0, 0]", "A = [0.6, 0.4, 0]")
+    part = f'attach = [{{ point = "B", nodes = [{last}] }}]'
+    text = f'{at}[[superelements]]\nfile = "arm.mtx"\n{part}\nmodes = 300\n'
+    both = FRAME.replace("[members]", 'C = [0.6, 0.4, 0]\n\n[members]\nother = { from = "C", to = "B" }')
+    found = solve_modes(assemble(study(tmp_path, text).model), n=20)
+    expected = solve_modes(assemble(study(tmp_path, both).model), n=20)
+    assert found.n_rigid == expected.n_rigid == 6
+    np.testing.assert_allclose(found.frequency[6:], expected.frequency[6:], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("program", "suffix"), [("abaqus", ".inp"), ("ansys", ".cdb")])
+def test_a_whole_deck_has_the_part(tmp_path, program, suffix):
+    """Its matrices become springs and masses along combinations of motions."""
+    made = study(tmp_path, SUPPORTED)
+    deck, heading = exported_deck(made, whole=True)
+    path = tmp_path / f"deck{suffix}"
+    path.write_text(WRITERS[program](deck, heading=heading))
+    found = solve_modes(assemble(model_of(read_deck(path, "SI"))), n=14).frequency
+    np.testing.assert_allclose(found, solve_modes(assemble(made.model), n=14).frequency, rtol=1e-6)
+
+
+def test_cards_of_what_was_found_leave_a_part_to_its_program(tmp_path):
+    """A fitted part has no cards: a note says what to change in its own model."""
+    bolt = ', name = "bolt", k = { kx = 2e7, kz = 1e5 }, rigid = "y rx ry rz"'
+    made = study(
+        tmp_path, attached(bolt) + '[[effects]]\ncandidate = "joint_stiffness:bolt.x"\nstiffness = 3e5\n'
+    )
+    fitted = [
+        {"name": "bracket.stiffness", "unit": "-", "nominal": 0.0, "fitted": 0.04, "std": 0.01},
+        {"name": "bolt.kx", "unit": "N/m", "nominal": 2e7, "fitted": None, "std": None},
+        {"name": "bolt.kz", "unit": "N/m", "nominal": 1e5, "fitted": 1.2e5, "std": 1e3},
+    ]
+    (tmp_path / "result.json").write_text(json.dumps({"uncertain": fitted}))
+    made = replace(
+        made, model=made.model.with_values({("bracket", "stiffness"): 0.04, ("bolt", "kz"): 1.2e5})
+    )
+    deck, lines = exported_deck(made, whole=False)
+    assert not deck.matrices
+    assert [c.name.split(" with ")[0] for c in deck.connections] == ["bolt"]
+    assert any("change the part's own model: bracket: stiffness 0.040 ± 0.010" in note for note in deck.notes)
+    assert not any("bracket" in line or "kx" in line for line in lines)

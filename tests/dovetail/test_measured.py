@@ -342,7 +342,7 @@ def test_notes_of_a_measured_file_reach_the_commands(tmp_path, computed, capsys)
     (tmp_path / "m.uff").write_text(text + again + other + strange, encoding="utf-8")
     said = load_study(path).measured_notes
     for words in (
-        "m.uff: FRFs of 2 load cases (0, 7) are matrices of their own",
+        "m.uff: FRFs of 2 load cases (0, 7) are separate matrices",
         "FRF 1X+/3X+: it comes again with the same values and counts once",
         "datasets of type 9999 are not read",
         "m.uff: matrix 2: load case 7",

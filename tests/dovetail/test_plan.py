@@ -225,6 +225,53 @@ def test_checked_data_are_counted_beside_what_the_map_says(file, tmp_path, capsy
     assert again == checked
 
 
+def check_that_ends(monkeypatch, at, error):
+    """Let the diagnosis of a set raise an error; those of the others find nothing."""
+    calls = []
+
+    def diagnose(model, measurements, *rest, progress, **how):
+        calls.append(1)
+        if len(calls) == at:
+            raise error
+        return SimpleNamespace(posterior=(((), 1.0),))
+
+    monkeypatch.setattr("dovetail.plan.diagnose", diagnose)
+
+
+def test_a_check_that_is_stopped_keeps_the_sets_that_are_diagnosed(file, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "plan.json"
+    words = ["plan", str(file), "--noise", "0.003", "--check", "5", "--json", str(out)]
+    check_that_ends(monkeypatch, 3, KeyboardInterrupt())
+    assert main(words) == 1
+    assert f"2 of 5 sets of data are diagnosed; {out} has them" in capsys.readouterr().err
+    kept = json.loads(out.read_text(encoding="utf-8"))
+    assert [c["size"] for c in kept["check"]] == [0.5, 0.75]
+    assert len(kept["kinds"]) > 0
+    check_that_ends(monkeypatch, 0, None)
+    assert main(words) == 0
+    assert json.loads(out.read_text(encoding="utf-8"))["check"][:2] == kept["check"]
+
+
+def test_a_set_that_cannot_be_diagnosed_is_counted_apart(file, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "plan.json"
+    check_that_ends(monkeypatch, 2, np.linalg.LinAlgError("the matrix is singular"))
+    assert main(["plan", str(file), "--noise", "0.003", "--check", "3", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "1 of 3 sets could not be diagnosed:" in printed
+    assert re.search(r"size 0\.75: .*the matrix is singular", printed)
+    assert not re.search(r"^0\.75 ", printed, re.M)
+    data = json.loads(out.read_text(encoding="utf-8"))
+    assert [c["size"] for c in data["check"]] == [0.5, 1.0]
+    (failure,) = data["check_failures"]
+    assert (failure["size"], failure["reason"]) == (0.75, "the matrix is singular")
+
+
+def test_a_check_to_standard_output_writes_one_document(file, capsys, monkeypatch):
+    check_that_ends(monkeypatch, 0, None)
+    assert main(["plan", str(file), "--noise", "0.003", "--check", "2", "--json", "-"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["check"]) == 2
+
+
 def test_the_interval_of_a_count_is_wilsons():
     """Of 8 of 10 it is 0.490 to 0.943 (Brown, Cai and DasGupta's example of Wilson's interval)."""
     assert planning._with_interval(8, 10) == "80 % (49-94)"

@@ -7,7 +7,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from dovetail.file.plausible import beside_implausible
+from dovetail.file.plausible import naming_implausible
 from dovetail.file.table import StudyError
 from fem import AddedMass, Damping, Joint, Mesh, PropertyError, Section, check_model, solve_modes
 from fem.analysis.modes import MOST_VALUES
@@ -297,9 +297,9 @@ def test_studies_are_warned_of_with_file_line_and_key(old, new, words, tmp_path,
 def test_an_error_of_the_comparison_names_implausible_values_beside_it():
     reason = StudyError("too many modes")
     odd = ("E = 210e3 Pa is implausible",)
-    with pytest.raises(StudyError, match=r"^too many modes; E = 210e3 Pa is imp"), beside_implausible(odd):
+    with pytest.raises(StudyError, match=r"^too many modes; E = 210e3 Pa is imp"), naming_implausible(odd):
         raise reason
-    with pytest.raises(StudyError, match=r"^too many modes$"), beside_implausible(()):
+    with pytest.raises(StudyError, match=r"^too many modes$"), naming_implausible(()):
         raise reason
 
 

@@ -132,7 +132,7 @@ def test_duplicate_short_and_unused():
     assert sorted(duplicate.lines) == [0, 2]
     assert "2 lines of members 'a' and 'b' join the same points 0 and 1" in duplicate.message
     assert short.lines.tolist() == [1]
-    assert "0.005 m long beside one of 1 m" in short.message
+    assert "0.005 m long next to one of 1 m" in short.message
 
 
 def test_members_without_properties():

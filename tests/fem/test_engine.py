@@ -93,6 +93,31 @@ def test_changed_parameters_against_direct_solves(damping, factors):
     assert misfit(H, direct(changed, 0.002)) < ACCURACY
 
 
+def test_receptances_near_an_anchor_are_those_without_it():
+    """Of parameters that matrices are linear in, of one that multiplies others, and of several at once."""
+    model = cross_beam().with_effect(
+        MemberSection(name="thicker", member="lower", direction="z"),
+        MemberStiffness(name="softer", member="upper"),
+    )
+    refs = [
+        ("bolt", "kry"), ("bolt", "krz"), ("frame", "E:steel"), ("frame", "rho:steel"),
+        ("thicker", "change"), ("softer", "change"),
+    ]  # fmt: skip
+    one, other = engine(model, refs), engine(model, refs)
+    start = values_of(model, refs)
+    start += np.array([100.0, 0, 2e9, 0, 0.02, -0.03])
+    zeta = np.full(FREQUENCY.size, 0.002)
+    one.anchor(start)
+    moved = {0: 900.0, 2: 1.9e11, 4: -0.1, 5: 0.2}
+    for some in ((), *((k,) for k in moved), (2, 4, 5)):
+        values = start.copy()
+        values[list(some)] = [moved[k] for k in some]
+        H, exact = (e.evaluate(values, zeta, gradient=False)[0] for e in (one, other))
+        # some of these FRFs are zero by symmetry but for rounding
+        np.testing.assert_allclose(H, exact, rtol=1e-6, atol=1e-9 * np.abs(exact).max())
+        assert (misfit(H, other.evaluate(start, zeta, gradient=False)[0]) > 1e-2) == bool(some)
+
+
 def test_local_dampers_against_direct_solves():
     C = np.diag([30.0, 0, 40.0, 0, 0.5, 2.0])
     model = cross_beam(C=C, eta=0.08)

@@ -115,7 +115,7 @@ def test_a_mass_on_a_spring_moves_by_itself():
     omega2 = np.linalg.eigvals(np.array([[(K + k2) / m1, -k2 / m1], [-k2 / m2, k2 / m2]]))
     np.testing.assert_allclose(frequencies(model, 2), np.sqrt(np.sort(omega2)) / (2 * np.pi), rtol=1e-8)
     assert model.mesh.notes == (
-        "frame.bdf: nothing resists the motion of node 6 in x z rx ry rz: held there",
+        "frame.bdf: nothing resists the motion of node 6 in x z rx ry rz: fixed there",
     )
 
 

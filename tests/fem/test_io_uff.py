@@ -413,7 +413,7 @@ def test_refusals_on_writing_leave_the_old_file(tmp_path):
     close = FRF.from_arrays([1.0, 100.0, 100.000001], [1, 2, 3], "accelerance", ["1X+"], ["1X+"])
     for frf, options, words in (
         (big, {"double": False}, "single precision ends"),
-        (close, {"binary": False}, "cannot be told apart"),
+        (close, {"binary": False}, "cannot be distinguished"),
         ((), {}, "nothing to write"),
     ):
         with pytest.raises(UffError, match=words):

@@ -146,7 +146,7 @@ def test_sets_that_cross_or_are_empty_are_named():
     mesh = made(raw({"a": [0, 1], "b": [1, 2], "none": []}), 2)
     assert mesh.notes == (
         "a.inp: sets without lines: 'none'",
-        "a.inp: sets overlap; lines that several share are members of their own: 'a & b'",
+        "a.inp: sets overlap; lines that several share are separate members: 'a & b'",
     )
     assert mesh.groups["a"] == ("a.rest", "a & b")
 

@@ -243,7 +243,7 @@ def test_output4_in_binary(tmp_path, bigmat, order, kind):
 def test_output4_without_rows_is_refused_with_advice(tmp_path):
     lines = [*op4_text("KGG", BEAM.K.toarray(), None), *op4_text("MGG", BEAM.M.toarray(), None)]
     (tmp_path / "part.op4").write_text("\n".join(lines) + "\n")
-    with pytest.raises(MatricesError, match=r"write part\.dofs\.csv beside it"):
+    with pytest.raises(MatricesError, match=r"write part\.dofs\.csv next to it"):
         read_matrices(tmp_path / "part.op4")
     (tmp_path / "part.bdf").write_text("\n".join(grid_cards()[:2]) + "\n")
     with pytest.raises(
@@ -308,7 +308,7 @@ def test_coordinates_of_abaqus_need_a_table(tmp_path):
         Y = sp.coo_array(X)
         rows = [f"{i + 1} {j + 1} {v:.15e}" for i, j, v in zip(*Y.coords, Y.data, strict=True)]
         (tmp_path / f"job_{word}1.mtx").write_text("\n".join(rows) + "\n")
-    with pytest.raises(MatricesError, match=r"write job_STIF1\.dofs\.csv beside it"):
+    with pytest.raises(MatricesError, match=r"write job_STIF1\.dofs\.csv next to it"):
         read_matrices(tmp_path / "job_STIF1.mtx")
     labels = [f"{p}{x.lstrip('0123456789')}" for p, x in zip(NODE, BEAM.labels, strict=True)]
     places = {"nodes": list(GRIDS), "points": list(GRIDS.values())}
@@ -389,7 +389,7 @@ def test_a_matlab_file(tmp_path):
     ):
         read_matrices(tmp_path / "part.mat")
     scipy.io.savemat(tmp_path / "part.mat", {"K": BEAM.K.toarray(), "M": BEAM.M.toarray()})
-    with pytest.raises(MatricesError, match=r"write part\.dofs\.csv beside it"):
+    with pytest.raises(MatricesError, match=r"write part\.dofs\.csv next to it"):
         read_matrices(tmp_path / "part.mat")
 
 

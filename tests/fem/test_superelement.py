@@ -423,7 +423,7 @@ def test_a_node_without_a_direction_is_no_interface():
         BRACKET.K[keep][:, keep], BRACKET.M[keep][:, keep], BRACKET.node[keep], BRACKET.direction[keep],
         BRACKET.nodes, BRACKET.points,
     )  # fmt: skip
-    with pytest.raises(ModelError, match=f"node {END[0]} has no row for Y; .*is it held"):
+    with pytest.raises(ModelError, match=f"node {END[0]} has no row for Y; .*is it fixed"):
         tie(part)
 
 

@@ -50,7 +50,7 @@ def test_inner_products_of_modal_terms_and_data_are_those_of_all_lines(seed, n, 
             (at_nodes / size).T @ y, (full / size).T @ target, atol=1e-9 * np.linalg.norm(target)
         )
     total = (np.abs(H / spread[:, None, :]) ** 2).sum()
-    np.testing.assert_allclose(lines.left + (lines.target**2).sum(), total, rtol=1e-12)
+    np.testing.assert_allclose(lines.residual + (lines.target**2).sum(), total, rtol=1e-12)
     assert lines.n_values == 2 * H.size
 
 
@@ -59,7 +59,7 @@ def test_far_from_poles_many_lines_become_the_nodes_of_one_segment():
     lines = condense_lines(omega, H, np.ones((5000, 1)), np.array([0.5 + 5j]))
     assert lines.omega.size == N_NODES
     # a constant is a polynomial: nothing of it is left over
-    assert lines.left == pytest.approx(0.0, abs=1e-9)
+    assert lines.residual == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_pole_that_moves_towards_the_lines_no_longer_holds():
@@ -76,7 +76,7 @@ def test_few_lines_stay_as_they_are():
     lines = condense_lines(omega, H, np.full((N_NODES, 1), 2.0), np.array([3 + 1e-3j]))
     np.testing.assert_array_equal(lines.omega, omega)
     np.testing.assert_array_equal(lines.target, np.repeat([[0.5], [1.0]], N_NODES, axis=0) * np.ones(2))
-    assert lines.left == 0
+    assert lines.residual == 0
 
 
 @pytest.mark.parametrize("added_decay", [0.0, 3.0])

@@ -31,7 +31,7 @@ def test_an_effect_along_a_member_has_places_of_its_own_on_it(heavier):
     (mass,) = (e for e in PointMass.propose(case.model) if e.member == member)
     assert place_of(mass) == ("member", f"member {member}")
     places = places_of(problem, [mass])
-    assert {p.whole for p in places} == {f"member {member}"}
+    assert {p.parent for p in places} == {f"member {member}"}
     assert len(places) > 5
 
 
@@ -40,6 +40,6 @@ def test_the_member_that_is_heavier_leaves_less_than_others(heavier):
     case, problem = heavier
     candidates = propose(case.model, test=case.measurement)
     ranked = Scan.of(problem, problem.nominal()).run(places_of(problem, candidates))
-    wholes = list(dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1))
-    assert all(s.left >= 0 for s in ranked)
-    assert f"member {case.hidden.member}" in wholes[:3]
+    parents = list(dict.fromkeys(s.places[0].parent for s in ranked if len(s.places) == 1))
+    assert all(s.residual_ratio >= 0 for s in ranked)
+    assert f"member {case.hidden.member}" in parents[:3]

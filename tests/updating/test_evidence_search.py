@@ -74,7 +74,7 @@ def run(monkeypatch):
             "extended": extended,
             "full": full,
             "swapped": lambda self, h: h,
-            "on_own_basis": lambda self, h: h,
+            "with_enriched_basis": lambda self, h: h,
             "unknown": lambda self, h: unknown,
         }.items():
             monkeypatch.setattr(Search, name, f)

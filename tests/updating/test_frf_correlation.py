@@ -133,3 +133,20 @@ def test_ranges_and_inequalities(seed, n_out, n_in, scale):
     np.testing.assert_allclose(fc.cross_signature_scale(x, c * x), 2 * abs(c) / (1 + abs(c) ** 2), rtol=1e-12)
     if n_out == 1:
         np.testing.assert_allclose(csac, 1, rtol=1e-12)
+
+
+def test_cmif_of_one_mode_is_its_peak_and_a_second_mode_adds_a_value():
+    rng = np.random.default_rng(0)
+    f = np.linspace(1.0, 3.0, 41)
+    phi = np.linalg.qr(rng.standard_normal((4, 2)))[0]
+    resonance = [1 / (f0**2 - f**2 + 0.02j * f0 * f) for f0 in (2.0, 2.05)]
+    H = np.einsum("mf,om,im->foi", resonance[:1], phi[:, :1], phi[:, :1])
+    values = fc.cmif(H)
+    assert values.shape == (41, 4)
+    np.testing.assert_allclose(values[:, 0], abs(resonance[0]), rtol=1e-12)
+    assert values[:, 1:].max() < 1e-15 * values.max()
+    both = fc.cmif(H + np.einsum("f,o,i->foi", resonance[1], phi[:, 1], phi[:, 1]))
+    expected = np.sort(np.abs(resonance), axis=0)[::-1].T  # orthogonal shapes share no singular value
+    np.testing.assert_allclose(both[:, :2], expected, rtol=1e-12)
+    H[3, 0, 0] = np.nan
+    assert np.flatnonzero(np.isnan(fc.cmif(H)[:, 0])).tolist() == [3]

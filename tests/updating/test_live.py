@@ -14,6 +14,7 @@ from updating.live.engine import LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import rank, twins
+from updating.live.sensitivity import sensitivities
 from updating.live.weighing import weigh
 from updating.quality.corrections import Fault
 
@@ -226,3 +227,28 @@ def test_memory_stays_flat_while_values_move(live, candidates, fitted):
     tracemalloc.stop()
     one_frf = live.problem.data.H.nbytes
     assert after - before < one_frf
+
+
+@pytest.mark.parametrize("with_form", [False, True])
+def test_sensitivities_are_the_differences_of_two_models(live, candidates, fitted, with_form):
+    h = fitted.with_effect(candidates["point_mass:U"]).with_value("point_mass:U", "mass", 0.1)
+    h = live.with_form(h) if with_form else live.without_form(h)
+    found = sensitivities(live, h, ("U3z", "D3z"))
+    assert [s.mean_db for s in found] == sorted((s.mean_db for s in found), reverse=True)
+    by_ref = {s.refs[0]: s for s in found}
+    assert by_ref["frame", "E:steel"].added is False
+    mass = by_ref["point_mass:U", "mass"]
+    assert (mass.added, mass.assumed) == (True, True)
+    assert any(s.refs[0][0].startswith("section_form") for s in found) == with_form
+    h0 = live.evaluate(h).frf
+    o, i = (names.index(n) for names, n in zip((h0.outputs, h0.inputs), ("U3z", "D3z"), strict=True))
+    std, step = {("frame", "E:steel"): 0.02, ("point_mass:U", "mass"): 0.2}, 1e-7
+    for ref, sigma in std.items():
+        if ref[0] == "frame":
+            moved = [h.with_uncertain(ref, h.values[ref] * np.exp(s * step)) for s in (1, -1)]
+        else:
+            moved = [h.with_value(*ref, 0.1 * (1 + s * step)) for s in (1, -1)]
+        levels = [20 * np.log10(np.abs(live.evaluate(m).frf.H[:, o, i])) for m in moved]
+        change = sigma * (levels[0] - levels[1]) / (2 * step)
+        at = int(np.abs(h0.frequency - by_ref[ref].frequency).argmin())
+        assert change[at] == pytest.approx(by_ref[ref].largest_db, rel=2e-3)

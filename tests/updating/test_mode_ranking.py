@@ -16,7 +16,7 @@ from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
-from updating.diagnosis.evidence.screening import Grid, terms_beside
+from updating.diagnosis.evidence.screening import Grid, candidate_terms
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import ModeTargets
 
@@ -52,7 +52,7 @@ def test_a_crack_leaves_nothing_of_its_own_misfit_at_its_own_point():
     crack = next(e for e in every(model, "crack") if e.direction == "ry")
     point = {"compliance": 0.2 * crack.reference, "position": 0.61}
     look = look_at(model, model.with_effect(crack.with_values(**point)))
-    left = look.left_by(Grid(crack, (point,)))[0]
+    left = look.residual_squares_at(Grid(crack, (point,)))[0]
     assert left < 1e-3 * (look.misfit**2).sum()
 
 
@@ -78,7 +78,8 @@ def test_a_hinge_turns_what_has_mass_beside_any_modulus(softer):
     for hinge in every(model, "end_release"):
         grid = Grid.of(problem, hinge)
         grid = replace(grid, points=grid.points[-3:])
-        for point, term in zip(grid.points, terms_beside(problem, look.changes.current, grid), strict=True):
+        terms = candidate_terms(problem, look.changes.current, grid)
+        for point, term in zip(grid.points, terms, strict=True):
             at, term = look.changes._with_lacking(look.changes.around((), term), term)
             found = at.with_term(term).pairs(0).frequency[:6]
             true = solve_modes(assemble(there.with_effect(hinge.with_values(**point))), 6).frequency

@@ -19,7 +19,7 @@ from updating.diagnosis.evidence.hypothesis import near_to
 from updating.inference.fitting import fit
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Sensor, sensor_rows
-from updating.plan.check import MULTIPLES, trials
+from updating.plan.check import MULTIPLES, FailedTrial, trials
 from updating.plan.plan import plan_test, with_averages
 from updating.plan.planned import planned_measurement
 from updating.plan.trial import drawn
@@ -485,6 +485,38 @@ def test_checks_draw_named_effects_at_multiples_and_judge_what_is_found(masses):
         assert amplitude == pytest.approx(min(t.multiple * x.enough[2], x.amplitudes[-1]), rel=1e-6)
         assert t.chances == pytest.approx(x.chances(amplitude))
     assert len({t.effect.name for t in done}) > 1
+
+
+def test_a_set_whose_diagnosis_fails_is_one_of_the_trials(masses):
+    """The others are those of a check without errors."""
+    calls = []
+
+    def diagnose(data):
+        calls.append(data.frf.H[0, 0, 0])
+        if len(calls) == 2:
+            msg = "the matrix is singular"
+            raise np.linalg.LinAlgError(msg)
+        return SimpleNamespace(posterior=(((), 1.0),))
+
+    done = list(trials(masses, 3, np.random.default_rng(1), diagnose))
+    assert [isinstance(t, FailedTrial) for t in done] == [False, True, False]
+    assert [t.multiple for t in done] == list(MULTIPLES[:3])
+    assert str(done[1].error) == "the matrix is singular"
+    whole = list(
+        trials(masses, 3, np.random.default_rng(1), lambda data: SimpleNamespace(posterior=(((), 1.0),)))
+    )
+    assert [parameter_values(t.effect) for t in done] == [parameter_values(t.effect) for t in whole]
+
+
+def test_an_exception_by_which_a_user_stops_the_work_ends_a_check(masses):
+    class Stopped(Exception):  # noqa: N818 - no error
+        pass
+
+    def diagnose(data):
+        raise Stopped
+
+    with pytest.raises(Stopped):
+        list(trials(masses, 3, np.random.default_rng(1), diagnose))
 
 
 def test_checks_draw_nothing_where_nothing_is_named():

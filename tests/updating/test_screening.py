@@ -62,8 +62,8 @@ def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
     for effect in candidates:
         grid = Grid.of(problem, effect)
         r = look._residuals(look._local(effect.released()).with_terms(grid.terms(problem)))
-        left = look.adapted((r - look._now)[:, look.whole])
-        change = screening._level(left[:, : look.whole.sum()])
+        left = look.adapted((r - look._now)[:, look.full_band])
+        change = screening._level(left[:, : look.full_band.sum()])
         # beside what uncertain parameters imitate; tension makes a free member a pendulum: 0.11 for the least
         assert change.min() < 0.12, effect.name
 
@@ -80,7 +80,7 @@ def test_what_a_hinge_does_is_seen_on_members_that_are_not_nominal(prepared):
         softest = sorted(Grid.of(problem, effect).points, key=lambda p: (-p["compliance"], p["position"]))[1]
         grid = Grid(effect, (softest,))
         look = screening.Look.of(problem, base, 44, 0, 10**6)
-        (seen_as,) = look._local(()).with_terms(screening.terms_beside(look.problem, look.base, grid))
+        (seen_as,) = look._local(()).with_terms(screening.candidate_terms(look.problem, look.base, grid))
         there = effect.with_values(**softest)
         on_it = replace(problem, reduced=problem.reduced.with_forces_of([there]))
         values = {**base.values, **{(effect.name, k): v for k, v in softest.items()}}
@@ -103,7 +103,7 @@ def test_what_takes_more_mass_away_than_there_is_is_never_the_best(prepared):
     base = replace(nominal, effects=(light,), values=values)
     grid = Grid(member, ({"change": -0.5}, {"change": 0.1}))
     look = screening.Look.of(mine, base, 44, 24, 700)
-    gone, there = look._local(()).with_terms(screening.terms_beside(look.problem, look.base, grid))
+    gone, there = look._local(()).with_terms(screening.candidate_terms(look.problem, look.base, grid))
     assert np.isnan(gone).all()
     assert np.isfinite(there).all()
     levels = look.levels(grid)

@@ -36,7 +36,7 @@ def test_stabilisation_diagram_shows_every_pole_once_and_the_modes(case):
     assert top.get_ylabel() == "mode indicator [dB]"
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert words == [
-        "measured", "fitted modes and residuals", "what is left", "mode", "new", "frequency stable",
+        "measured", "fitted modes and residuals", "residual", "mode", "new", "frequency stable",
         "frequency, damping and participation stable",
     ]  # fmt: skip
 
@@ -50,7 +50,7 @@ def test_indicators_are_of_measured_fitted_and_what_is_left(case):
     level = 10 * np.log10((np.abs(H) ** 2 / (np.abs(H) ** 2).mean(axis=0)).mean(axis=1))
     assert curves["measured"] == pytest.approx(level)
     assert curves["fitted modes and residuals"] == pytest.approx(level, abs=1e-3)
-    assert curves["what is left"].max() < -60  # the data are exact
+    assert curves["residual"].max() < -60  # the data are exact
     assert (10 ** (curves["measured"] / 10)).mean() == pytest.approx(1)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from updating.ambient.subspace import SubspacePoles
 
 CONFIDENCE = 3.0
-"""Poles of two orders are one if they differ by less than so many standard deviations of the difference."""
+"""Largest distance of equal poles of two orders, in standard deviations of the difference."""
 
 LEAST_SHARE = 0.5
 """Orders in which a mode has to be found, in parts of the orders from that of the record on [-]."""

@@ -63,8 +63,7 @@ def identify_ambient(
     subspaces = decompose(correlations, record.n_rows)
     poles = fit_orders(subspaces, record.sample_rate)
     spectra = singular_spectra(record)
-    found = clusters_of(poles, subspaces.order)
-    return _result(record, poles, subspaces.order, spectra, found)
+    return _result(record, poles, subspaces.order, spectra, clusters_of(poles, subspaces.order))
 
 
 def _result(
@@ -132,9 +131,9 @@ def _shapes(
     """Return the weighted mean shape of each mode (n, n_channels), and its deviations by block."""
     shapes, deviations = [], []
     for c in clusters:
-        own = poles.shapes[c.members]
-        sign = np.where((own @ own[np.argmax(c.weight)].conj()).real < 0, -1.0, 1.0) * c.weight
-        shapes.append(sign @ own)
+        members = poles.shapes[c.members]
+        sign = np.where((members @ members[np.argmax(c.weight)].conj()).real < 0, -1.0, 1.0) * c.weight
+        shapes.append(sign @ members)
         deviations.append(np.tensordot(sign, poles.shape_deviation[c.members], 1))
     return (
         np.array(shapes, dtype=complex).reshape(-1, n_channels),

@@ -164,8 +164,8 @@ def _refuse_constant(y: Floats, sample_rate: float, names: tuple[str, ...]) -> N
         if still.size:
             c = int(still[0])
             n = len(y) / BLOCKS[-1] / sample_rate
-            whole = np.ptp(y[:, c]) == 0
-            when = "" if whole else f" from {k * n:.4g} s to {(k + 1) * n:.4g} s"
+            throughout = np.ptp(y[:, c]) == 0
+            when = "" if throughout else f" from {k * n:.4g} s to {(k + 1) * n:.4g} s"
             msg = f"channel {names[c]} is constant{when}; leave it out, or cut the record"
             raise AmbientError(msg)
 

@@ -216,17 +216,17 @@ def _grouped(
 ) -> list[Members]:
     """Return which modes of the set-ups are one, set-up by set-up, from the first along shared sensors on."""
     groups: list[Members] = [{0: k} for k in range(set_ups[0].modes.n_modes)]
-    seen, left = set(set_ups[0].modes.labels), list(range(1, len(set_ups)))
-    while left:
-        s = max(left, key=lambda k: len(seen & set(set_ups[k].modes.labels)))
-        own = set_ups[s].modes
-        if not seen & set(own.labels):
+    seen, remaining = set(set_ups[0].modes.labels), list(range(1, len(set_ups)))
+    while remaining:
+        s = max(remaining, key=lambda k: len(seen & set(set_ups[k].modes.labels)))
+        modes = set_ups[s].modes
+        if not seen & set(modes.labels):
             msg = (
-                f"set-up {s + 1} ({', '.join(own.labels)}) shares no sensor with the others; a reference "
+                f"set-up {s + 1} ({', '.join(modes.labels)}) shares no sensor with the others; a reference "
                 "sensor has to stay where it is"
             )
             raise AmbientError(msg)
-        every = range(own.n_modes)
+        every = range(modes.n_modes)
         cost = np.array([[_unlike(set_ups, g, s, k, channels, shared) for k in every] for g in groups])
         rows, columns = linear_sum_assignment(cost) if cost.size else ((), ())
         taken = set()
@@ -235,8 +235,8 @@ def _grouped(
                 groups[row][s] = int(k)
                 taken.add(int(k))
         groups += [{s: k} for k in every if k not in taken]
-        seen |= set(own.labels)
-        left.remove(s)
+        seen |= set(modes.labels)
+        remaining.remove(s)
     return groups
 
 
@@ -250,8 +250,8 @@ def _unlike(
 ) -> float:  # fmt: skip
     """Return how unlike a set-up's mode is to a group: 1 - MAC and the distance of frequencies over reach."""
     f, f_std, zeta, _, _ = _values(set_ups, group)
-    g, g_std, own, _, _ = _values(set_ups, {s: k})
-    reach = zeta * f + own * g + CONFIDENCE * np.hypot(f_std, g_std)
+    g, g_std, g_zeta, _, _ = _values(set_ups, {s: k})
+    reach = zeta * f + g_zeta * g + CONFIDENCE * np.hypot(f_std, g_std)
     if abs(f - g) > reach:
         return _APART
     one, two = (_Parts.of(set_ups, each, channels, shared).joined() for each in (group, {s: k}))

@@ -15,7 +15,7 @@ LONGEST = 4096
 """Samples of a segment at most."""
 
 RISE = 5.0
-"""A peak rises above its surroundings by so many standard deviations of the difference of two lines."""
+"""Least rise of a peak above its surroundings, in standard deviations of the difference of two lines."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

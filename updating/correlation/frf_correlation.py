@@ -1,4 +1,4 @@
-"""How alike FRFs are: FRAC, SAC, FDAC, CSAC, CSF, and errors by band, sensor and force.
+"""How alike FRFs are: FRAC, SAC, FDAC, CSAC, CSF, CMIF, and errors by band, sensor and force.
 
 Along frequency one number for each FRF (`frac`, `signature_assurance`), along the sensors one number for each
 line (`cross_signature_assurance`, `cross_signature_scale`) or pair of lines (`fdac`).
@@ -164,6 +164,28 @@ def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     return _alike(cross, _square(x).sum(axis=1)[:, None], _square(a).sum(axis=1)[None])
 
 
+def cmif(H: ArrayLike) -> NDArray[np.float64]:
+    """Compute the complex mode indication function: the singular values of H at each line.
+
+    Shih, Tsuei, Allemang and Brown, *Mech. Syst. Signal Process.* 2, 1988, 367, whose function is their
+    square. The first peaks at every natural frequency; at one line, as many are large as there are modes
+    close to each other. Outputs should have the same unit.
+
+    Parameters
+    ----------
+    H : array_like (n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_freq, min(n_out, n_in))
+        Falling [unit of H]; NaN at lines with a value that is not finite.
+    """
+    values = np.asarray(H, dtype=complex)
+    known = np.isfinite(values).all(axis=(1, 2))
+    found = np.linalg.svd(np.where(known[:, None, None], values, 0.0), compute_uv=False)
+    return np.where(known[:, None], found, np.nan)
+
+
 def _same_shape(H_x: ArrayLike, H_a: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
     x, a = np.asarray(H_x), np.asarray(H_a)
     if x.shape != a.shape or x.ndim == 0:
@@ -257,7 +279,7 @@ class Comparison:
 
 
 def rms_db(log_ratio: NDArray[np.complex128]) -> float:
-    """Return the root mean square of the real part in dB, without NaN; NaN if nothing is left."""
+    """Return the root mean square of the real part in dB, without NaN; NaN if no value remains."""
     x = log_ratio.real[np.isfinite(log_ratio.real)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")
 
@@ -336,7 +358,7 @@ the mean cosine of its phase error is below minus this [-]."""
 
 
 def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Return sentences on responses that look exchanged, or of the wrong sign, beside those of a model.
+    """Return sentences on responses that look exchanged, or of wrong sign, compared with those of a model.
 
     Two sensors are enough, unlike for :func:`updating.quality.faults.find_faults`. Arguments are those of
     :func:`compare`.

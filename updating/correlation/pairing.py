@@ -269,8 +269,8 @@ def _independent(
     kept: list[int] = []
     for i in sorted(mine, key=lambda i: -score[i, of[i]]):
         shared = ~np.isnan(x[:, [i, *kept]]).any(axis=1)
-        told_apart = shared.all() or shared.sum() > len(kept)  # on fewer DOFs any shape is in the space
-        if kept and told_apart and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < REPEATED:
+        comparable = shared.all() or shared.sum() > len(kept)  # on fewer DOFs any shape is in the space
+        if kept and comparable and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < REPEATED:
             best = max(kept, key=lambda k: mac(x[:, i], x[:, k])[0, 0])
             why_not[i] = f"repeats measured mode {best + 1}"
         else:

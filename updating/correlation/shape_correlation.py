@@ -347,8 +347,8 @@ def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
         If the numbers of DOFs differ.
     """
     x, a = _shapes(phi_x, phi_a)
-    whole = ~(np.isnan(x).any(axis=1) | np.isnan(a).any(axis=1))
-    x, a = orthonormal_basis(x[whole]), orthonormal_basis(a[whole])
+    known = ~(np.isnan(x).any(axis=1) | np.isnan(a).any(axis=1))
+    x, a = orthonormal_basis(x[known]), orthonormal_basis(a[known])
     if x.shape[1] > a.shape[1]:
         x, a = a, x
     cross = a.conj().T @ x

@@ -74,13 +74,13 @@ class LevelProblem(FitProblem):
 
     @classmethod
     def of(cls, problem: FitProblem, levels: Sequence[FitData]) -> "LevelProblem":
-        """Return a problem with the data of some levels in place of its own."""
-        beside: dict[str, Any] = {
+        """Return a problem with the data of some levels in place of its data."""
+        stacked: dict[str, Any] = {
             name: np.concatenate([np.broadcast_to(getattr(d, name), d.H.shape) for d in levels], axis=2)
             for name in ("H", "mask", "weight", "noise")
         }
         alone = replace(problem, scatter=None)
-        return cls(**_with_data(alone, replace(problem.data, **beside)), levels=tuple(levels))
+        return cls(**_with_data(alone, replace(problem.data, **stacked)), levels=tuple(levels))
 
     @property
     def first(self) -> FitProblem:
@@ -143,9 +143,9 @@ class LevelEngine(ParametricFRF):
         self._levels = problem.levels
         self._at = np.searchsorted(problem.data.frequency, frequency)
         names = [name for name, _ in refs]
-        self._own = [k for k, name in enumerate(names) if self._law and name == self._law.name]
-        self._rest = [k for k in range(len(refs)) if k not in self._own]
-        self._names = tuple(refs[k][1] for k in self._own)
+        self._law_rows = [k for k, name in enumerate(names) if self._law and name == self._law.name]
+        self._rest = [k for k in range(len(refs)) if k not in self._law_rows]
+        self._names = tuple(refs[k][1] for k in self._law_rows)
         ends = problem.vectors_with(self._law) if self._law else problem.vectors
         super().__init__(problem.reduced, *ends, frequency, [refs[k] for k in self._rest], linear, release)
 
@@ -158,7 +158,7 @@ class LevelEngine(ParametricFRF):
         if self._law is None:
             each = (None if x is None else np.concatenate([x] * n, axis=-1) for x in (block, slopes, by_zeta))
             return tuple(each)  # pyright: ignore[reportReturnType]
-        law = self._law.with_values(**dict(zip(self._names, values[self._own], strict=True)))
+        law = self._law.with_values(**dict(zip(self._names, values[self._law_rows], strict=True)))
         part = Receptances.of(block)
         steady = [
             solve_steady(law, data.measurement.force_level, part, self._measured(data))
@@ -170,9 +170,9 @@ class LevelEngine(ParametricFRF):
         damping = by_zeta.reshape(-1, *block.shape)
         changes = np.concatenate([slopes.reshape(-1, *block.shape), damping])
         both = [s.slopes(changes, self._names) for s in steady]
-        by_rest, by_own = (np.concatenate(x, axis=-1) for x in zip(*both, strict=True))
+        by_rest, by_law = (np.concatenate(x, axis=-1) for x in zip(*both, strict=True))
         by_values = np.empty((len(values), *H.shape), dtype=complex)
-        by_values[self._rest], by_values[self._own] = by_rest[: len(self._rest)], by_own
+        by_values[self._rest], by_values[self._law_rows] = by_rest[: len(self._rest)], by_law
         return H, by_values, by_rest[len(self._rest) :].reshape(*by_zeta.shape[:-3], *H.shape)
 
     def _measured(self, data: FitData) -> Complexes:

@@ -1,4 +1,4 @@
-"""The first of two states, judged: whether its calibrated model stands, and what both states may lack.
+"""The first of two states: whether its calibrated model explains it, and what both states may lack.
 
 A model that lacks something in the first state lacks it in the second one, too. What it leaves is then no
 constant: it depends on what has changed. So each effect that may be missing in both is a model of the first
@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from fem.model import Effect, Model
-from updating.diagnosis.evidence.diagnosis import told
+from updating.diagnosis.evidence.diagnosis import search_progress
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
@@ -42,7 +42,7 @@ from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
 
 MOST_CAUSES = 4
-"""Beside at most so many models of the first state the change is looked for: that costs a search each."""
+"""Largest number of first-state models with which the change is searched: each costs a search."""
 COMMON = "common "
 """Begins the names of effects that are missing in both states: a change may be of the same kind and place."""
 
@@ -59,11 +59,11 @@ def calibrate(
     problem, made = formed_mode_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
-    return _on_own_basis(problem, made, fit(problem))
+    return _with_enriched_basis(problem, made, fit(problem))
 
 
-def _on_own_basis(problem: ModeProblem, made: Formed, fitted: FitResult) -> Calibrated:
-    """Return a fit that goes on with the modes of the fitted model in its basis.
+def _with_enriched_basis(problem: ModeProblem, made: Formed, fitted: FitResult) -> Calibrated:
+    """Return a fit whose basis has the modes of the fitted model.
 
     The second state's basis begins with them, and what one of the two lacks would look like a change.
     """
@@ -86,23 +86,22 @@ def judged(
     than what the library does not have. Otherwise the first state is diagnosed as any other test is, and
     the models of its credible set are those that the change is looked for beside.
     """
-    begun, problem, made = time.perf_counter(), first.problem, first.made
+    start_time, problem, made = time.perf_counter(), first.problem, first.made
     candidates = candidates_for(made.model, problem.targets, kinds, exclude)
-    search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
+    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
     nothing = Hypothesis(first.fitted, search.fits.odds.prior(()))
     search.known[frozenset()] = nothing
     scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
     if nothing.score - np.logaddexp.reduce(scores) > np.log(HALF):
         return Baseline(first, (first,), np.zeros(1))
-    done = searched_modes(search, made.formed, say)
-    return _with_causes(first, concluded(done, begun))
+    return _with_causes(first, concluded(searched_modes(search, made.formed, say), start_time))
 
 
 def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
     """Return the models of the first state's credible set.
 
     A cause that the library does not have may act on the change as the constant that the calibrated model
-    leaves, or as what stands for it in the library does: one is as probable as the other.
+    leaves, or as its representative in the library does: one is as probable as the other.
     """
     done, search = d.searched, d.searched.search
     nothing, half = search.known[frozenset()], done.unknown - np.log(2.0)
@@ -131,7 +130,7 @@ def _with_cause(first: Calibrated, search: Search, h: Hypothesis) -> Calibrated:
     effects = tuple(replace(e, name=f"{COMMON}{e.name}") for e in h.effects)
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     fitted = fit(problem, effects, values_of(effects), stages=problem.stages[-1:], x_from=h.fitted)
-    return _on_own_basis(problem, first.made, fitted)
+    return _with_enriched_basis(problem, first.made, fitted)
 
 
 def uncommon(effect: Effect) -> Effect:

@@ -114,11 +114,11 @@ def carried_over(first: CalibratedFrfs, after: FitData, form_share: float = CHAN
     rms = float(np.sqrt((np.abs(d[known]) ** 2).mean())) if known.any() else 0.0
     uncertain = np.where(known, uncertain, rms)
     mask = after.mask
-    whole = np.sqrt(after.uncertain**2 + noise**2 + uncertain**2)
+    total = np.sqrt(after.uncertain**2 + noise**2 + uncertain**2)
     return replace(
         after,
         H=np.where(mask, after.H * np.exp(-d), after.H),
-        weight=MODEL_ERROR / np.hypot(MODEL_ERROR, whole) * mask,
+        weight=MODEL_ERROR / np.hypot(MODEL_ERROR, total) * mask,
         noise=np.hypot(after.noise, noise),
     )
 

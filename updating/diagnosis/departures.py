@@ -71,9 +71,9 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
         limit = min(FAR_STD * prior, effect.odd_beyond(u.ref[1]))
         std = result.std.get(u.ref, 0.0)
         if abs(off) > limit:
-            own = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
+            fitted = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
             p = float(ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
-            out.append(Departure(effect.with_values(**own), u.ref[1], u.unit, off, std, prior, p))
+            out.append(Departure(effect.with_values(**fitted), u.ref[1], u.unit, off, std, prior, p))
     return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
 
 
@@ -82,12 +82,12 @@ def departed(done: "Searched", problem: FitProblem | ModeProblem, result: FitRes
 
     Of hypotheses that have more effects than the reported one, those that are not ``RARE``.
     """
-    own, out = {e.name for e in result.effects}, []
+    reported, out = {e.name for e in result.effects}, []
     for d in departures(problem, result):
         rivals = []
         for h in sorted(done.hypotheses, key=lambda h: -h.score):
-            more, p = tuple(e for e in h.effects if e.name not in own), done.probability(h)
-            if more and p >= RARE and own <= h.key and any(near_to(e) & d.near for e in more):
+            more, p = tuple(e for e in h.effects if e.name not in reported), done.probability(h)
+            if more and p >= RARE and reported <= h.key and any(near_to(e) & d.near for e in more):
                 rivals.append((more, p))
         out.append(replace(d, rivals=tuple(rivals)))
     return tuple(out)

@@ -50,7 +50,7 @@ from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
 
 MOST_SEPARATED = 3
-"""At most so many twins get proposals of measurements that would separate them."""
+"""Largest number of twins with proposals of measurements that would separate them."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -114,7 +114,7 @@ def diagnose(
     progress : callable, optional
         Called with a text and the fraction done.
     processes : int
-        So many processes fit side by side, with the same result. With more than one, a script must guard
+        Number of parallel processes; the result is the same. With more than one, a script must guard
         its own work by ``if __name__ == "__main__":``, as :mod:`multiprocessing` demands.
     budget : Budget
         How much is tried.
@@ -128,9 +128,9 @@ def diagnose(
     with workers(processes) as crew, beating(progress or (lambda text, done: None)) as say:
         more["progress"] = say
         if baseline is None:
-            begun = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
+            initial = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
         else:
-            begun, first = begin_change(
+            initial, first = begin_change(
                 model,
                 baseline,
                 measurements[0],
@@ -141,7 +141,7 @@ def diagnose(
                 **more,
             )
             measurements = measurements[:1]
-        found = _diagnosed(begun, model, measurements, kinds, exclude, model_error, say)
+        found = _diagnosed(initial, model, measurements, kinds, exclude, model_error, say)
     return replace(_since(found, first), seconds=time.perf_counter() - started)
 
 
@@ -155,7 +155,7 @@ def _since(found: Diagnosis, first: CalibratedFrfs | None) -> Diagnosis:
 
 
 def _diagnosed(
-    begun: Searched,
+    initial: Searched,
     model: Model,
     measurements: Sequence[Measurement],
     kinds: Sequence[str] | None,
@@ -163,18 +163,18 @@ def _diagnosed(
     model_error: float,
     say: Progress,
 ) -> Diagnosis:
-    """Return what a search says that has begun."""
-    first = begun.problem
+    """Continue a search with amplitude laws and return its diagnosis."""
+    first = initial.problem
     gates = check_gates(
-        first, first.assessed(begun.best.fitted), measurements[1:], begun.mesh_db, begun.faults
+        first, first.assessed(initial.best.fitted), measurements[1:], initial.mesh_db, initial.faults
     )
-    levels = () if gates.linear else force_levels(first, measurements, begun.faults)
+    levels = () if gates.linear else force_levels(first, measurements, initial.faults)
     every = propose(model, kinds, exclude, measurements[0], levels=bool(levels))
     laws = [e for e in every if isinstance(e, AmplitudeDependent)]
-    done = with_laws(begun, levels, laws) if laws else begun
+    done = with_laws(initial, levels, laws) if laws else initial
     if not done.explains or not done.best.effects:
-        done = searched(begun, say)
-        if levels and done.faults != begun.faults:
+        done = searched(initial, say)
+        if levels and done.faults != initial.faults:
             levels = force_levels(done.problem, measurements, done.faults)
         done = with_laws(done, levels, laws) if laws else done
     say("checking", 0.95)
@@ -195,8 +195,8 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         steps.append(step_added(new, problem.assessed(at_its_amplitude(problem, h.fitted))))
     problem, steps, faults = _with_last_faults(problem, steps, done)
     findings, rounds = _findings(done, problem, chain, steps)
-    if beside := _beside(done, problem, chain[-1], steps[-1].result):
-        rounds.append(beside)
+    if rivals := _rivals(done, problem, chain[-1], steps[-1].result):
+        rounds.append(rivals)
     verdict, reason = _verdict(done, faults, gates)
     if not done.explains:
         findings, steps = [], steps[:2]
@@ -212,8 +212,8 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         done.mesh_db, basis_db, max(model_error, floor), floor, problem,
         fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
         with_last_faults(gates, done.proposed_faults, faults), search.candidates,
-        searched=done, posterior=tuple(posterior), places=tuple((s.name, s.left) for s in search.scanned),
-        departures=departed(done, problem, current),
+        searched=done, places=tuple((s.name, s.residual_ratio) for s in search.scanned),
+        posterior=tuple(posterior), departures=departed(done, problem, current),
     )  # fmt: skip
 
 
@@ -322,8 +322,8 @@ def _with_one_more(done: Searched, base: Hypothesis) -> list[Hypothesis]:
     return sorted(more, key=lambda k: -k.score)
 
 
-def _beside(done: Searched, problem: FitProblem, best: Hypothesis, before: FitResult) -> tuple[Ranked, ...]:
-    """Return the ranking of what was tried beside the best hypothesis, and is less probable with it."""
+def _rivals(done: Searched, problem: FitProblem, best: Hypothesis, before: FitResult) -> tuple[Ranked, ...]:
+    """Return the ranking of further effects that were tried with the best hypothesis and lower its score."""
     ranked, shift = [], None
     for other in _with_one_more(done, best):
         mine = _with_forces(problem, done, other.effects)
@@ -380,8 +380,8 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     share = percent(done.probability_there(best))
     names = labels(best.effects)
     if not done.explains:
-        lead, left = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
-        so_far = f"; best so far, not explained: {labels(lead.effects)}, {left} dB" if lead.effects else ""
+        lead, lead_db = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
+        so_far = f"; best so far, not explained: {labels(lead.effects)}, {lead_db} dB" if lead.effects else ""
         return UNEXPLAINED, (
             f"the residual level stays at {before} dB, more than a right model leaves{so_far}"
         )

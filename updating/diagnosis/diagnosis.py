@@ -104,7 +104,7 @@ class Diagnosis:
 
     @property
     def more_than_noise(self) -> bool:
-        """Whether more is left than noise and the mesh account for: the form of beams, or weak effects.
+        """Whether the residual exceeds noise and the mesh's error: the form of beams, or weak effects.
 
         By the margin of fits, as noise is not known exactly.
         """

@@ -12,7 +12,7 @@ from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
 MOST_POSITIONS = 4
-"""An effect is fitted at most from so many further positions."""
+"""Largest number of further positions from which an effect is fitted."""
 
 
 def weigh_elsewhere(search: Search) -> None:
@@ -65,14 +65,14 @@ def _other_positions(search: Search, h: Hypothesis, effect: Effect) -> list[dict
     if position is None or not isinstance(problem, ModeProblem):
         return []
     grid = Grid.of(problem, effect)  # type: ignore[arg-type]
-    left = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).left_by(grid)
+    misfit = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).residual_squares_at(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)
-    best = [min(np.flatnonzero(at == place), key=lambda k: left[k]) for place in places]
+    best = [min(np.flatnonzero(at == place), key=lambda k: misfit[k]) for place in places]
     others = [
-        k for k, n in enumerate(best) if np.isfinite(left[n]) and not _between(places, k, position.value)
+        k for k, n in enumerate(best) if np.isfinite(misfit[n]) and not _between(places, k, position.value)
     ]
-    others.sort(key=lambda k: left[best[k]])
+    others.sort(key=lambda k: misfit[best[k]])
     return [grid.points[best[k]] for k in others[:MOST_POSITIONS]]
 
 

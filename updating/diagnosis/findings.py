@@ -62,8 +62,8 @@ class Ranked:
 
     def contains(self, other: "Ranked") -> bool:
         """Return whether it does the same as another candidate at its place, and more."""
-        own, others = ([e for e in r.result.effects if e.name == r.name] for r in (self, other))
-        return any(a.covers(b) for a in own for b in others)
+        effects, others = ([e for e in r.result.effects if e.name == r.name] for r in (self, other))
+        return any(a.covers(b) for a in effects for b in others)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""
@@ -99,7 +99,7 @@ class Finding:
     proposals: tuple[tuple[Proposal, ...], ...] = ()
 
     def __repr__(self) -> str:
-        """Return the effect with its values and what cannot be told from it, on one line."""
+        """Return the effect with its values, and effects indistinguishable from it, on one line."""
         values = ", ".join(f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}" for p in self.parameters)
         twins = f"; {counted(len(self.twins), 'effect')} alike" if self.twins else ""
         return summary(self, f"{self.effect.name} at {self.effect.where}: {values}{twins}")

@@ -59,12 +59,12 @@ def damped_modes(model: Model, curve: DampingCurve, unknowns: NDArray[np.float64
         2 * w
     )
     d = model.damping
-    whole = d.loss_factor / 2 + d.alpha / (2 * w) + d.beta * w / 2
+    overall = d.loss_factor / 2 + d.alpha / (2 * w) + d.beta * w / 2
     ratio, *others = np.atleast_2d(curve.ratio(w / (2 * np.pi), unknowns))
     for other in others:
         share = np.einsum("ij,ij->j", V, connection_stiffness(system) @ V) / w**2
         ratio = ratio + share * (other - ratio)
-    zeta = np.where(elastic, ratio + local + whole, 0.0)
+    zeta = np.where(elastic, ratio + local + overall, 0.0)
     return Modes(omega / (2 * np.pi), system.Q @ V, zeta, n_rigid=pairs.n_rigid)
 
 

@@ -21,8 +21,8 @@ from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import (
     Searched,
-    begun_with,
     candidates_for_test,
+    search_of_problem,
 )
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.bases import N_BASES
@@ -56,21 +56,21 @@ def calibrate_frfs(
     model_error: float = EXPLAINED_LEVEL,
 ) -> CalibratedFrfs:
     """Fit uncertain parameters, and the form's, to the FRFs of the first state, and set faults right."""
-    problem, begun = formed_problem(
+    problem, formed = formed_problem(
         model, before, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
     problem, null = with_form_of_damping(problem, fit(problem, n_lines=FULL_LINES))
     problem, result, faults = find_faults(problem, problem.assessed(null))
     for _ in range(N_BASES):
-        problem = _with_modes_of(fitted_model(begun.formed, result), problem)
+        problem = _with_modes_of(fitted_model(formed.formed, result), problem)
         result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result)
-    model = fitted_model(begun.formed, result)
+    model = fitted_model(formed.formed, result)
     alone = build_problem(
         model, before, (), damping_std=damping_std, band=band, n_lines=n_lines, connections=True,
         model_error=model_error,
     )  # fmt: skip
-    own = replace(alone, data=problem.data, damping=_at_its_fit(problem.damping, result.zeta))
-    return CalibratedFrfs(model, problem, problem.assessed(result), faults, begun.mesh_db, own)
+    without_nuisances = replace(alone, data=problem.data, damping=_at_its_fit(problem.damping, result.zeta))
+    return CalibratedFrfs(model, problem, problem.assessed(result), faults, formed.mesh_db, without_nuisances)
 
 
 def _with_modes_of(model: Model, problem: FitProblem) -> FitProblem:
@@ -167,11 +167,11 @@ def begin_change(
         damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error,
     )  # fmt: skip
     progress("comparing the second state", 0.1)
-    begun = Formed(changed, changed, (), first.mesh_db)
+    formed = Formed(changed, changed, (), first.mesh_db)
     candidates = candidates_for_test(changed, after, kinds, exclude)
     ranking = FrfRanking(form_share=between.form_share)
-    searched = begun_with(
-        problem, begun, candidates, ranking=ranking, progress=progress, crew=crew, budget=budget
+    searched = search_of_problem(
+        problem, formed, candidates, ranking=ranking, progress=progress, crew=crew, budget=budget
     )
     note = (
         f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
@@ -186,15 +186,15 @@ def poor_baseline(first: CalibratedFrfs) -> tuple[str, ...]:
     It does not where what the library does not have would be the more probable explanation of that state.
     """
     problem, result = first.problem, first.result
-    if result.levels is None or result.gain_to(FrfRanking().left(problem)) <= UNKNOWN_ODDS:
+    if result.levels is None or result.gain_to(FrfRanking().allowed_squares(problem)) <= UNKNOWN_ODDS:
         return ()
     lines = problem.lines_up_to(np.inf, FULL_LINES)
     band, f = problem.band_of(lines), problem.data.frequency[lines]
     k = int(np.argmax(result.misfit / result.levels.noise))
     there = f[band == np.unique(band)[k]]
-    left, noise = (DB_PER_NEPER * float(np.sqrt(v[k])) for v in (result.misfit, result.levels.noise))
+    misfit, noise = (DB_PER_NEPER * float(np.sqrt(v[k])) for v in (result.misfit, result.levels.noise))
     return (
-        f"the baseline is poor: from {there[0]:.4g} to {there[-1]:.4g} Hz the calibrated model misses it by "
-        f"{left:.2g} dB, {left / noise:.2g} σ of its noise. Something may be missing in both states; what it "
-        "does to the change is only in the uncertainty of what was taken off",
+        f"the baseline is poor: from {there[0]:.4g} to {there[-1]:.4g} Hz the calibrated model misses it "
+        f"by {misfit:.2g} dB, {misfit / noise:.2g} σ of its noise. Something may be missing in both states; "
+        "what it does to the change is only in the uncertainty of what was taken off",
     )

@@ -47,7 +47,7 @@ class LevelRanking(FrfRanking):
 
 
 def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]) -> Searched:
-    """Return a search that compares what was found, and laws beside it, at several levels of force.
+    """Return a search that compares the findings, alone and with amplitude laws, at several levels of force.
 
     Parameters
     ----------
@@ -81,13 +81,13 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
 def _add_laws(
     search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
 ) -> None:
-    """Fit the most promising laws beside a hypothesis."""
+    """Fit the most promising laws in addition to a hypothesis."""
     quick, free = search.fits.problems(base)
     fits = []
     for starts in _looked_at(problem, search.fits.problem, base.fitted, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
-        begun = [Start((*values, parameter_values(s)), base.fitted) for s in starts]
-        short = search.fits.shortly(quick, effects, begun)
+        points = [Start((*values, parameter_values(s)), base.fitted) for s in starts]
+        short = search.fits.shortly(quick, effects, points)
         if short:
             fits.append(search.fits.continued(free, short[:2]))
     fits.sort(key=lambda h: -h.score)

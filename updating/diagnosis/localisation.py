@@ -21,9 +21,9 @@ from updating.inference.fit_result import FitResult
 MOST_SOLVED = 2000
 """Of more small changes those are solved for that explain most to first order, and the best of each place."""
 N_LINES, LEAST_LINES = 80, 12
-"""Lines at which small changes are judged; and at least so many of them where there are very many changes."""
+"""Number of lines at which small changes are judged, and the least where there are very many changes."""
 MOST_RESPONSES = 20_000_000
-"""So many responses of all DOFs to sensors and forces at all lines are kept for the estimate at most."""
+"""Largest number of responses of all DOFs, to sensors and forces at all lines, kept for the estimate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,13 +151,13 @@ def _most_telling(project: "_Projection", changes: Sequence[_Change]) -> list[_C
     """Return the changes that explain most to first order, the best of each place, and all without one.
 
     Effects that release a constraint have no first order. Nor is there much of one where uncertain parameters
-    do the same, as for a joint whose stiffness is uncertain: its second order is what is left.
+    do the same, as for a joint whose stiffness is uncertain: only its second order remains.
     """
     fields = project.solved(()).fields()
     small, shares, others = [], [], []
     for change in changes:
-        share, left = (0.0, 0.0) if change.effect.released() else project.first_order(change, fields)
-        if left < 0.5:
+        share, distinct = (0.0, 0.0) if change.effect.released() else project.first_order(change, fields)
+        if distinct < 0.5:
             others.append(change)
             continue
         small.append(change)

@@ -15,7 +15,7 @@ from fem.summary import percent
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, searched, told
+from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, search_progress, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
@@ -29,7 +29,7 @@ from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import (
     BAD_PRIOR,
     FREQUENCY,
-    LARGEST_LEFT,
+    LARGEST_DISCREPANCY,
     ComputedModes,
     ModeProblem,
     Reading,
@@ -78,7 +78,7 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModeTable:
-    """Measured modes beside computed ones, (n,) each; NaN where there is none.
+    """Measured modes and their computed partners, (n,) each; NaN where there is none.
 
     Attributes
     ----------
@@ -198,13 +198,13 @@ class Calibrated:
         By the size of the residuals, also where a study says that the form is right: what the model lacks in
         the first state, it lacks in the second one.
         """
-        own = self.fitted.levels
-        assert isinstance(own, ModeLevels)
-        out = np.zeros(len(LARGEST_LEFT))
+        fit = self.fitted.levels
+        assert isinstance(fit, ModeLevels)
+        out = np.zeros(len(LARGEST_DISCREPANCY))
         levels = ModeLevels.up_to(
-            own.kind, own.n, own.size, own.variance, LARGEST_LEFT[own.kind], own.bad, own.bad_prior
+            fit.kind, fit.n, fit.size, fit.variance, LARGEST_DISCREPANCY[fit.kind], fit.bad, fit.bad_prior
         )
-        out[own.kind] = levels.discrepancy_share(self.fitted.misfit)
+        out[fit.kind] = levels.discrepancy_share(self.fitted.misfit)
         return out
 
 
@@ -309,7 +309,7 @@ class Baseline:
 
     @property
     def causes(self) -> tuple[Explanation, ...]:
-        """What both states may lack, beside each of which the change is looked for."""
+        """Effects that both states may lack; the change is searched with each."""
         d = self.diagnosis
         nothing = d is None or d.searched.search.known[frozenset()].score > d.searched.unknown
         return tuple(
@@ -346,7 +346,7 @@ def search_modes(
     progress: Progress | None = None,
 ) -> Searched:
     """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
-    begun, say = time.perf_counter(), progress or (lambda text, done: None)
+    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
     say("reducing the model", 0.0)
     problem, made = formed_mode_problem(
         situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
@@ -354,7 +354,7 @@ def search_modes(
     problem = replace(problem, bad_prior=BAD_PRIOR)
     say("fitting the uncertain parameters", 0.05)
     candidates = candidates_for(made.model, targets, kinds, exclude)
-    search = Search(problem, made.form, candidates, told(say, begun), ranking=ModeRanking())
+    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
     return searched_modes(search, made.formed, say)
 
 
@@ -411,21 +411,21 @@ def diagnose_modes(
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     done = search_modes(
         model, targets, nuisances, damping_std=damping_std, kinds=kinds, exclude=exclude,
         model_error=model_error, progress=progress,
     )  # fmt: skip
-    return concluded(done, begun)
+    return concluded(done, start_time)
 
 
-def concluded(done: Searched, begun: float) -> ModeDiagnosis:
+def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
     search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
     explanations = [
         Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
-        for h, p in _told_apart(done)
+        for h, p in _with_probabilities(done)
     ]
     explanations.append(Explanation((), (), done.unknown_probability, known=False))
     explanations.sort(key=lambda e: -e.probability)
@@ -435,17 +435,17 @@ def concluded(done: Searched, begun: float) -> ModeDiagnosis:
     table = _table(problem, nothing, final, bad)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
-        verdict, "", tuple(explanations), table, tuple((s.name, s.left) for s in search.scanned), (),
-        fitted_model(done.model, final.fitted), there, done, _notes(problem), 0.0,
+        verdict, "", tuple(explanations), table,
+        tuple((s.name, s.residual_ratio) for s in search.scanned), (), fitted_model(done.model, final.fitted),
+        there, done, _notes(problem), 0.0,
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )  # fmt: skip
     return replace(
-        out, reason=_reason(out), next_measurements=_next(out),
-        seconds=time.perf_counter() - begun,
-    )  # fmt: skip
+        out, reason=_reason(out), next_measurements=_next(out), seconds=time.perf_counter() - start_time
+    )
 
 
-def _told_apart(done: Searched) -> list[tuple[Hypothesis, float]]:
+def _with_probabilities(done: Searched) -> list[tuple[Hypothesis, float]]:
     """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
     every = [(h, done.probability(h)) for h in done.hypotheses]
     if not done.otherwise:
@@ -526,12 +526,12 @@ def _verdict_reason(d: ModeDiagnosis) -> str:
         return f"the fitted model's frequencies are {after} off; probability {sure}{many}"
     place = percent(d.searched.probability_there(d.searched.best))
     lower = "bring" if len(d.found) > 1 else "brings"
-    told = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
+    text = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
     if not d.sure:
-        return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {told}".replace(
+        return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {text}".replace(
             "0%", "0 %"
         )
-    return f"{told}; probability {sure}, of the place {place}{many}"
+    return f"{text}; probability {sure}, of the place {place}{many}"
 
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:

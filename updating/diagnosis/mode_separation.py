@@ -12,9 +12,9 @@ from updating.correlation import mac
 from updating.diagnosis.separation import BAND_BEYOND
 
 FURTHER = 5
-"""So many modes beyond the measured ones are looked at."""
-N_SAID = 3
-"""So many proposals are made."""
+"""Number of modes beyond the measured ones that are compared."""
+N_PROPOSALS = 3
+"""Largest number of proposals."""
 FREQUENCY_STD, SHAPE_STD = 1e-3, 0.03
 """Deviations of what would be measured: of a frequency, and of a component of a shape in parts of its largest
 value [-]."""
@@ -44,7 +44,7 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
     except (np.linalg.LinAlgError, ValueError):
         return ()
     pairs = _pairs(one, two)
-    told: list[tuple[float, str]] = []
+    proposals: list[tuple[float, str]] = []
     for i, j in pairs:
         f, g = one.frequency[i], two.frequency[j]
         if f > BAND_BEYOND * top:
@@ -52,10 +52,10 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
         new = f > 1.02 * top
         size = abs(np.log(f / g)) / FREQUENCY_STD
         if new:
-            told.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
-        told.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
-    told = sorted((t for t in told if t[0] >= 2.0), key=lambda t: -t[0])
-    return tuple(text for _, text in told[:N_SAID])
+            proposals.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
+        proposals.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
+    proposals = sorted((t for t in proposals if t[0] >= 2.0), key=lambda t: -t[0])
+    return tuple(text for _, text in proposals[:N_PROPOSALS])
 
 
 def _pairs(one: Modes, two: Modes) -> list[tuple[int, int]]:

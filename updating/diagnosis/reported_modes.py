@@ -1,4 +1,4 @@
-"""Modes of the model that a diagnosis from modes reports, beside the measured ones."""
+"""Modes of the model that a diagnosis from modes reports, compared with the measured ones."""
 
 from dataclasses import dataclass, replace
 

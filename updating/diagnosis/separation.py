@@ -20,9 +20,9 @@ N_COMPARED_LINES = 60
 POINTS_PER_MEMBER = 5
 """Places along a member at which a sensor or a force is tried; fewer where there are many members."""
 MOST_PLACES = 120
-"""At most about so many places are tried."""
+"""Approximate largest number of places that are tried."""
 MOST_CHANNELS = 8
-"""For a new force, so many of the present sensors count at most."""
+"""Largest number of present sensors that count for a new force."""
 BAND_BEYOND = 1.5
 """The band is tried up to this multiple of the present one."""
 
@@ -101,17 +101,18 @@ def what_decides(
     gain = squares[1] - squares[0]
     f = problem.data.frequency
     pieces = np.array_split(np.arange(len(f)), min(n_bands, len(f)))
-    said = np.stack([gain[lines].sum(axis=0) for lines in pieces])
-    total = said[said > 0].sum()
+    evidence = np.stack([gain[lines].sum(axis=0) for lines in pieces])
+    total = evidence[evidence > 0].sum()
     out = []
-    for k in np.argsort(-said, axis=None)[:most]:
-        b, i, j = np.unravel_index(k, said.shape)
-        if said[b, i, j] <= 0:
+    for k in np.argsort(-evidence, axis=None)[:most]:
+        b, i, j = np.unravel_index(k, evidence.shape)
+        if evidence[b, i, j] <= 0:
             break
         lines = pieces[b]
         one, other = (float(np.sqrt(np.nanmean(r[lines, i, j].real ** 2)) * DB_PER_NEPER) for r in ratios)
         band = (float(f[lines[0]]), float(f[lines[-1]]))
-        out.append(Decisive(frf.outputs[i], frf.inputs[j], band, one, other, float(said[b, i, j] / total)))
+        share = float(evidence[b, i, j] / total)
+        out.append(Decisive(frf.outputs[i], frf.inputs[j], band, one, other, share))
     return tuple(out)
 
 
@@ -146,7 +147,7 @@ def next_measurements(
     predict = _Prediction(problem, first, second)
     found: list[Proposal] = []
 
-    # What drives now, heard at new places. Backwards, by reciprocity, new forces heard by present sensors.
+    # Present forces, measured at new places; by reciprocity also new forces, measured by present sensors.
     step = max(1, outputs.shape[1] // MOST_CHANNELS)
     for kind, columns in (("sensor", inputs), ("excitation", outputs[:, ::step])):
         d, evidence = predict.compare(new, columns, lines)
@@ -231,8 +232,8 @@ class _Prediction:
         s2 = d[:, 0].size / float(levels.weight(np.array([misfit]))[0])
         covariance = self.second.covariance[:n_par, :n_par]
         std = np.sqrt(covariance.diagonal())
-        own_units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
-        A = np.linalg.pinv(covariance / own_units, hermitian=True) / own_units
+        units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
+        A = np.linalg.pinv(covariance / units, hermitian=True) / units
         out_d, out_e = np.full(len(size), np.nan), np.full(len(size), np.nan)
         for i in range(len(size)):
             di, Ji = d[:, i].ravel(), J[:, :, i].reshape(n_par, -1)
@@ -244,9 +245,9 @@ class _Prediction:
             information = A + slopes @ slopes.T / s2
             size_of = np.sqrt(np.maximum(information.diagonal(), 1e-300))  # each parameter in its own unit
             scaled = information / np.outer(size_of, size_of) + 1e-12 * np.eye(n_par)
-            left = real @ real / s2 - (part / size_of) @ np.linalg.solve(scaled, part / size_of)
+            remaining = real @ real / s2 - (part / size_of) @ np.linalg.solve(scaled, part / size_of)
             out_d[i] = np.sqrt((di.real**2).mean()) * DB_PER_NEPER
-            out_e[i] = 0.5 * max(float(left), 0.0)
+            out_e[i] = 0.5 * max(float(remaining), 0.0)
         return out_d, out_e
 
     def _frf(

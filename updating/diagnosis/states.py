@@ -27,7 +27,7 @@ from fem.summary import percent
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
-from updating.diagnosis.evidence.diagnosis import told
+from updating.diagnosis.evidence.diagnosis import search_progress
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
@@ -72,7 +72,7 @@ def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
             zeta[i] *= (computed.zeta[k] / before.zeta[k]) ** of_zeta
             zeta_std[i] = np.hypot(zeta_std[i], np.sqrt(of_zeta) * before.zeta_std[k])
         if alike:
-            psi[:, i] += of_shape * _left(before.shapes[:, k], shapes[:, k], psi[:, i])
+            psi[:, i] += of_shape * _shape_difference(before.shapes[:, k], shapes[:, k], psi[:, i])
             psi_std[i] = np.hypot(psi_std[i], np.sqrt(of_shape) * before.shape_std[k])
     out = ModeTargets.of(
         f, f_std, zeta=zeta, zeta_std=zeta_std, shapes=psi if after.has_shapes else None, shape_std=psi_std,
@@ -126,7 +126,7 @@ def _computed_shapes(problem: ModeProblem, fitted: FitResult) -> NDArray[np.floa
     return out
 
 
-def _left(
+def _shape_difference(
     before: NDArray[np.number], computed: NDArray[np.float64], after: NDArray[np.number]
 ) -> NDArray[np.number]:
     """Return computed less measured shape of the first state, scaled as that of the second; 0 at gaps."""
@@ -168,7 +168,7 @@ def second_state(
     damping_std: float = 0.5,
     model_error: float = EXPLAINED_LEVEL,
 ) -> tuple[Model, ModeProblem]:
-    """Return model and problem of the second state beside a calibration on the first.
+    """Return model and problem of the second state, given a calibration on the first.
 
     Parameters as of :func:`diagnose_change`.
     """
@@ -191,8 +191,8 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     Those of effects that both states have are among them.
     """
     causes = tuple(Unknown(((e.name, p.name),)) for e in first.fitted.effects for p in e.parameters())
-    own = tuple(n for n in first.problem.nuisances if n.refs[0] in first.fitted.values)
-    uncertain = replace(problem, nuisances=(*own, *causes))
+    nuisances = tuple(n for n in first.problem.nuisances if n.refs[0] in first.fitted.values)
+    uncertain = replace(problem, nuisances=(*nuisances, *causes))
     function = uncertain.function((), (), problem.targets.fitted)
     n = len(function.variables)
     if not n:
@@ -242,7 +242,7 @@ def diagnose_change(
     nuisances, damping_std, kinds, exclude, model_error, progress
         As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
     """
-    begun, say = time.perf_counter(), progress or (lambda text, done: None)
+    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
     model = situated(model, kinds)
     more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
     if isinstance(before, Baseline):
@@ -258,13 +258,13 @@ def diagnose_change(
         candidates = candidates_for(changed, problem.targets, kinds, exclude)
         candidates = tuple(c for c in candidates if not given & set(c.released()))
         search = Search(
-            problem, (), candidates, told(say, begun), ranking=ModeRanking(),
+            problem, (), candidates, search_progress(say, start_time), ranking=ModeRanking(),
             beforehand=float(weight) + problem.log_density,
         )  # fmt: skip
         ways.append((searched_modes(search, changed, say), base))
     ways.sort(key=lambda way: -way[0].best.score)
     (done, base), *others = ways
-    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)), begun)
+    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)), start_time)
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 

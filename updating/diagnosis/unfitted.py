@@ -12,7 +12,7 @@ from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
 MOST_FITTED = 24
-"""At most so many candidates are fitted because they look as probable as the best hypothesis."""
+"""Largest number of candidates that are fitted because they look as probable as the best hypothesis."""
 
 
 def weigh_unfitted(search: Search) -> None:

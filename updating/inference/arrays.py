@@ -48,7 +48,7 @@ def frf_data(
     ModelError
         If arrays and places are missing or do not fit one another.
     """
-    own: dict[str, Any] = {}
+    given: dict[str, Any] = {}
     if isinstance(frf, Measurement):
         if outputs is None and inputs is None:
             return frf if noise is None else replace(frf, scatter=_level(noise, frf.frf.H.shape))
@@ -65,7 +65,7 @@ def frf_data(
             "viscous",
             "errors",
         )
-        own = {key: getattr(frf, key) for key in known}
+        given = {key: getattr(frf, key) for key in known}
         frf = frf.frf
     labelled = isinstance(frf, FRF)
     if not isinstance(frf, FRF):
@@ -76,7 +76,7 @@ def frf_data(
         known = np.isfinite(H)
         frf = FRF.from_arrays(lines, np.where(known, H, 0.0), kind)
         if not known.all():
-            own["compared"] = np.where(known, np.nan, 0.0).reshape(frf.H.shape)
+            given["compared"] = np.where(known, np.nan, 0.0).reshape(frf.H.shape)
         if noise is not None and H.ndim < 3 and np.shape(noise) == H.shape:
             noise = np.reshape(noise, frf.H.shape)
     if outputs is None or inputs is None:
@@ -91,14 +91,14 @@ def frf_data(
         )
         raise ModelError(msg)
     if noise is not None:
-        own["scatter"] = _level(noise, frf.H.shape)
+        given["scatter"] = _level(noise, frf.H.shape)
     outs, ins = (tuple(s.name for s in part) for part in (sensors, excitations))
     frf = replace(
         frf, outputs=outs, inputs=ins,
         strain=tuple(name for name, old in zip(outs, frf.outputs, strict=True) if old in frf.strain),
         base=tuple(name for name, old in zip(ins, frf.inputs, strict=True) if old in frf.base),
     )  # fmt: skip
-    return Measurement(frf, sensors, excitations, **own)
+    return Measurement(frf, sensors, excitations, **given)
 
 
 def _level(noise: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

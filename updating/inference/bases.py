@@ -15,7 +15,7 @@ BASIS_SHARE, BASIS_LINES = 0.03, (16, 24)
 LEAST_SHAPE = 1e-4
 """What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
 N_BASES = 2
-"""So many times a calibration is fitted on with its own modes in the basis."""
+"""Number of further fits of a calibration, each with its own modes in the basis."""
 HIGHEST = 1.2
 """Modes up to this multiple of the highest measured frequency join the basis of a fit to modes [-]."""
 
@@ -23,7 +23,7 @@ HIGHEST = 1.2
 def better_basis(
     problem: FitProblem | ModeProblem, result: FitResult, n_lines: int = BASIS_LINES[0]
 ) -> tuple[float, ReducedModel] | None:
-    """Return the error of the basis and a better one; None where that is small beside the level.
+    """Return the error of the basis and a better one; None where the error is small against the level.
 
     With responses of the fitted model at some lines, whose error is in nepers, or with its modes, whose error
     is relative.
@@ -54,8 +54,8 @@ def _with_modes(problem: ModeProblem, result: FitResult) -> tuple[float, Reduced
             np.array([result.values[r] for r in refs]),
             problem.damping.ratio(problem.targets.frequency[problem.targets.fitted], result.zeta),
         )
-        own = at.pairs(0)
-        g = own.frequency[own.n_rigid :]
+        reduced = at.pairs(0)
+        g = reduced.frequency[reduced.n_rigid :]
         n = min(len(f), len(g))
         error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
         if error <= BASIS_SHARE * problem.data.noise_level:

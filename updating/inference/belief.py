@@ -7,7 +7,7 @@ import numpy as np
 from fem.declarations import Environment
 
 DATA_PER_MODE = 4.0
-"""Independent data that each mode of the band stands for: frequency, damping and a few of the shape [-]."""
+"""Number of independent data of each mode of the band: frequency, damping and a few of the shape [-]."""
 FORM_SECTION = {"A": 0.01, "Iy": 0.02, "Iz": 0.02, "J": 0.05, "shear": 0.5}
 """Standard deviations of mass, bending and torsional stiffness, and shear flexibility of members that are
 alike, relative [-]."""

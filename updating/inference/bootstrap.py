@@ -19,7 +19,7 @@ from fem.model import ModelError
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fitting import refit as fitted_again
-from updating.inference.joint_fit import modes_beside
+from updating.inference.joint_fit import mode_problem_of
 from updating.inference.mode_fit import ModeProblem, matched_modes
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.scatter import form_scatter
@@ -85,8 +85,8 @@ class BootstrapModel:
         problem = self.problem
         if isinstance(problem, ModeProblem):
             return replace(problem, nuisances=nuisances, targets=self._modes(problem, rng))
-        beside = modes_beside(problem)
-        modes = None if beside is None else self._modes(beside, rng)
+        mode_problem = mode_problem_of(problem)
+        modes = None if mode_problem is None else self._modes(mode_problem, rng)
         return replace(problem, nuisances=nuisances, data=self._frf(problem, rng), modes=modes)
 
     def _nuisances(self, rng: np.random.Generator) -> tuple[Uncertain, ...]:

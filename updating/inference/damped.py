@@ -78,7 +78,7 @@ class Continuation:
         """
         f = self.frequency
         steps = np.diff(f)
-        # beside a gap a line stands for its own cell alone, so that the gap counts as not covered
+        # next to a gap a line represents its own cell alone, so that the gap counts as not covered
         cells = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
         kernel = cells * sigma / (np.pi * ((f[:, None] - f) ** 2 + sigma**2))
         there = np.isfinite(self.rest)
@@ -127,5 +127,5 @@ def damped(problem: FitProblem, share: float, continuation: Continuation | None 
     held_out = data.held_out | ~mask.any(axis=(1, 2))
     if (~held_out).sum() < LEAST_LINES:
         return None
-    own = replace(data, H=H, mask=mask, held_out=held_out)
-    return replace(problem, data=own, decay=2 * np.pi * sigma, modes=None)
+    damped_data = replace(data, H=H, mask=mask, held_out=held_out)
+    return replace(problem, data=damped_data, decay=2 * np.pi * sigma, modes=None)

@@ -103,12 +103,12 @@ def blind_words(
                 f"the data do not determine {', '.join(some)}: no {what} changes with "
                 f"{'it' if len(some) == 1 else 'them'}{' any more' if went else ''}; {end}"
             )
-    left = [i for i in lost if i not in alone]
-    while left:  # groups that share directions
-        group = [left[0]]
+    ungrouped = [i for i in lost if i not in alone]
+    while ungrouped:  # groups that share directions
+        group = [ungrouped[0]]
         for i in group:
-            group += [j for j in left if j not in group and abs(projector[i, j]) > SHARE**2]
-        left = [i for i in left if i not in group]
+            group += [j for j in ungrouped if j not in group and abs(projector[i, j]) > SHARE**2]
+        ungrouped = [i for i in ungrouped if i not in group]
         out.append(
             f"the data do not determine {_listed([names[i] for i in group])} one by one, only a combination "
             "of them: give one a prior, or leave it out"

@@ -101,7 +101,7 @@ class FitProblem:
 
     @property
     def form_right(self) -> bool:
-        """Whether nothing but noise and the mesh may be left."""
+        """Whether the residual may only be noise and the mesh's error."""
         return self.model_error == 0
 
     @property
@@ -189,7 +189,7 @@ class FitProblem:
         return np.searchsorted(edges, self.data.frequency[lines])
 
     def n_independent(self, stage: float = np.inf) -> float:
-        """Return for how many independent data a discrepancy at the lines up to a frequency stands."""
+        """Return the number of independent data of a discrepancy at the lines up to a frequency."""
         return DATA_PER_MODE * max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
 
     def likelihood(
@@ -335,21 +335,21 @@ class FitProblem:
 
         Damping stays.
         """
-        own = {e.name for e in self.reduced.model.effects}
-        nominal = self.reduced.model.values()
-        return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})
+        names, nominal = {e.name for e in self.reduced.model.effects}, self.reduced.model.values()
+        values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
+        return replace(result, values=values)
 
     def assessed(self, result: FitResult) -> FitResult:
         """Return a result with its errors on fitted and on held-out lines."""
-        held, ratio = self.data.held_out, self.log_ratio(result)
-        lines = np.arange(len(held))
+        held_out, ratio = self.data.held_out, self.log_ratio(result)
+        lines = np.arange(len(held_out))
         return replace(
             result,
-            fit_db=_rms(ratio.real[~held]),
-            held_out_db=_rms(ratio.real[held]),
-            level=self.level(ratio[~held], lines[~held]) if np.isnan(result.level) else result.level,
-            held_out_level=self.level(ratio[held], lines[held]),
-            unseen=self._unseen(ratio[held], lines[held]),
+            fit_db=_rms(ratio.real[~held_out]),
+            held_out_db=_rms(ratio.real[held_out]),
+            level=self.level(ratio[~held_out], lines[~held_out]) if np.isnan(result.level) else result.level,
+            held_out_level=self.level(ratio[held_out], lines[held_out]),
+            unseen=self._unseen(ratio[held_out], lines[held_out]),
         )
 
     def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:

@@ -28,7 +28,7 @@ TRANSVERSE = 0.01
 right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
 
 
-LEAST_HEARD = 0.2
+LEAST_SHARE_SEEN = 0.2
 """FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
 
 
@@ -201,7 +201,7 @@ def counted_values(
         if calculated is not None and alike.any():
             mask[alike] &= calculated[alike] > 10 ** (-60 / 20) * np.median(calculated[alike])
     mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
-    return mask & (mask.mean(axis=0) > LEAST_HEARD)
+    return mask & (mask.mean(axis=0) > LEAST_SHARE_SEEN)
 
 
 def _noise_of(measurement: Measurement) -> NDArray[np.float64]:

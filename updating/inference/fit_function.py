@@ -150,8 +150,8 @@ class FitFunction:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         beat()
         keep, weight = self.keep, self.problem.data.weight[self.lines]
-        (own, damping, scatter), (hats, offset) = self._parts, self._damping
-        values = values_at(self.variables, x[own])
+        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
+        values = values_at(self.variables, x[parameters])
         zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
         H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
         r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
@@ -161,7 +161,7 @@ class FitFunction:
         per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
         n = len(values)
         J = np.empty((len(x), r.size), dtype=complex)
-        J[own] = by_unknowns(self.variables, x[own], dH[:n][:, keep])
+        J[parameters] = by_unknowns(self.variables, x[parameters], dH[:n][:, keep])
         J[damping] = by_damping(zeta, hats, dH_dzeta)[:, keep]
         J[scatter] = dH[n:][:, keep] * std[:, None]
         J *= per
@@ -169,10 +169,15 @@ class FitFunction:
 
     def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
-        (own, damping, scatter), (hats, offset) = self._parts, self._damping
-        at = np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter])
+        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
+        at = np.append(values_at(self.variables, x[parameters]), self._scatter_std * x[scatter])
         H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
         return H
+
+    def anchor(self, x: NDArray[np.float64]) -> None:
+        """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
+        own, _, scatter = self._parts
+        self._engine.anchor(np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter]))
 
     @property
     def _scatter_std(self) -> NDArray[np.float64]:
@@ -198,8 +203,8 @@ class FitFunction:
         means = [[v.mean for v in self.variables], start, scatter]
         stds = [[v.std for v in self.variables], np.full(len(start), damping.std), scatter + 1.0]
         mean, std = np.concatenate(means), np.concatenate(stds)
-        for k, own in self._of_effects.items():
-            mean[k], std[k] = own.mean, own.std
+        for k, effect_prior in self._of_effects.items():
+            mean[k], std[k] = effect_prior.mean, effect_prior.std
         return Prior(mean, std)
 
     def prior_at(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -209,9 +214,9 @@ class FitFunction:
         """
         prior, n = self.prior(), min(len(x), len(self.start))
         off, std = x[:n] - prior.mean[:n], prior.std[:n].copy()
-        for k, own in self._of_effects.items():
-            if own.range:
-                off[k], std[k] = 0.0, own.width_at(float(x[k]))
+        for k, effect_prior in self._of_effects.items():
+            if effect_prior.range:
+                off[k], std[k] = 0.0, effect_prior.width_at(float(x[k]))
         return off, std
 
     @cached_property
@@ -242,14 +247,14 @@ class FitFunction:
 
     def point_of(self, result: FitResult) -> NDArray[np.float64]:
         """Return x of a result that has the same unknowns, whatever it was started from; no scatter."""
-        own = [v.to_x(result.values[v.ref]) for v in self.variables]
-        return np.concatenate([own, np.log(result.zeta), self.start[self._parts[2]]])
+        parameters = [v.to_x(result.values[v.ref]) for v in self.variables]
+        return np.concatenate([parameters, np.log(result.zeta), self.start[self._parts[2]]])
 
     def limits(self) -> NDArray[np.float64]:
         """Return the bounds of x, shape (n, 2)."""
-        own = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
+        bounds = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
         n = len(self._scatter_std)
-        return np.vstack([own, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
+        return np.vstack([bounds, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -276,7 +281,7 @@ class FitFunction:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         return self.mean_by_group(noise_squares(self.problem.data, self.lines))
 
-    def left(self) -> NDArray[np.float64]:
+    def allowed_squares(self) -> NDArray[np.float64]:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         problem = self.problem
         square = (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2
@@ -293,14 +298,14 @@ class FitFunction:
         return Errors(frf_db=float(np.sqrt(((r.real[known] / weight[known]) ** 2).mean()) * DB_PER_NEPER))
 
     def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
-        """Return how probable error levels are: noise, and what beams and the mesh leave beside it.
+        """Return how probable error levels are: noise, and in addition the error of beams and of the mesh.
 
         Parameters
         ----------
         stage : float
             The lines reach up to this frequency [Hz].
         counted_as : int
-            The lines stand for so many in the whole band, or as many as there are; themselves unless given.
+            Number of lines of the full band that they represent, at most all; their own number unless given.
         """
         problem = self.problem
         sizes = np.unique(self.groups, return_counts=True)[1].astype(float)
@@ -354,12 +359,12 @@ class FitFunction:
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values, with deviations if it has a covariance; errors are not assessed."""
-        x, (own, damping, scatter) = solution.x, self._parts
+        x, (parameters, damping, scatter) = solution.x, self._parts
         if not solution.covariance.size:
             solution = replace(solution, covariance=np.full((len(x), len(x)), np.nan))
-        values = dict(zip(self.refs, values_at(self.variables, x[own]).tolist(), strict=True))
+        values = dict(zip(self.refs, values_at(self.variables, x[parameters]).tolist(), strict=True))
         sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-        known = zip(self.variables, x[own], sd[own], strict=True)
+        known = zip(self.variables, x[parameters], sd[parameters], strict=True)
         std = {ref: s for v, xi, deviation in known for ref, s in v.deviations(xi, deviation).items()}
         fitted = tuple(
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects

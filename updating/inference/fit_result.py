@@ -82,10 +82,10 @@ class FitResult:
         """Return the same with other mean squares of the groups."""
         return -self._costs.cost(misfit)
 
-    def gain_to(self, left: NDArray[np.float64] | float) -> float:
+    def gain_to(self, allowed: NDArray[np.float64] | float) -> float:
         """Return by how much the log likelihood would rise with mean squares at most so far above noise."""
         costs = self._costs
-        return costs.gain(self.misfit, costs.noise + left)
+        return costs.gain(self.misfit, costs.noise + allowed)
 
     @property
     def _costs(self) -> Costs:

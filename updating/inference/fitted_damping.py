@@ -46,10 +46,10 @@ def fitted_damping(
 def with_fitted_damping(problem: FitProblem | ModeProblem, result: FitResult, model: Model) -> Model:
     """Return a fitted model with its damping, and that of connections where they have their own."""
     ratios, connections = fitted_damping(problem, result, model)
-    own = replace(model.damping, frequency=ratios.frequency, ratio=ratios.ratio, powers=ratios.powers)
-    model = model.with_damping(own)
+    damping = replace(model.damping, frequency=ratios.frequency, ratio=ratios.ratio, powers=ratios.powers)
+    model = model.with_damping(damping)
     if connections is None:
         return model
     known = [e.name for e in model.of_kind(ConnectionDamping)]
-    own = ConnectionDamping(frequency=connections[0], ratio=connections[1])
-    return model.without_effect(*known).with_effect(own)
+    effect = ConnectionDamping(frequency=connections[0], ratio=connections[1])
+    return model.without_effect(*known).with_effect(effect)

@@ -32,11 +32,11 @@ QUICK_NATS = 0.1
 DECAYS = 0.04, 0.015, 0.004
 """Decay rates of FRFs to which fits far from the data begin, in parts of the band [-]."""
 ITERATIONS = 14
-"""At most so many iterations in each band of a fit."""
+"""Largest number of iterations in each band of a fit."""
 N_PASSES = 3
 """So often small deviations are fitted again at most, where another size than the next one is best."""
 FLAT = 1e3
-"""Standard deviation that stands for none of an unknown in the evidence [-]."""
+"""Standard deviation of an unknown without a prior, for the evidence [-]."""
 Watch = Callable[[FitFunction, float], Report]
 """Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
 RANKED = ((2, 6), (6, 2))
@@ -70,7 +70,7 @@ def fit(
         Upper ends of the bands, the last the whole [Hz]; of modes factors of their deviations, the last 1.
     n_lines : int, optional
     counted_as : int
-        The lines count as so many: the evidence is then that of a fit to these. 0 for those of the fit.
+        Number of lines of the evidence, as if that many had been fitted. 0 for those of the fit.
     max_iterations : int
         In each band.
     x_from : FitResult, optional
@@ -82,9 +82,9 @@ def fit(
     x: NDArray[np.float64] | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
-        own = problem.at_stage(stage) if isinstance(problem, ModeProblem) else problem
-        lines = own.lines_up_to(stage, n_lines or own.n_lines)
-        function = with_modes(own, own.function(effects, starts, lines), stage)
+        staged = problem.at_stage(stage) if isinstance(problem, ModeProblem) else problem
+        lines = staged.lines_up_to(stage, n_lines or staged.n_lines)
+        function = with_modes(staged, staged.function(effects, starts, lines), stage)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         report = None if watch is None else watch(function, stage)
@@ -121,15 +121,15 @@ def far_fit(problem: FitProblem) -> FitResult | None:
     """Return a quick fit to less and less damped FRFs; None where they cannot be damped."""
     measured, near = continuation_of(problem), None
     for share in DECAYS if measured else ():
-        own = damped(problem, share, measured)
-        if own is not None:
+        damped_problem = damped(problem, share, measured)
+        if damped_problem is not None:
             how: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": 0, "tolerance": QUICK_NATS}
-            near = fit(own, stages=own.stages[-1:], x_from=near, **how)
+            near = fit(damped_problem, stages=damped_problem.stages[-1:], x_from=near, **how)
     return near
 
 
 def refit(problem: FitProblem | ModeProblem, result: FitResult, **how: Any) -> FitResult:
-    """Fit the effects of a result again, from its values: on the whole band at once.
+    """Fit the effects of a result again, from its values, on the full band at once.
 
     A part of the band would not determine all, such as the extent of a mass.
 
@@ -153,7 +153,7 @@ def scattered(
     n_passes: int = N_PASSES,
     **how: Any,
 ) -> FitResult:
-    """Return a fit that goes on with the small deviations of the form, of the modes that it has.
+    """Return a fit continued with small deviations of the form, of the modes that it has.
 
     They begin with a size in the middle: a large one does instead of an effect.
 
@@ -213,20 +213,20 @@ def fit_given(
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     given = [parameter_values(e) for e in effects]
     fits = [fit(problem, effects, given, **how), *(refit(problem, r, **how) for r in others)]
-    begun: list[tuple[list[dict[str, float]], FitResult | None]] = [
+    starts: list[tuple[list[dict[str, float]], FitResult | None]] = [
         ([*given[:k], s, *given[k + 1 :]], None)
         for k, e in enumerate(effects)
         for s in e.starts(problem.surroundings)
     ]
-    for steps, kept in RANKED if begun else ():
+    for steps, kept in RANKED if starts else ():
         quick: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": steps, "tolerance": QUICK_NATS}
         tried = []
-        for values, near in begun:
+        for values, near in starts:
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
                 tried.append(fit(problem, effects, values, stages=problem.stages[-1:], x_from=near, **quick))
         tried.sort(key=lambda r: -r.log_evidence)
-        begun = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
-    fits += [refit(problem, near, **how) for _, near in begun if near is not None]
+        starts = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
+    fits += [refit(problem, near, **how) for _, near in starts if near is not None]
     result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
     for n_better in BASIS_LINES:
         better = better_basis(problem, result, n_better)
@@ -288,9 +288,9 @@ def _density(
     The density is 0, and its logarithm -inf, where there is no structure.
     """
     off, std = _proper_prior(function, x)
-    own = np.tile(std, (len(factors), 1))
-    own[:, rows] *= factors[:, None]
-    prior = -0.5 * ((off / own) ** 2).sum(axis=1) - np.log(own).sum(axis=1)
+    stds = np.tile(std, (len(factors), 1))
+    stds[:, rows] *= factors[:, None]
+    prior = -0.5 * ((off / stds) ** 2).sum(axis=1) - np.log(stds).sum(axis=1)
     try:
         misfit = function.misfit(x)
     except np.linalg.LinAlgError:  # more mass taken away than there is

@@ -31,14 +31,14 @@ def form_of(
     each = [(e, std) for kind in FORMS for e in kind.propose(model)]
     if measurement is not None:
         each += _of_test(model, measurement)
-    own = [(known.get(_place(e), e), std) for e, std in each]
+    chosen = [(known.get(_place(e), e), std) for e, std in each]
     varied = [
         Nuisance(e.name, p.name, std[p.name], 0.0)
-        for e, std in own
+        for e, std in chosen
         for p in e.parameters()
-        if std[p.name] > 0  # 0 stands for an exact description
+        if std[p.name] > 0  # 0 means an exact description
     ]
-    return tuple(e for e, _ in own if e not in known.values()), tuple(varied)
+    return tuple(e for e, _ in chosen if e not in known.values()), tuple(varied)
 
 
 def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:

@@ -35,7 +35,7 @@ class Formed:
     mesh_db : float
         Error of the mesh [dB].
     n_cut : int
-        Each element was cut into so many.
+        Number of pieces into which each element was cut.
     uncut_db : float
         Error of the mesh before [dB].
     """
@@ -91,15 +91,15 @@ def formed_problem(
     build = builder(
         measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
     )
-    problem, model, n, left, before = build_fine(build, refined(model, model_error), model_error)
-    form, own = form_of(model, measurement) if model_error > 0 else ((), ())
+    problem, model, n, mesh_error, before = build_fine(build, refined(model, model_error), model_error)
+    form, std = form_of(model, measurement) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)
-    every = (*problem.nuisances, *own)
+    every = (*problem.nuisances, *std)
     reduced = build(formed, every).reduced
-    whole = replace(problem, reduced=reduced, nuisances=every, mesh_level=left[1])
+    problem = replace(problem, reduced=reduced, nuisances=every, mesh_level=mesh_error[1])
     if model_error > 0:  # damped or not, near or far: channels err in every fit
-        whole = replace(whole, scatter=channel_scatter(whole))
-    return whole, Formed(model, formed, own, left[0], n, before)
+        problem = replace(problem, scatter=channel_scatter(problem))
+    return problem, Formed(model, formed, std, mesh_error[0], n, before)
 
 
 def formed_mode_problem(
@@ -112,9 +112,9 @@ def formed_mode_problem(
 ) -> tuple[ModeProblem, Formed]:
     """Return the same for fits to measured modes."""
     model, mesh = fine_enough(with_higher_mass(model), targets)
-    form, own = form_of(model) if model_error > 0 else ((), ())
+    form, std = form_of(model) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)
     problem = build_mode_problem(
-        formed, targets, (*nuisances, *own), damping_std=damping_std, model_error=model_error, mesh_level=mesh
+        formed, targets, (*nuisances, *std), damping_std=damping_std, model_error=model_error, mesh_level=mesh
     )
-    return problem, Formed(model, formed, own)
+    return problem, Formed(model, formed, std)

@@ -14,7 +14,7 @@ INTERVAL = 0.25
 
 
 class _Pulse:
-    """The last report of some work, given again while the work goes on."""
+    """The last report of some work, repeated while the work continues."""
 
     def __init__(self, report: Progress) -> None:
         self.report, self.last, self.at = report, ("", 0.0), time.monotonic()

@@ -87,11 +87,11 @@ class JointFunction(FitFunction):
         n = len(modes.start)
         r, J = frf(x, gradient)
         q, K = modes(x[:n], gradient)
-        whole = np.concatenate([r, q])
+        stacked = np.concatenate([r, q])
         if J is None or K is None:
-            return whole, None
+            return stacked, None
         behind = np.zeros((len(x) - n, len(q)), dtype=complex)
-        return whole, np.hstack([J, np.vstack([K, behind])])
+        return stacked, np.hstack([J, np.vstack([K, behind])])
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -104,10 +104,10 @@ class JointFunction(FitFunction):
         frf, modes = self.both
         return np.concatenate([frf.noise(), modes.noise()])
 
-    def left(self) -> Floats:
+    def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         frf, modes = self.both
-        return np.concatenate([frf.left(), modes.left()])
+        return np.concatenate([frf.allowed_squares(), modes.allowed_squares()])
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed FRFs and modes are from the measured ones."""
@@ -123,12 +123,11 @@ class JointFunction(FitFunction):
         """Return a solution as values; the level is that of the FRFs [nepers]."""
         frf, _ = self.both
         r, _ = frf(solution.x, False)
-        level = float(np.sqrt(pseudo_huber(r, ROBUST).mean()))
-        return replace(frf.result(solution), level=level)
+        return replace(frf.result(solution), level=float(np.sqrt(pseudo_huber(r, ROBUST).mean())))
 
 
-def modes_beside(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModeProblem | None:
-    """Return the fit to the modes that a problem has beside its FRFs, with room for effects."""
+def mode_problem_of(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModeProblem | None:
+    """Return the fit to the modes that a problem has in addition to FRFs, on a basis for given effects."""
     if problem.modes is None:
         return None
     reduced = problem.reduced.with_forces_of(effects)
@@ -137,13 +136,13 @@ def modes_beside(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModePro
 
 def with_modes(problem: FitProblem | ModeProblem, function: FitFunction, stage: float) -> FitFunction:
     """Return a function of FRFs with the modes of its problem up to a frequency [Hz], if it has any."""
-    own = modes_beside(problem) if isinstance(problem, FitProblem) else None
-    if own is None:
+    mode_problem = mode_problem_of(problem) if isinstance(problem, FitProblem) else None
+    if mode_problem is None:
         return function
-    fitted = own.targets.fitted
-    lines = fitted[own.targets.frequency[fitted] <= stage]
+    fitted = mode_problem.targets.fitted
+    lines = fitted[mode_problem.targets.frequency[fitted] <= stage]
     if not lines.size:
         return function
     start = function.start[: len(function.variables) + len(problem.damping.start)]  # without scatter
-    modes = ModeFunction(own, function.effects, function.variables, start, lines)  # type: ignore[arg-type]
+    modes = ModeFunction(mode_problem, function.effects, function.variables, start, lines)  # type: ignore[arg-type]
     return JointFunction.of(function, modes)

@@ -66,7 +66,7 @@ def covariance_of(
     x: Floats,
     std: Floats,
     precision: Floats | None,
-    held: NDArray[np.bool_],
+    fixed: NDArray[np.bool_],
 ) -> tuple[Floats, Floats]:
     """Return the covariance (n, n) of unknowns, and the directions (n, k) that the data do not determine.
 
@@ -80,19 +80,19 @@ def covariance_of(
         Of the priors; infinite for none.
     precision : ndarray (n, n) or None
         Of a regularisation.
-    held : ndarray of bool (n,)
-        Unknowns that are held, as at a bound: their rows are 0.
+    fixed : ndarray of bool (n,)
+        Unknowns that are fixed, as at a bound: their rows are 0.
     """
     near = function.quadratic(x, levels)
     A = near.normal(levels.weight(near.v), std)
-    return split_covariance(A if precision is None else A + precision, widths_of(function), std**-2.0, held)
+    return split_covariance(A if precision is None else A + precision, widths_of(function), std**-2.0, fixed)
 
 
 def widths_of(function: FitFunction) -> Floats:
     """Return the possible errors of all unknowns, (n,): the priors' deviations, or what is assumed."""
     prior = function.prior()
-    own = [v.width for v in function.variables]
-    return np.concatenate([own, prior.std[len(own) :]])
+    widths = [v.width for v in function.variables]
+    return np.concatenate([widths, prior.std[len(widths) :]])
 
 
 def marginal_density(
@@ -106,14 +106,14 @@ def marginal_density(
     others = np.setdiff1d(np.arange(len(x)), rows)
     _, J = function(x, True)
     assert J is not None
-    own, member = J[others], np.unique(function.groups, return_inverse=True)[1]
+    slopes, member = J[others], np.unique(function.groups, return_inverse=True)[1]
     std, mean = np.minimum(prior.std, FLAT)[others], prior.mean[others]
 
     def density(part: Floats) -> float:
         at = x.copy()
         at[rows] = part
         r, _ = function(at, False)
-        near = Quadratic.of(r, own, member, ROBUST, levels)
+        near = Quadratic.of(r, slopes, member, ROBUST, levels)
         change = near.settled(x[others] - mean, std).change if others.size else np.zeros(0)
         at[others] += change
         return -levels.cost(near.at(change)) - prior.cost(at)

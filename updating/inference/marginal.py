@@ -41,7 +41,7 @@ def log_evidence(
     curvature : ndarray (n, n)
         A.
     n_apart : int
-        So many of the unknowns, the last, are errors of channels.
+        Number of unknowns, the last ones, that are errors of channels.
     """
     n = len(std) - n_apart
     prior = -0.5 * float(((deviation / std) ** 2).sum()) - float(np.log(std[:n]).sum())
@@ -90,10 +90,10 @@ class Quadratic:
         size = np.bincount(member)
         slopes, curvatures = np.empty((n_groups, len(J))), np.empty((n_groups, len(J), len(J)))
         for g in range(n_groups):
-            own = member == g
-            parts = np.hstack([J.real[:, own], J.imag[:, own]])
-            weighted = parts * np.tile(huber[own] / size[g], 2)
-            slopes[g] = weighted @ np.concatenate([r.real[own], r.imag[own]])
+            in_group = member == g
+            parts = np.hstack([J.real[:, in_group], J.imag[:, in_group]])
+            weighted = parts * np.tile(huber[in_group] / size[g], 2)
+            slopes[g] = weighted @ np.concatenate([r.real[in_group], r.imag[in_group]])
             curvatures[g] = weighted @ parts.T
         return cls(levels, np.bincount(member, pseudo_huber(r, robust)) / size, slopes, curvatures, n_apart)
 
@@ -171,9 +171,9 @@ def by_size(
     """
     out = []
     for factor in factors:
-        own = std.copy()
-        own[rows] *= factor
-        out.append(near.settled(deviation, own))
+        scaled = std.copy()
+        scaled[rows] *= factor
+        out.append(near.settled(deviation, scaled))
     return out
 
 

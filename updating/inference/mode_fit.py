@@ -38,7 +38,7 @@ from updating.least_squares.mode_levels import ModeLevels
 
 FREQUENCY, DAMPING, SHAPE = 0, 1, 2
 """Kinds of residuals: ln f, ln ζ, and components of shapes in parts of their root mean square."""
-LARGEST_LEFT = np.array([0.01, 0.4, 0.1])
+LARGEST_DISCREPANCY = np.array([0.01, 0.4, 0.1])
 """Largest plausible size of what frame theory leaves of each, for the default ``model_error`` [-]."""
 MIXED = 0.003
 """Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
@@ -128,7 +128,7 @@ class ModeProblem:
         """
         if not self.bad_prior:
             return np.full(self.targets.n, SPREAD_BEFORE)
-        return np.sqrt(self.targets.frequency_std**2 + self.left[FREQUENCY] ** 2 + self.mesh_level**2)
+        return np.sqrt(self.targets.frequency_std**2 + self.discrepancy[FREQUENCY] ** 2 + self.mesh_level**2)
 
     @property
     def log_density(self) -> float:
@@ -140,13 +140,13 @@ class ModeProblem:
 
     @property
     def form_right(self) -> bool:
-        """Whether nothing but noise and the mesh may be left."""
+        """Whether the residual may only be noise and the mesh's error."""
         return self.model_error == 0
 
     @property
-    def left(self) -> Floats:
+    def discrepancy(self) -> Floats:
         """Largest plausible size of what the form leaves of frequencies, damping and shapes, (3,) [-]."""
-        return LARGEST_LEFT * self.model_error / EXPLAINED_LEVEL
+        return LARGEST_DISCREPANCY * self.model_error / EXPLAINED_LEVEL
 
     @property
     def data(self) -> ModeTargets:
@@ -211,9 +211,9 @@ class ModeProblem:
 
     def at_nominal(self, result: FitResult) -> FitResult:
         """Return a result with the nuisance parameters of the model back at their nominal values."""
-        own = {e.name for e in self.reduced.model.effects}
-        nominal = self.reduced.model.values()
-        return replace(result, values={r: nominal[r] if r[0] in own else v for r, v in result.values.items()})
+        names, nominal = {e.name for e in self.reduced.model.effects}, self.reduced.model.values()
+        values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
+        return replace(result, values=values)
 
     def computed(self, result: FitResult) -> ComputedModes:
         """Return the modes of a fitted model that belong to the measured ones, those held out too."""
@@ -245,13 +245,13 @@ class ModeProblem:
         predicted = t.held_out & (matched_modes(alone, function.modes_at(x), every).partner >= 0)
         weight = np.hypot(t.frequency_std, self.mesh_level)
         fitted = propagated(function, x, function.units, result.covariance)[: t.n] * weight / weight.min()
-        left = levels.discrepancy_left(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
-        return np.where(predicted, np.sqrt(fitted**2 + left + self.mesh_level**2), np.nan)
+        discrepancy = levels.discrepancy_square(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
+        return np.where(predicted, np.sqrt(fitted**2 + discrepancy + self.mesh_level**2), np.nan)
 
     @cached_property
-    def squares_left(self) -> Floats:
+    def allowed_squares(self) -> Floats:
         """Mean squares that a right model may leave beyond noise, of each group of residuals, (n_groups,)."""
-        return self.function((), (), self.targets.fitted).left()
+        return self.function((), (), self.targets.fitted).allowed_squares()
 
     def readings(self) -> tuple[Reading, ...]:
         """Return the readings that fits see, in the order of the groups of residuals."""
@@ -356,7 +356,7 @@ class ShapeResiduals:
 
     @classmethod
     def of(cls, phi: NDArray[Any], psi: NDArray[Any], B: Floats, scale: Floats) -> ShapeResiduals:
-        """Return the residuals of measured shapes psi beside computed ones phi, (n, n_out)."""
+        """Return the residuals of measured shapes psi against computed ones phi, (n, n_out)."""
         x, V = np.linalg.eigh(B.transpose(0, 2, 1) @ B)
         root = np.sqrt(1 + np.maximum(x, 0.0))
         bare = cls(phi, psi, B @ V, 1 / (root * (1 + root)), scale, psi)
@@ -456,8 +456,8 @@ class ModeFunction(FitFunction):
         least = np.array([d.min() if len(d) else 1.0 for d in self._deviation])
         bad = BAD_STD[kind] * least[kind] / np.concatenate(self._deviation)
         return ModeLevels.up_to(
-            kind, n, size, (least**2 / parts)[kind], self._modes_problem.left[kind], bad**2 / parts[kind],
-            self._modes_problem.bad_prior,
+            kind, n, size, (least**2 / parts)[kind], self._modes_problem.discrepancy[kind],
+            bad**2 / parts[kind], self._modes_problem.bad_prior,
         )  # fmt: skip
 
     def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:
@@ -477,11 +477,11 @@ class ModeFunction(FitFunction):
             return found
         return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
 
-    def left(self) -> Floats:
+    def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         levels = self.levels()
-        left = (FORM_LEFT * self._modes_problem.left[levels.kind]) ** 2 * levels.n / levels.size
-        return SPREAD * levels.noise + left
+        discrepancy = (FORM_LEFT * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
+        return SPREAD * levels.noise + discrepancy
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed modes are from the measured ones."""
@@ -607,7 +607,7 @@ class ModeFunction(FitFunction):
         # A component of ψ, of length 1, has the deviation std/√n; the mixed shapes are as large as φ.
         size = np.linalg.norm(phi, axis=1) * (std / np.sqrt(known.sum(axis=1)))[i]
         m = np.take_along_axis(m, near, axis=1) / size[:, None]
-        B = np.stack([pairs.shapes[:, own] for pairs, own in zip(each, near, strict=True)])
+        B = np.stack([pairs.shapes[:, columns] for pairs, columns in zip(each, near, strict=True)])
         out = np.zeros((n, known.shape[1]), dtype=phi.dtype), np.zeros((n, *B.shape[1:]))
         out[0][i], out[1][i] = phi, np.where(known[i][:, :, None], B * m[:, None], 0.0)
         return out
@@ -642,8 +642,8 @@ class ModeFunction(FitFunction):
             self._of_eigenvalue(J, mode, by[:, c])
         if self._data.has_shapes:
             moved = np.zeros((len(self.lines), n, self._known.shape[1]), dtype=complex)
-            for (i, _, mode), own in zip(pairs, shapes, strict=True):
-                moved[i] = own if more is None else own + more(mode)
+            for (i, _, mode), shape in zip(pairs, shapes, strict=True):
+                moved[i] = shape if more is None else shape + more(mode)
             shaped = self._shape_residuals([MetModes(found, *self._shapes(found, at))])
             by_shape = shaped.slopes(np.where(self._known[:, None], moved, 0.0))
             by_shape[[i for i, m in enumerate(found) if m is None]] = 0.0
@@ -665,8 +665,8 @@ class ModeFunction(FitFunction):
         J = np.zeros((hats.shape[-1], sum(self._sizes)), dtype=complex)
         for mode in found:
             if mode is not None:
-                own = at.by_zeta(mode[0], mode[2]) * zeta[:, mode[0]]
-                self._of_eigenvalue(J, mode, own @ hats[:, mode[0]])
+                slopes = at.by_zeta(mode[0], mode[2]) * zeta[:, mode[0]]
+                self._of_eigenvalue(J, mode, slopes @ hats[:, mode[0]])
         return self._independent(J)
 
     @property
@@ -695,8 +695,7 @@ class ModeFunction(FitFunction):
         """Return a solution as values with standard deviations; the level is that of frequencies [-]."""
         out = super().result(solution)
         r, _ = self(solution.x, False)
-        level = float(np.sqrt(pseudo_huber(r[: self._sizes[0]], ROBUST).mean()))
-        return replace(out, level=level)
+        return replace(out, level=float(np.sqrt(pseudo_huber(r[: self._sizes[0]], ROBUST).mean())))
 
 
 def start_of(effects: Sequence[Effect]) -> list[dict[str, float]]:

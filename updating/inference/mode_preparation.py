@@ -53,10 +53,10 @@ def build_mode_problem(
     columns = [sensor_vectors(model, targets.sensors)] if targets.sensors else []
     for element in model.of_kind(PointPair):
         dofs, B = element.relative(model)
-        held = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
+        elastic = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
         block = np.zeros((model.n_dof, 6))
         block[dofs] = B.T
-        columns.append(block[:, held])
+        columns.append(block[:, elastic])
     forces = np.hstack([np.zeros((model.n_dof, 0)), *columns])
     reduced = reduce_model(undamped, forces, highest, margin=MODE_MARGIN)
     damped = np.flatnonzero(np.isfinite(targets.zeta) & ~targets.held_out)
@@ -74,7 +74,7 @@ def build_mode_problem(
 
 
 def fine_enough(model: Model, targets: ModeTargets) -> tuple[Model, float]:
-    """Return a model whose elements are short enough for measured modes, and the mesh's error that is left.
+    """Return a model whose elements are short enough for measured modes, and the remaining error of the mesh.
 
     The error of frequencies falls with the fourth power of the elements' length, so that halving them shows
     15/16 of it; with the second, where sections taper, 3/4.

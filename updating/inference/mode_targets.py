@@ -109,10 +109,10 @@ class ModeTargets:
         psi = (psi / np.where(length > 0, length, 1.0))[:, order]
         seen = np.zeros(n, dtype=bool)
         seen[list(held_out)] = True
-        own = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
+        sorted_numbers = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
         return cls(
             f[order], each[0], np.where(each[1] > 0, each[1], np.nan), each[2], psi, each[3],
-            tuple(sensors), own, plane, seen[order], name, tuple(driven),
+            tuple(sensors), sorted_numbers, plane, seen[order], name, tuple(driven),
         )  # fmt: skip
 
     def with_deviations(self, factor: float) -> "ModeTargets":
@@ -151,7 +151,7 @@ class ModeTargets:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matched:
-    """Computed modes beside measured ones.
+    """Computed modes that belong to measured ones.
 
     Attributes
     ----------

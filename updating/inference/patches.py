@@ -15,7 +15,7 @@ U = TypeVar("U", bound=Uncertain)
 PATCH_REACH = 1.25
 """Elements are short up to this multiple of the stretch on which a joint acts [-]."""
 PATCH_ELEMENTS = 3
-"""So many elements lie on half of a stretch as long as the other member is broad."""
+"""Number of elements on half of a stretch as long as the other member is broad."""
 TWIST_STD = 0.7
 """Standard deviation of the logarithm of the stiffness about the normal of joints with patches, from that of
 discs as broad as the members [-]."""
@@ -50,8 +50,8 @@ def with_turning(nuisances: Sequence[U], model: Model) -> tuple[U | Nuisance, ..
 
     They replace what is said of these, but for what an update asks for.
     """
-    own = {ref: Nuisance(*ref, TWIST_STD) for ref in turning_parameters(model)}
+    turning = {ref: Nuisance(*ref, TWIST_STD) for ref in turning_parameters(model)}
     for ref in (ref for n in nuisances if isinstance(n, Unknown) for ref in n.refs):
-        own.pop(ref, None)
-    kept = tuple(own.pop(n.refs[0], n) for n in nuisances)
-    return (*kept, *own.values())
+        turning.pop(ref, None)
+    kept = tuple(turning.pop(n.refs[0], n) for n in nuisances)
+    return (*kept, *turning.values())

@@ -38,7 +38,7 @@ def channels(model: Model, places: Places, names: Sequence[str] | None = None) -
             raise ModelError(msg)
         by_name = {s.name: s for s in sensors}
         return tuple(by_name[n] for n in names) if names and set(names) <= set(by_name) else tuple(sensors)
-    columns, own = dof_vectors(model, given)
+    columns, dof_names = dof_vectors(model, given)
     n = 6 * model.mesh.n_points
     if columns[n:].any():
         msg = f"a place is a coordinate inside of an effect; DOFs of points are 0 to {n - 1}"
@@ -46,7 +46,7 @@ def channels(model: Model, places: Places, names: Sequence[str] | None = None) -
     nowhere = np.zeros(3)
     return tuple(
         Combination(name, nowhere, nowhere, factors=row)
-        for name, row in zip(_distinct(labels or own), columns[:n].T, strict=True)
+        for name, row in zip(_distinct(labels or dof_names), columns[:n].T, strict=True)
     )
 
 

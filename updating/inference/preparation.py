@@ -37,7 +37,7 @@ MODE_MARGIN = 2.5
 MESH_SHARE = 0.03
 """Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
 MOST_SPLITS = 4
-"""Into so many at most."""
+"""Largest number of pieces of an element."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
 LEAST_DAMPING_STD = 1e-6
@@ -65,10 +65,10 @@ def forces_at(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     columns = [sensor_vectors(model, sensors)]
     for element in model.of_kind(PointPair):
         dofs, B = element.relative(model)
-        held = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
+        elastic = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
         block = np.zeros((model.n_dof, 6))
         block[dofs] = B.T
-        columns.append(block[:, held])
+        columns.append(block[:, elastic])
     return np.hstack(columns)
 
 
@@ -204,8 +204,8 @@ class NominalRatio:
         members = np.maximum(self.damping.ratio_at(frequency), self.least)
         if not self.connections:
             return members
-        own = self.others.ratio_at(frequency) if self.others else None
-        return np.stack([members, members if own is None else np.maximum(own, LEAST_RATIO)])
+        ratio = self.others.ratio_at(frequency) if self.others else None
+        return np.stack([members, members if ratio is None else np.maximum(ratio, LEAST_RATIO)])
 
 
 def nominal_ratio(
@@ -220,7 +220,7 @@ def nominal_ratio(
 def prepared_like(
     problem: FitProblem, measurement: Measurement, band: tuple[float, float] | None = None
 ) -> FitData:
-    """Prepare other channels, such as those that were kept from a fit, as a problem's own were.
+    """Prepare other channels, such as held-out ones, as those of a problem were.
 
     By its own model's results; beside corners that came later than its data these have their nominal size.
 
@@ -334,22 +334,22 @@ def build_fine(
     FitProblem, Model
         With each element cut.
     int
-        Into so many.
+        Number of pieces of each element.
     (float, float)
         Error of the mesh: root mean square [dB] and level [nepers].
     float
         Root mean square before elements were cut [dB].
     """
     problem = build(model)
-    left = before = discretisation_error(problem)
+    error = before = discretisation_error(problem)
     n = problem.data.measurement.pieces or splits(
-        left[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR)
+        error[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR)
     )
     if n > 1:
         model = split(model, n)
         problem = build(model)
-        left = discretisation_error(problem)
-    return replace(problem, pieces=n), model, n, left, before[0]
+        error = discretisation_error(problem)
+    return replace(problem, pieces=n), model, n, error, before[0]
 
 
 def finer_receptances(
@@ -367,15 +367,15 @@ def finer_receptances(
 
 
 def splits(mesh_level: float, noise_level: float) -> int:
-    """Return into how many to cut each element, so that the mesh's error is small beside the noise."""
+    """Return into how many to cut each element, so that the mesh's error is small against the noise."""
     too_large = mesh_level / (MESH_SHARE * noise_level)
     return min(MOST_SPLITS, int(np.ceil(too_large**0.5))) if too_large > 1 else 1
 
 
 def fitted_model(model: Model, result: FitResult) -> Model:
     """Return the full model with the values and the effects of a fit."""
-    own = {e.name for e in model.effects}
-    values = {ref: v for ref, v in result.values.items() if ref[0] in own}
+    names = {e.name for e in model.effects}
+    values = {ref: v for ref, v in result.values.items() if ref[0] in names}
     return model.with_values(values).with_effect(*result.effects)
 
 
@@ -396,8 +396,8 @@ def direct_responses(
     and imaginary parts of the responses to the excitations.
     """
     effects = tuple(e for e in result.effects if not e.amplitude_dependent)
-    gone = {e.name for e in result.effects if e.amplitude_dependent}
-    values = {ref: v for ref, v in result.values.items() if ref[0] not in gone}
+    excluded = {e.name for e in result.effects if e.amplitude_dependent}
+    values = {ref: v for ref, v in result.values.items() if ref[0] not in excluded}
     result = replace(result, effects=effects, values=values)
     model = problem.reduced.model
     system = assemble(fitted_model(model, result), reciprocal=False)

@@ -171,7 +171,7 @@ def l_curve(A: ArrayLike, b: ArrayLike, L: ArrayLike | None = None, n: int = 200
     p2 = ddmiss / (2 * miss2 + tiny) - 2 * p1**2
     q2 = ddsize / (2 * size2 + tiny) - 2 * q1**2
     curvature = (p1 * q2 - p2 * q1) / np.maximum(p1**2 + q1**2, tiny) ** 1.5
-    usable = (p1**2 + q1**2) > 1e-12  # at both ends the curve stands still
+    usable = (p1**2 + q1**2) > 1e-12  # at both ends the curve does not move
     corner = int(np.argmax(np.where(usable, curvature, -np.inf)))
     distinct = bool(curvature[corner] > 1 and 0 < corner < n - 1)
     return LCurve(parameter, np.sqrt(miss2), np.sqrt(size2), curvature, x, corner, distinct)
@@ -248,7 +248,7 @@ def select_by_pivoting(A: ArrayLike, names: Sequence[str] = (), least: float = 3
 
 
 def select_forward(A: ArrayLike, b: ArrayLike, names: Sequence[str] = (), least: float = 3.0) -> Selection:
-    """Choose columns one by one, always the one that lowers the misfit most.
+    """Choose columns greedily: each time the column that lowers the misfit most.
 
     Orthogonal least squares with the squared misfit counted in variances: a column comes in while it lowers
     that by more than ``least``² (Lallement and Piranda, *Proc. IMAC VIII*, 1990, 579). Parameters that
@@ -266,10 +266,10 @@ def select_forward(A: ArrayLike, b: ArrayLike, names: Sequence[str] = (), least:
     names = tuple(names) or tuple(f"parameter {i}" for i in range(A.shape[1]))
     kept: list[int] = []
     rest = A.copy()
-    own = np.linalg.norm(A, axis=0)
+    size = np.linalg.norm(A, axis=0)
     while len(kept) < min(A.shape):
         norm = np.linalg.norm(rest, axis=0)
-        usable = norm > 1e-8 * np.maximum(own, 1e-300)
+        usable = norm > 1e-8 * np.maximum(size, 1e-300)
         usable[kept] = False
         gain = np.divide(rest.T @ r, norm, out=np.zeros(len(norm)), where=usable) ** 2
         j = int(np.argmax(gain))
@@ -290,17 +290,17 @@ def select_forward(A: ArrayLike, b: ArrayLike, names: Sequence[str] = (), least:
 
 
 def _left_out(A: NDArray[np.float64], j: int, kept: list[int], names: Sequence[str]) -> LeftOut:
-    """Say why a column was left out: nothing to see, or seen as others."""
+    """Return why a column was left out: no visible effect, or the same effect as others."""
     column = A[:, j]
-    own = float(np.linalg.norm(column))
+    size = float(np.linalg.norm(column))
     x = np.linalg.lstsq(A[:, kept], column, rcond=None)[0] if kept else np.zeros(0)
-    signal = float(np.linalg.norm(column - A[:, kept] @ x)) if kept else own
-    if own < 1.0 or not kept:
-        return LeftOut(j, signal, f"{names[j]} changes the data by {own:.2g} standard deviations only")
+    signal = float(np.linalg.norm(column - A[:, kept] @ x)) if kept else size
+    if size < 1.0 or not kept:
+        return LeftOut(j, signal, f"{names[j]} changes the data by {size:.2g} standard deviations only")
     share = np.abs(x) * np.linalg.norm(A[:, kept], axis=0)
     like = [str(names[kept[k]]) for k in np.argsort(-share) if share[k] > 0.3 * share.max()][:3]
     reason = (
-        f"{names[j]} does the same as {' with '.join(like)}, but for {signal:.2g} of its {own:.2g} standard "
+        f"{names[j]} does the same as {' with '.join(like)}, but for {signal:.2g} of its {size:.2g} standard "
         "deviations"
     )
     return LeftOut(j, signal, reason)

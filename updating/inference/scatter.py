@@ -197,14 +197,14 @@ def scatter_of(
     if damping == 0:
         return Scatter(Deviations(stiff, modes[:, :0]), eigenvalue, np.zeros(0), sizes)
     loss = 2 * _of_members(problem, result, np.sqrt(lam) / (2 * np.pi))
-    own = 2 * float(np.median(_of_members(problem, result, problem.data.frequency)))
+    typical_loss = 2 * float(np.median(_of_members(problem, result, problem.data.frequency)))
     members = tuple(model.mesh.members) if len(model.mesh.members) > 1 and model.of_kind(Frame) else ()
     connections = _as_fitted(model, result)
     parts = [member_contribution(frame_of(model), model, m) for m in members]
     parts += [model.parts_of(e) for e in connections]
     elements = tuple(tuple(Contribution(c.dofs, D=c.K) for c in each if c.K is not None) for each in parts)
-    of_joints = [problem.damping.std * (_loss_factor(e) + own) for e in connections]
-    std = [np.full(modes.shape[1], damping), np.full(len(members), damping * own), of_joints]
+    of_joints = [problem.damping.std * (_loss_factor(e) + typical_loss) for e in connections]
+    std = [np.full(modes.shape[1], damping), np.full(len(members), damping * typical_loss), of_joints]
     lossy = modes * np.sqrt(loss)
     return Scatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
 
@@ -293,8 +293,8 @@ def _as_fitted(model: Model, result: FitResult) -> tuple[Effect, ...]:
     for e in model.effects:
         if not e.connection or not np.isfinite(_loss_factor(e)):
             continue
-        own = {name: v for (effect, name), v in result.values.items() if effect == e.name}
-        now: Effect = e.with_values(**own)
+        values = {name: v for (effect, name), v in result.values.items() if effect == e.name}
+        now: Effect = e.with_values(**values)
         for part in result.effects:
             now = part.merged_into(now) or now
         out.append(now)

@@ -40,22 +40,22 @@ class Prior:
     @property
     def information(self) -> NDArray[np.float64]:
         """Second derivatives of the negative log prior, (n, n)."""
-        own = np.diag(self.std**-2.0)
-        return own if self.precision is None else own + self.precision
+        independent = np.diag(self.std**-2.0)
+        return independent if self.precision is None else independent + self.precision
 
     def slope(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return its slopes at x, (n,)."""
-        own = self.std**-2.0 * np.where(np.isfinite(self.std), x - self.mean, 0.0)
+        independent = self.std**-2.0 * np.where(np.isfinite(self.std), x - self.mean, 0.0)
         if self.precision is None or self.about is None:
-            return own
-        return own + self.precision @ (x - self.about)
+            return independent
+        return independent + self.precision @ (x - self.about)
 
     def cost(self, x: NDArray[np.float64]) -> float:
         """Return the negative log prior at x, up to a constant."""
-        own = 0.5 * float(self.std**-2.0 @ np.where(np.isfinite(self.std), x - self.mean, 0.0) ** 2)
+        independent = 0.5 * float(self.std**-2.0 @ np.where(np.isfinite(self.std), x - self.mean, 0.0) ** 2)
         if self.precision is None or self.about is None:
-            return own
-        return own + 0.5 * float((x - self.about) @ self.precision @ (x - self.about))
+            return independent
+        return independent + 0.5 * float((x - self.about) @ self.precision @ (x - self.about))
 
 
 Report = Callable[[NDArray[np.float64], float], None]

@@ -175,9 +175,9 @@ class ScaledUnknown:
 
     def deviations(self, x: float, std: float) -> dict[ParameterRef, float]:
         """Return the deviations of all parameters that it moves, as :meth:`deviation`."""
-        own = self.deviation(x, std)
+        deviation = self.deviation(x, std)
         size = np.abs(self.moved(x) / self.to_value(x)) if self.log else np.ones(len(self.refs))
-        return dict(zip(self.refs, (own * size).tolist(), strict=True))
+        return dict(zip(self.refs, (deviation * size).tolist(), strict=True))
 
     def bounds(self) -> tuple[float, float]:
         """Return the bounds of x."""

@@ -14,7 +14,7 @@ from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import with_fitted_damping
-from updating.inference.joint_fit import OF_MODES, JointFunction, modes_beside
+from updating.inference.joint_fit import OF_MODES, JointFunction, mode_problem_of
 from updating.inference.linearised import covariance_of, marginal_density, widths_of
 from updating.inference.mode_fit import ComputedModes, ModeFunction, ModeProblem
 from updating.inference.preparation import fitted_model
@@ -98,8 +98,8 @@ def _has_damping(problem: FitProblem | ModeProblem) -> bool:
 def values_of(asked: Sequence[ScaledUnknown], function: FitFunction, x: Floats) -> Floats:
     """Return the values of parameters and of damping ratios, as a result has them."""
     known = {v.refs: v.to_value(xi) for v, xi in zip(function.variables, x, strict=False)}
-    own = [known.get(u.refs, u.to_value(u.start)) for u in asked]
-    return np.concatenate([own, np.exp(x[_damping_rows(function)])])
+    values = [known.get(u.refs, u.to_value(u.start)) for u in asked]
+    return np.concatenate([values, np.exp(x[_damping_rows(function)])])
 
 
 def result_of(
@@ -111,7 +111,7 @@ def result_of(
     left_out: tuple[tuple[str, str], ...],
     settings: UpdateSettings,
 ) -> Updated:
-    """Return the result at the end of a fit, with standard deviations and all that is to be said of it."""
+    """Return the result at the end of a fit, with standard deviations and messages."""
     function, x, problem = ended.function, ended.x, ended.problem
     result = ended.result
     if ended.precision is not None:
@@ -127,7 +127,7 @@ def result_of(
     lost = taking_part(blind)
     std = np.where(lost, np.inf, np.where(bound, np.nan, np.sqrt(np.maximum(np.diag(every), 0.0))))
     done = _parameters(ended, asked, {name for name, _ in left_out}, std, bound)
-    covariance, slope = _whole(every, use, asked, function, x, lost)
+    covariance, slope = _full_covariance(every, use, asked, function, x, lost)
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     known = size > 0
     correlation = np.where(np.outer(known, known), covariance, 0.0) / np.outer(
@@ -190,7 +190,7 @@ def _covariance(ended: Ended, bound: NDArray[np.bool_]) -> tuple[Floats, Floats]
     return covariance, blind
 
 
-def _whole(
+def _full_covariance(
     every: Floats,
     use: NDArray[np.int64],
     asked: Sequence[ScaledUnknown],
@@ -253,8 +253,8 @@ def _modes(problem: FitProblem | ModeProblem, result: FitResult) -> ComputedMode
     """Return the computed partners of the measured modes; None without any."""
     if isinstance(problem, ModeProblem):
         return problem.computed(result)
-    own = modes_beside(problem)
-    return None if own is None else own.computed(result)
+    mode_problem = mode_problem_of(problem)
+    return None if mode_problem is None else mode_problem.computed(result)
 
 
 def _misfit(ended: Ended) -> dict[str, float]:
@@ -267,7 +267,7 @@ def _misfit(ended: Ended) -> dict[str, float]:
     noise = np.where(modal, noise, noise / SYSTEMATIC_FROM**2)
     parts = (("modes", modal), ("frf", ~modal))
     each = size * v / noise
-    return {name: float(each[own].sum() / size[own].sum()) for name, own in parts if own.any()}
+    return {name: float(each[rows].sum() / size[rows].sum()) for name, rows in parts if rows.any()}
 
 
 def _messages(
@@ -313,7 +313,7 @@ def _messages(
     if pairs_of:
         out.append(f"correlated, so that only a combination is well known: {'; '.join(pairs_of[:8])}")
     fit = replace(result, levels=ended.levels, misfit=ended.function.misfit(ended.x))
-    if fit.gain_to(ended.function.left()) > UNKNOWN_ODDS:
+    if fit.gain_to(ended.function.allowed_squares()) > UNKNOWN_ODDS:
         worst = ", ".join(f"{name} by {np.sqrt(q):.1f}" for name, q in _misfit(ended).items())
         out.append(
             f"the data are not explained: root mean square residuals, over the stated noise, of {worst}. The "

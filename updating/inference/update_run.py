@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
 
 _REACH = 3.0
-"""Further starts are drawn within so many of an unknown's possible errors [-]."""
+"""Largest distance of further starts, in possible errors of each unknown [-]."""
 _WIDEST = 0.5
 """They are drawn with no more than this error [-]."""
 _TOWARDS = 0.25, 0.5, 1.0
@@ -147,12 +147,13 @@ def _starts(
     They are drawn from the priors, and lie on the way to the model without the effects in question.
     """
     first, absent = (np.array([getattr(u, key) for u in asked]) for key in ("start", "absent"))
-    gone = np.isfinite(absent) & (absent != first)
-    if settings.n_starts == 1 and not gone.any():
+    removable = np.isfinite(absent) & (absent != first)
+    if settings.n_starts == 1 and not removable.any():
         return [], ()
     width = _open_widths(problem, asked)
-    gone &= width > 0
-    elsewhere = [first + part * np.where(gone, absent - first, 0.0) for part in _TOWARDS if gone.any()]
+    removable &= width > 0
+    way = np.where(removable, absent - first, 0.0)
+    elsewhere = [first + part * way for part in _TOWARDS if removable.any()]
     low, high = (np.array([getattr(u, key) for u in asked]) for key in ("low", "high"))
     low, high = np.maximum(low, first - _REACH * width), np.minimum(high, first + _REACH * width)
     random = np.random.default_rng(settings.seed)
@@ -178,10 +179,11 @@ def _open_widths(problem: FitProblem | ModeProblem, asked: Sequence[ScaledUnknow
     """Return how widely starts are drawn, (n,): 0 of what no data change with, and of what was left out."""
     function = _function(problem, UpdateSettings())
     A, _ = whitened(function, function.levels(), function.start, rows_of(function, asked))
-    own = [u for u in asked if u.refs in {v.refs for v in function.variables}]
-    blind = blind_directions(A.T @ A, np.array([u.width for u in own]), np.array([u.std**-2.0 for u in own]))
+    varied = [u for u in asked if u.refs in {v.refs for v in function.variables}]
+    widths, weights = np.array([u.width for u in varied]), np.array([u.std**-2.0 for u in varied])
+    blind = blind_directions(A.T @ A, widths, weights)
     width = {
-        u.refs: min(u.width, _WIDEST) for u, lost in zip(own, taking_part(blind), strict=True) if not lost
+        u.refs: min(u.width, _WIDEST) for u, lost in zip(varied, taking_part(blind), strict=True) if not lost
     }
     return np.array([width.get(u.refs, 0.0) for u in asked])
 
@@ -200,8 +202,8 @@ def _selected(
     chosen = select_by_pivoting(A, names) if pivoting else select_forward(A, -r, names)
     if not chosen.kept:
         return problem, ()
-    gone = {asked[one.index].refs for one in chosen.left_out}
-    kept = tuple(n for n in problem.nuisances if n.refs not in gone)
+    dropped = {asked[one.index].refs for one in chosen.left_out}
+    kept = tuple(n for n in problem.nuisances if n.refs not in dropped)
     return replace(problem, nuisances=kept), tuple((names[one.index], one.reason) for one in chosen.left_out)
 
 

@@ -1,4 +1,4 @@
-"""How an update goes about its fit."""
+"""Settings of an update's fit."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class UpdateSettings:
     max_iterations : int
         In each band of a fit.
     n_lines : int
-        At most so many lines are fitted, evenly spread over the band.
+        Largest number of fitted lines, evenly spread over the band.
     n_samples : int
         Steps of the sampler after the fit; 0 for none.
     seed : int

@@ -98,17 +98,17 @@ def workers(n: int) -> Iterator[Workers]:
 
 @contextmanager
 def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that end when this one ends, however it ends, or the block is left early.
+    """Give a pool of processes that end with this one, however it ends, or when the block exits early.
 
     Each holds one end of a pipe and ends when the other end, which this process alone holds, is closed.
     """
     context = get_context("spawn")
-    watched, held = context.Pipe(duplex=False)
-    with watched, held, ProcessPoolExecutor(n, context, _end_with, (watched,)) as pool:
+    watched, write_end = context.Pipe(duplex=False)
+    with watched, write_end, ProcessPoolExecutor(n, context, _end_with, (watched,)) as pool:
         try:
             yield pool
         except BaseException:  # leaving the pool waits for its processes, so they must end first
-            held.close()
+            write_end.close()
             raise
 
 

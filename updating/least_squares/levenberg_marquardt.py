@@ -317,17 +317,17 @@ def step_within(
         Of each unknown, with 0 between them.
     """
     lower, upper = limits
-    at, held = np.zeros(len(goal)), np.zeros(len(goal), dtype=bool)
-    while not held.all():
+    at, fixed = np.zeros(len(goal)), np.zeros(len(goal), dtype=bool)
+    while not fixed.all():
         move = goal - at
         room = np.where(move > 0, upper, lower) - at
         share = np.full(len(at), np.inf)
-        np.divide(room, move, out=share, where=~held & (move != 0))
+        np.divide(room, move, out=share, where=~fixed & (move != 0))
         first = int(np.argmin(share))
         if not share[first] < 1:
             return goal
         at = at + share[first] * move
-        at[first], held[first] = (upper if move[first] > 0 else lower)[first], True
-        rest, goal = ~held, at.copy()
-        goal[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, held)] @ at[held])
+        at[first], fixed[first] = (upper if move[first] > 0 else lower)[first], True
+        rest, goal = ~fixed, at.copy()
+        goal[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, fixed)] @ at[fixed])
     return at

@@ -79,15 +79,15 @@ class ModeLevels:
 
     def _log_mean(self, each: Floats) -> Floats:
         """Return the logarithms of the likelihood of all kinds, over all sizes of the discrepancy."""
-        whole = self._of_kinds(each)
-        return (np.logaddexp.reduce(whole, axis=-1) - np.log(whole.shape[-1])).sum(axis=-1)
+        of_kinds = self._of_kinds(each)
+        return (np.logaddexp.reduce(of_kinds, axis=-1) - np.log(of_kinds.shape[-1])).sum(axis=-1)
 
     def _shares(self, v: Floats) -> tuple[Floats, Floats, Floats]:
         """Return s², how probable each size is, and that a reading belongs if it is so."""
         total, belong, strange = self._parts(v)
         either = np.logaddexp(belong, strange)
-        whole = self._of_kinds(either)
-        size = np.exp(whole - np.logaddexp.reduce(whole, axis=-1)[..., None])
+        of_kinds = self._of_kinds(either)
+        size = np.exp(of_kinds - np.logaddexp.reduce(of_kinds, axis=-1)[..., None])
         member = np.unique(self.kind, return_inverse=True)[1]
         return total, size[..., member, :], np.exp(belong - either)
 
@@ -121,7 +121,7 @@ class ModeLevels:
         _, size, belong = self._shares(v)
         return (size * (1 - belong)).sum(axis=-1)
 
-    def discrepancy_left(self, v: Floats) -> Floats:
+    def discrepancy_square(self, v: Floats) -> Floats:
         """Return the expected square of the discrepancy of each group, E[τ²], (n_groups,)."""
         return (self._shares(v)[1] * self.discrepancy).sum(axis=-1)
 

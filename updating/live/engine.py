@@ -182,8 +182,8 @@ class LiveModel:
         known = self.evaluate(h).result
         for n_lines in BASIS_LINES:
             problem = self._problem(h)
-            own = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
-            better = better_basis(own, known, n_lines)
+            enriched = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
+            better = better_basis(enriched, known, n_lines)
             if better is None:
                 return
             with self._lock:
@@ -228,8 +228,8 @@ class LiveModel:
     def _engine(self, problem: FitProblem, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
         # with the forces of where the effects are now, as a crack that moves bends other places
         reduced: ReducedModel = problem.reduced.with_forces_of(result.effects)
-        own = replace(problem, reduced=reduced)
-        return own.engine(self.problem.data.frequency, refs, result.effects, channels=result.channels)
+        problem = replace(problem, reduced=reduced)
+        return problem.engine(self.problem.data.frequency, refs, result.effects, channels=result.channels)
 
     @staticmethod
     def _key(result: FitResult) -> tuple[Hashable, ...]:

@@ -53,7 +53,7 @@ class Watch:
 
 @dataclass(eq=False)
 class _WatchedFunction(FitFunction):
-    """Residuals that report each evaluation, and hold unknowns."""
+    """Residuals that report each evaluation, with some unknowns fixed."""
 
     watch: Watch | None = None
     free: frozenset[str] | None = None
@@ -78,9 +78,9 @@ class _WatchedFunction(FitFunction):
         if self.free is None or self._at is None:
             return limits
         added = {e.name for e in self.effects}
-        own = [v.ref[0] if v.ref[0] in added else "" for v in self.variables]
-        held = np.array([name not in self.free for name in own + [""] * (len(limits) - len(own))])
-        limits[held] = self._at[held, None]
+        names = [v.ref[0] if v.ref[0] in added else "" for v in self.variables]
+        fixed = np.array([name not in self.free for name in names + [""] * (len(limits) - len(names))])
+        limits[fixed] = self._at[fixed, None]
         return limits
 
 
@@ -121,23 +121,23 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
         _, result, faults = begin_fitted(_watched(problem, watch), choose_damping=False)
         return _learnt(live, replace(h, faults=(*h.faults, *faults)).at(result))
     watch = Watch(progress, "fitting uncertain parameters", 2)
-    held = _watched(problem, watch, frozenset({""}))
-    return _learnt(live, h.at(held.assessed(_better(held, h))))
+    watched = _watched(problem, watch, frozenset({""}))
+    return _learnt(live, h.at(watched.assessed(_better(watched, h))))
 
 
 def fit_effect(live: LiveModel, h: Hypothesis, name: str, progress: Progress) -> Hypothesis:
-    """Fit the parameters of one added effect, from where they are and from its own starts; the rest holds."""
+    """Fit the parameters of one added effect, from their values and from its starts; all else is fixed."""
     problem, effect = live.problem_of(h), h.effect(name)
     starts = [parameter_values(effect), *effect.starts(problem.surroundings)]
     watch = Watch(progress, f"fitting {label(effect)}", len(starts) + 1)
-    held = _watched(problem, watch, frozenset({name}))
+    watched = _watched(problem, watch, frozenset({name}))
     now = h.result()
-    whole = held.stages[-1:]
+    last = watched.stages[-1:]
     fits = [
-        fit(held, h.effects, _starts(h, effect, start), stages=whole, n_lines=QUICK_LINES, x_from=now)
+        fit(watched, h.effects, _starts(h, effect, start), stages=last, n_lines=QUICK_LINES, x_from=now)
         for start in starts
     ]
-    return _learnt(live, h.at(held.assessed(refit(held, max(fits, key=lambda r: r.log_evidence)))))
+    return _learnt(live, h.at(watched.assessed(refit(watched, max(fits, key=lambda r: r.log_evidence)))))
 
 
 def fit_all(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
@@ -161,9 +161,9 @@ def _learnt(live: LiveModel, h: Hypothesis) -> Hypothesis:
 def _better(problem: _WatchedProblem, h: Hypothesis) -> FitResult:
     """Return the better of a fit from where the values are and one from nominal uncertain parameters."""
     starts = [parameter_values(e) for e in h.effects]
-    whole = problem.stages[-1:]
-    here = fit(problem, h.effects, starts, stages=whole, x_from=h.result())
-    anew = fit(problem, h.effects, starts, stages=whole)
+    last = problem.stages[-1:]
+    here = fit(problem, h.effects, starts, stages=last, x_from=h.result())
+    anew = fit(problem, h.effects, starts, stages=last)
     return scattered(problem, max(here, anew, key=lambda r: r.log_evidence))
 
 

@@ -129,9 +129,9 @@ class Hypothesis:
         """Return the hypothesis as a fit, whose errors are not assessed unless it was fitted."""
         if self.fit is not None:
             return self.fit
-        own = {(e.name, k): float(v) for e in self.effects for k, v in parameter_values(e).items()}
+        added = {(e.name, k): float(v) for e in self.effects for k, v in parameter_values(e).items()}
         replaced = {ref for e in self.effects for ref in e.replaces()}
-        values = {ref: v for ref, v in self.values.items() if ref not in replaced} | own
+        values = {ref: v for ref, v in self.values.items() if ref not in replaced} | added
         nothing = Solution(np.zeros(0), np.nan, np.nan, 0, True)
         zero = dict.fromkeys(values, 0.0)
         return FitResult(
@@ -139,7 +139,7 @@ class Hypothesis:
         )
 
     def at(self, fit: FitResult) -> "Hypothesis":
-        """Return the hypothesis with the values of a fit; uncertain parameters that it held stay."""
+        """Return the hypothesis with the values of a fit; uncertain parameters that it fixed stay."""
         values = {ref: float(fit.values.get(ref, v)) for ref, v in self.values.items()}
         return replace(
             self, effects=fit.effects, values=values, zeta=fit.zeta, channels=fit.channels, fit=fit

@@ -47,7 +47,7 @@ class Promise:
 def rank(
     live: LiveModel, h: Hypothesis, candidates: Sequence[Effect], progress: Progress
 ) -> tuple[Promise, ...]:
-    """Return candidates by the residual level that each leaves beside a hypothesis, the best first.
+    """Return candidates by the residual level that each leaves when added to a hypothesis, the best first.
 
     Each is tried at the values of its grid of starts by low-rank updates; nothing else is fitted with it.
 
@@ -80,16 +80,16 @@ def twins(promises: Sequence[Promise], name: str) -> tuple[tuple[Promise, float]
     name : str
         Of the candidate to compare with; nothing is alike to one that was not ranked.
     """
-    own = next((p.change for p in promises if p.effect.name == name), None)
-    if own is None:
+    change = next((p.change for p in promises if p.effect.name == name), None)
+    if change is None:
         return ()
-    others = [(p, similarity_of(own, p.change)) for p in promises if p.change is not None]
+    others = [(p, similarity_of(change, p.change)) for p in promises if p.change is not None]
     alike = [x for x in others if x[1] >= ALIKE and x[0].effect.name != name]
     return tuple(sorted(alike, key=lambda x: -x[1]))
 
 
 class _Trial:
-    """A hypothesis beside which candidates are tried one at a time."""
+    """A hypothesis to which candidates are added one at a time."""
 
     def __init__(self, problem: FitProblem, h: Hypothesis) -> None:
         self.problem, self.h = problem, h
@@ -117,7 +117,7 @@ class _Trial:
         return Promise(grid[k], float(levels[k] * DB_PER_NEPER), change)
 
     def _base(self, replaced: frozenset[ParameterRef]) -> LocalChanges:
-        """Return the solved state in which parameters that a candidate stands for are nominal."""
+        """Return the solved state in which parameters that a candidate replaces are nominal."""
         if replaced not in self._bases:
             now = self.h.result()
             values = {ref: v for ref, v in now.values.items() if ref not in replaced}
@@ -127,12 +127,12 @@ class _Trial:
 
     def _released(self, effect: Effect, grid: Sequence[Effect]) -> list[NDArray[np.complex128]]:
         """Return receptances with a candidate that gives way where the model holds."""
-        h, own = self.h.with_effect(effect), [p.name for p in effect.parameters()]
+        h, names = self.h.with_effect(effect), [p.name for p in effect.parameters()]
         refs = list(h.result().values)
         engine = self.problem.engine(self.frequency, refs, h.effects, channels=h.channels)
         out = []
         for e in grid:
-            values = {**h.result().values} | {(e.name, k): parameter_values(e)[k] for k in own}
+            values = {**h.result().values} | {(e.name, k): parameter_values(e)[k] for k in names}
             at = np.array([values[ref] for ref in refs])
             out.append(engine.evaluate(at, self.zeta, gradient=False)[0])
         return out

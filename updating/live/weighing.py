@@ -69,7 +69,7 @@ class Weighed:
 STRAINED = 2.0
 """Standard deviations of its prior from which an uncertain parameter speaks against a hypothesis [-]."""
 N_CHANNELS = 2
-"""At most so many sensors in a band are named on each side."""
+"""Largest number of sensors in a band that are named on each side."""
 
 
 def weigh(live: LiveModel, h: Hypothesis, name: str, progress: Progress | None = None) -> Weighed:

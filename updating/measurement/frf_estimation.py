@@ -25,7 +25,7 @@ DOUBLE_HIT = 0.1
 [-]."""
 
 CLIPPED = 4
-"""So many equal samples in a row at a channel's largest value are taken for an overload."""
+"""Number of equal samples in a row, at a channel's largest value, that mean an overload."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -230,7 +230,7 @@ def estimate_roving(
     band: tuple[float, float] | None = None,
     full_scale: float | None = None,
 ) -> EstimatedFRF:
-    """Estimate FRFs of a hammer that goes from place to place while the sensors stay.
+    """Estimate FRFs of a roving hammer with fixed sensors.
 
     Parameters
     ----------
@@ -442,7 +442,7 @@ def _hit_twice(force: Floats) -> bool:
 
 
 def _force_window(x: Floats, samples: float) -> Floats:
-    """Return forces that end after so many samples, with a cosine over the last fifth of these."""
+    """Return forces cut after a number of samples, with a cosine over the last fifth of these."""
     start = np.argmax(np.abs(x) >= 0.05 * np.abs(x).max(axis=1, keepdims=True), axis=1)[:, None, :]
     place = (np.arange(x.shape[1])[None, :, None] - start) / samples
     return x * np.where(place <= 0.8, 1.0, 0.5 + 0.5 * np.cos(np.pi * np.clip((place - 0.8) / 0.2, 0, 1)))
@@ -484,7 +484,7 @@ def _estimate(
     Gxx, Gyx, Gyy = X @ Xh / n_blocks, Y @ Xh / n_blocks, (np.abs(Y) ** 2).mean(axis=2)
     power = np.einsum("kii->ki", Gxx).real
     weak = power <= 1e-24 * power.max(axis=0)
-    # forces that are the same at a line cannot be told apart
+    # equal forces at a line cannot be distinguished
     size = np.sqrt(np.maximum(power, 1e-300))
     value = np.linalg.eigvalsh(Gxx / (size[:, :, None] * size[:, None, :]))[:, 0]
     dead = np.flatnonzero(weak.any(axis=1) | (value < 1e-10))

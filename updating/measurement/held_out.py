@@ -52,20 +52,20 @@ def held_out_lines(
     if not bands:
         block = np.arange(len(frequency)) * N_BLOCKS // len(frequency)
         return block % 4 == 2
-    held = np.zeros(len(frequency), dtype=bool)
+    out = np.zeros(len(frequency), dtype=bool)
     ends = f"the lines of {name} go from {frequency[0]:.6g} to {frequency[-1]:.6g} Hz"
     for band in bands:
         inside = (frequency >= band[0]) & (frequency <= band[1])
         if not inside.any():
             msg = f"no line lies in the held-out {band_text(band)}; {ends}"
             raise MeasurementError(msg)
-        held |= inside
-    if held.all():
+        out |= inside
+    if out.all():
         msg = f"the held-out bands have every line; {ends}: leave some for the fit"
         raise MeasurementError(msg)
-    return held
+    return out
 
 
 def lines_held_out(measurement: Measurement, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which of a measurement's lines no fit sees, by its own bands or by blocks."""
+    """Return which of a measurement's lines no fit sees, by its bands or by blocks."""
     return held_out_lines(frequency, measurement.held_out, f"'{measurement.name}'")

@@ -373,9 +373,9 @@ def _on_members(
     placed = scaled @ R.T + t
     _, distance = _project(placed, ends)
     near = np.flatnonzero(distance <= tolerance)
-    left = np.flatnonzero(distance > tolerance)
+    far = np.flatnonzero(distance > tolerance)
     return GeometryMatch(
-        np.column_stack([near, near]), distance[near], scale, R, t, tuple(left.tolist()), placed
+        np.column_stack([near, near]), distance[near], scale, R, t, tuple(far.tolist()), placed
     )
 
 
@@ -628,10 +628,10 @@ def _search(
 def _bases(points: Floats) -> list[Ints]:
     """Return a few triples of points that span much and share as little as possible."""
     n = len(points)
-    left = list(range(n))
+    remaining = list(range(n))
     bases = []
-    while len(left) >= 3 and len(bases) < _BASES:
-        part = points[left]
+    while len(remaining) >= 3 and len(bases) < _BASES:
+        part = points[remaining]
         far = part - part.mean(axis=0)
         a = int(np.argmax(np.linalg.norm(far, axis=1)))
         b = int(np.argmax(np.linalg.norm(part - part[a], axis=1)))
@@ -640,8 +640,8 @@ def _bases(points: Floats) -> list[Ints]:
         c = int(np.argmax(area))
         if area[c] <= _COLLINEAR * float(line @ line):
             break
-        bases.append(np.array([left[a], left[b], left[c]], dtype=np.int64))
-        left = [k for i, k in enumerate(left) if i not in (a, b, c)]
+        bases.append(np.array([remaining[a], remaining[b], remaining[c]], dtype=np.int64))
+        remaining = [k for i, k in enumerate(remaining) if i not in (a, b, c)]
     if not bases:  # the first point, and whatever spans most with it
         line = points - points[0]
         b = int(np.argmax(np.linalg.norm(line, axis=1)))

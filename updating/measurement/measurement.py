@@ -505,9 +505,9 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
     if sensor.member is None:
         point, distance = mesh.nearest_point(sensor.point)
     else:
-        own = mesh.member_points(sensor.member)
-        away = np.linalg.norm(mesh.points[own] - sensor.point, axis=1)
-        point, distance = int(own[np.argmin(away)]), float(away.min())
+        points = mesh.member_points(sensor.member)
+        away = np.linalg.norm(mesh.points[points] - sensor.point, axis=1)
+        point, distance = int(points[np.argmin(away)]), float(away.min())
     if distance > 0.021 * mesh.size:
         msg = f"sensor '{sensor.name}' is {distance:.3g} m from the nearest point of the mesh"
         raise MeasurementError(msg)
@@ -561,9 +561,9 @@ def shapes_like_motions(
     factor = np.ones(len(sensors))
     size = {q: np.sqrt(np.nanmean(np.abs(shapes[quantity == q]) ** 2)) for q in set(quantity)}
     reference = size.get(MOTION, 1.0)
-    for q, own in size.items():
-        if own > 0 and reference > 0:
-            factor[quantity == q] = 2.0 ** np.round(np.log2(reference / own))
+    for q, rms in size.items():
+        if rms > 0 and reference > 0:
+            factor[quantity == q] = 2.0 ** np.round(np.log2(reference / rms))
     like = (replace(s, gain=s.gain * f) for s, f in zip(sensors, factor.tolist(), strict=True))
     return shapes * factor[:, None], tuple(like)
 

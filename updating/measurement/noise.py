@@ -72,7 +72,7 @@ def amplitude_noise(H: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 
 def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the variance (n_out, n_in) of the added noise, beside the proportional one.
+    """Return the variance (n_out, n_in) of the added noise, in addition to the proportional one.
 
     It is that of the smallest lines, if they are white: differences of both orders of white noise have the
     same size, but not differences of a coarsely sampled FRF. They are made fewer until they have more of it

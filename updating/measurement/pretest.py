@@ -83,19 +83,19 @@ def place_by_effective_independence(phi: ArrayLike, n_sensors: int, keep: ArrayL
             f"{n_sensors} sensors cannot tell {phi.shape[1]} modes apart; at least as many sensors are needed"
         )
         raise ValueError(msg)
-    left = np.arange(len(phi))
+    remaining = np.arange(len(phi))
     Q = _orthonormal(phi)
     inverse, E = np.eye(Q.shape[1]), (Q**2).sum(axis=1)
     for step in range(len(phi) - n_sensors):
         if step and step % _REFRESH == 0:
-            Q = _orthonormal(phi[left])
+            Q = _orthonormal(phi[remaining])
             inverse, E = np.eye(Q.shape[1]), (Q**2).sum(axis=1)
-        worst = int(np.argmin(np.where(np.isin(left, kept), np.inf, E)))
+        worst = int(np.argmin(np.where(np.isin(remaining, kept), np.inf, E)))
         v, rest = inverse @ Q[worst], max(1 - E[worst], 1e-12)
         inverse = inverse + np.outer(v, v) / rest
         E = np.delete(E + (Q @ v) ** 2 / rest, worst)
-        left, Q = np.delete(left, worst), np.delete(Q, worst, axis=0)
-    return left
+        remaining, Q = np.delete(remaining, worst), np.delete(Q, worst, axis=0)
+    return remaining
 
 
 def place_by_auto_mac(phi: ArrayLike, n_sensors: int, keep: ArrayLike = ()) -> Ints:
@@ -473,7 +473,7 @@ def _orthonormal(phi: Floats) -> Floats:
 
 
 def _lengths(phi: Floats) -> Floats:
-    """Return the length of each shape, refusing those that are rounding beside the others."""
+    """Return the length of each shape, refusing those that are rounding errors against the others."""
     size = np.linalg.norm(phi, axis=0)
     unmoved = np.flatnonzero(~(size > _FULL_RANK * size.max(initial=0.0)))
     if unmoved.size:

@@ -96,7 +96,7 @@ class StrainGauge(Sensor):
         length = mesh.member_length(member)
         for s in (position, position - SHORT * length, position + SHORT * length):
             gap = np.abs(mesh.member_positions(member) - s).min()
-            # not another one beside a point that is as near: it would leave a sliver
+            # not another one next to a point that is as near: it would leave a sliver
             if 0 < s < length and gap > (0.5 * SHORT * length if s != position else 0.0):
                 mesh = mesh.with_point_on(member, s)
         return mesh

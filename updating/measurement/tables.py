@@ -174,8 +174,8 @@ def frf_from_labelled(
             f"functions; {', '.join(holes[:5])}{' …' if len(holes) > 5 else ''} are missing"
         )
         raise MeasurementError(msg)
-    whole = np.array([[cells[o, i] for i in inputs] for o in outputs]).transpose(2, 0, 1)
-    return FRF.from_arrays(lines[0], whole, kind, outputs, inputs)
+    values = np.array([[cells[o, i] for i in inputs] for o in outputs]).transpose(2, 0, 1)
+    return FRF.from_arrays(lines[0], values, kind, outputs, inputs)
 
 
 def labelled_from_frf(

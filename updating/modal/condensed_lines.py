@@ -46,7 +46,7 @@ class CondensedLines:
         R: factors of values at the nodes of a segment [-].
     target : ndarray (2 n_in n_nodes, n_out)
         Weighted FRFs in the layout of :meth:`columns` [-].
-    left : float
+    residual : float
         Sum of squares of the weighted FRFs that ``target`` has not, which no mode can change [-].
     n_values : int
         Real numbers that the FRFs have at all lines.
@@ -58,7 +58,7 @@ class CondensedLines:
     weight: Floats
     triangles: Floats
     target: Floats
-    left: float
+    residual: float
     n_values: int
     segments: Floats
 
@@ -101,7 +101,7 @@ def condense_lines(omega: Floats, H: Complexes, spread: Floats, poles: Complexes
     target = np.empty((n_in, 2, single.size + len(bounds) * N_NODES, n_out))
     kept = target[:, :, single.size :].reshape(n_in, 2, len(bounds), N_NODES, n_out)
     count = bounds[:, 1] - bounds[:, 0]
-    left = 0.0
+    residual = 0.0
     for i in range(n_in):
         y = H[:, :, i] / spread[:, i, None]
         target[i, 0, : single.size], target[i, 1, : single.size] = y[single].real, y[single].imag
@@ -113,7 +113,7 @@ def condense_lines(omega: Floats, H: Complexes, spread: Floats, poles: Complexes
             Q, triangles[i, alike] = np.linalg.qr(E / spread[rows, i, None])
             for part, values in enumerate((y[rows].real, y[rows].imag)):
                 kept[i, part, alike] = inside = Q.mT @ values
-                left += float(((values - Q @ inside) ** 2).sum())
+                residual += float(((values - Q @ inside) ** 2).sum())
     target[:, :, single.size :] = kept.reshape(n_in, 2, -1, n_out)
     at = np.concatenate([omega[single], (centre[:, None] + half[:, None] * nodes).ravel()])
     return CondensedLines(
@@ -121,7 +121,7 @@ def condense_lines(omega: Floats, H: Complexes, spread: Floats, poles: Complexes
         (1 / spread[single]).T,
         triangles,
         target.reshape(-1, n_out),
-        left,
+        residual,
         2 * n_freq * n_out * n_in,
         ends,
     )
@@ -157,5 +157,4 @@ def _ellipse(segments: Floats, poles: Complexes) -> Floats:
     """
     half = np.diff(segments, axis=1) / 2
     z = (poles - segments.mean(axis=1)[:, None]) / half
-    root = np.sqrt(z - 1) * np.sqrt(z + 1)
-    return np.abs(z + root)
+    return np.abs(z + np.sqrt(z - 1) * np.sqrt(z + 1))

@@ -131,23 +131,23 @@ def identify_modes(
         msg = "H is given beside an FRF; give the FRF alone, or frequencies and H"
         raise IdentificationError(msg)
     if isinstance(frf, FRF):
-        whole = frf
+        full = frf
         if frf.strain and frf.kind != FRFKind.RECEPTANCE:  # residues of strains are those of receptances
             if std is not None:
                 sigma = _standard_deviation(std, frf)
                 std = np.abs(_receptances(replace(frf, H=sigma.astype(complex))).H)
-            whole = _receptances(frf)
+            full = _receptances(frf)
     elif H is None:
         msg = "frequencies are given without FRFs; identify_modes takes an FRF, or frequencies and H"
         raise IdentificationError(msg)
     else:
-        whole = FRF.from_arrays(frf, H, kind)
+        full = FRF.from_arrays(frf, H, kind)
         if std is not None and np.ndim(H) < 3 and np.shape(std) == np.shape(H):
-            std = np.reshape(std, whole.H.shape)
-    lines = _lines(whole, band)
-    data = whole.select(lines=lines)
+            std = np.reshape(std, full.H.shape)
+    lines = _lines(full, band)
+    data = full.select(lines=lines)
     points = _driving_points(data, driving)
-    sigma = None if std is None else _standard_deviation(std, whole)[lines]
+    sigma = None if std is None else _standard_deviation(std, full)[lines]
     # with more forces than responses there are fewer unknowns the other way round: residues are ψ Lᵀ
     turned = data.H.shape[2] > data.H.shape[1]
     if turned:
@@ -173,7 +173,7 @@ def identify_modes(
         found, n_more = search_modes(replace(task, estimate_noise=True), tracks, orders)
 
     choices = (
-        f"{data.n_freq} of {whole.n_freq} lines, {data.frequency[0]:g} to {data.frequency[-1]:g} Hz",
+        f"{data.n_freq} of {full.n_freq} lines, {data.frequency[0]:g} to {data.frequency[-1]:g} Hz",
         f"model orders {orders[0]} to {orders[-1]}: {len(tracks)} poles persist over at least "
         f"{LEAST_ORDERS} orders; the residual of the first fit has {n_more} more",
         *found.steps,

@@ -14,7 +14,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is own_o + slope_o · covariance · slope_oᵀ.
+    """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is conditional_o + slope_o · covariance · slope_oᵀ.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class Scatter:
         imaginary part of each participation but the largest of its mode.
     rows, cols : ndarray of int (n - 2 n_modes over 2,)
         Modes and inputs of these participations.
-    own : ndarray (n_modes, n_out, 2, 2)
+    conditional : ndarray (n_modes, n_out, 2, 2)
         With the other unknowns known.
     slope : ndarray (n_modes, n_out, 2, n)
         Derivatives by the other unknowns.
@@ -32,7 +32,7 @@ class Scatter:
     covariance: Floats
     rows: NDArray[np.int64]
     cols: NDArray[np.int64]
-    own: Floats
+    conditional: Floats
     slope: Floats
 
 

@@ -69,10 +69,10 @@ def shape_deviation(
     """
     n_psi, scatter = len(fit.shapes), fit.scatter
     n_out = fit.participation.shape[1] if turned else n_psi
-    out, beside = np.zeros((n_out, order.size)), np.zeros(order.size)
+    out, relative = np.zeros((n_out, order.size)), np.zeros(order.size)
     for column, r in enumerate(order.tolist()):
-        own = np.flatnonzero(scatter.rows == r)
-        n_other = 2 + 2 * own.size
+        entries = np.flatnonzero(scatter.rows == r)
+        n_other = 2 + 2 * entries.size
         m = n_other + 2 * n_psi
         size = float(np.abs(fit.shapes[:, r]).max()) or 1.0
         step = np.full(m, 1e-6)
@@ -82,7 +82,7 @@ def shape_deviation(
         decay = -fit.poles[r].real
         poles[1] = -decay * np.exp(step[0]) + 1j * fit.poles[r].imag
         poles[2] += 1j * decay * step[1]
-        for k, i in enumerate(own):
+        for k, i in enumerate(entries):
             for part, unit in enumerate((1.0, 1j)):
                 row = 3 + 2 * k + part
                 L[row, scatter.cols[i]] += unit * step[row - 1]
@@ -96,15 +96,15 @@ def shape_deviation(
         real = real_shapes(psi.T * s)
         real = real * np.sign((real * real[:, :1]).sum(axis=0))  # the sign of a shape is arbitrary
         J = (real[:, 1:] - real[:, :1]) / step
-        among = np.concatenate([[2 * r, 2 * r + 1], *((a, a + 1) for a in 2 * len(fit.poles) + 2 * own)])
+        among = np.concatenate([[2 * r, 2 * r + 1], *((a, a + 1) for a in 2 * len(fit.poles) + 2 * entries)])
         phi = real[:, 0]
         power = max(float(phi @ phi), 1e-300)
         across = J - np.outer(phi, phi @ J) / power
         variance, rest = (
             _variance(part, n_other, among.astype(np.int64), scatter, r) for part in (J, across)
         )
-        out[:, column], beside[column] = np.sqrt(variance), np.sqrt(rest.sum() / power)
-    return out, beside
+        out[:, column], relative[column] = np.sqrt(variance), np.sqrt(rest.sum() / power)
+    return out, relative
 
 
 def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: Scatter, r: int) -> Floats:
@@ -112,5 +112,5 @@ def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: Scatte
     by_shape = J[:, n_other:].reshape(len(J), -1, 2)
     F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])
     F[:, among] += J[:, :n_other]
-    own = np.einsum("pob,obc,poc->p", by_shape, scatter.own[r], by_shape, optimize=True)
-    return own + np.einsum("pi,ij,pj->p", F, scatter.covariance, F, optimize=True)
+    conditional = np.einsum("pob,obc,poc->p", by_shape, scatter.conditional[r], by_shape, optimize=True)
+    return conditional + np.einsum("pi,ij,pj->p", F, scatter.covariance, F, optimize=True)

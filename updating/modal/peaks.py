@@ -18,7 +18,7 @@ BEYOND_NOISE = 8.0
 """The residual of a peak must exceed noise by this many standard deviations of it [-]."""
 
 MOST_NAMED = 12
-"""At most so many peaks are named one by one, the highest first."""
+"""Largest number of peaks that are listed one by one, the highest first."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -108,7 +108,7 @@ def unexplained_peaks(
     size = np.sqrt((np.abs(H) ** 2).mean(axis=0))
     level = 10 * np.log10(np.maximum(mode_indicator(H, size), 1e-300))
     synthesised = 10 * np.log10(np.maximum(mode_indicator(fitted, size), 1e-300))
-    left = mode_indicator(H - fitted, size)
+    residual = mode_indicator(H - fitted, size)
     noise = (np.abs(H - fitted) ** 2 / (2 * sigma**2)).sum(axis=(1, 2))
     per_line = H.shape[1] * H.shape[2]
     of_model = find_peaks(synthesised, prominence=HALF_POWER_DB / 2)[0]
@@ -119,7 +119,7 @@ def unexplained_peaks(
         n = per_line * (last + 1 - first)
         if noise[lines].sum() < n + BEYOND_NOISE * np.sqrt(n) + np.log(len(H)):
             continue
-        share = float(left[lines].sum() / (10 ** (level[lines] / 10)).sum())
+        share = float(residual[lines].sum() / (10 ** (level[lines] / 10)).sum())
         seen = ((of_model >= first) & (of_model <= last)).any()
         if share <= UNEXPLAINED_SHARE and (seen or share <= UNEXPLAINED_SHARE / 2):
             continue

@@ -62,8 +62,8 @@ class _Linear:
 
     @property
     def square(self) -> float:
-        """Return the sum of squares that is left at all lines."""
-        return self.lines.left + float((self.rest**2).sum())
+        """Return the sum of squared residuals at all lines."""
+        return self.lines.residual + float((self.rest**2).sum())
 
     def shapes(self, n: int) -> Floats:
         """Return Re ψ and Im ψ over the outputs' scale, shape (n_modes, 2, n_out)."""
@@ -87,7 +87,7 @@ def fit_modes(
     problem = _Refinement(data, poles, L, pivot)
     start = problem.start()
     lines, free = start.linear.lines, np.full(len(start.x), np.inf)
-    rounding = Tolerance(0.5e-28 * (lines.left + float((lines.target**2).sum())))
+    rounding = Tolerance(0.5e-28 * (lines.residual + float((lines.target**2).sum())))
     control = Control(
         reach=lambda x: free,
         promised_gain=rounding,
@@ -317,23 +317,23 @@ def _slopes(
     mode = np.repeat(np.concatenate([np.arange(n), rows]), 2)
     Q, rest = (values.reshape(n_in, 2 * now.lines.omega.size, -1) for values in (now.Q, now.rest))
     X, inside = now.shapes(n), np.zeros((Q.shape[2], 2 * mode.size))
-    left = np.zeros((2 * mode.size, rest.shape[2]))
+    projected = np.zeros((2 * mode.size, rest.shape[2]))
     places, gram, with_Q = [], [], []
     for i in range(n_in):
-        own = np.flatnonzero(cols == i)
-        columns = _derivatives(data, now.lines, poles, L, rows[own], i)
+        free = np.flatnonzero(cols == i)
+        columns = _derivatives(data, now.lines, poles, L, rows[free], i)
         # Re L_ri has the columns (c, d), and Im L_ri has (d, -c)
-        pairs = 4 * n + 2 * np.arange(own.size)[:, None] + np.array([0, 1, 1, 0])
+        pairs = 4 * n + 2 * np.arange(free.size)[:, None] + np.array([0, 1, 1, 0])
         which = np.concatenate([np.arange(4 * n), pairs.ravel()])
-        sign = np.concatenate([np.ones(4 * n), np.tile([1.0, 1.0, 1.0, -1.0], own.size)])
-        unknown = np.concatenate([np.arange(n), n + own])
+        sign = np.concatenate([np.ones(4 * n), np.tile([1.0, 1.0, 1.0, -1.0], free.size)])
+        unknown = np.concatenate([np.arange(n), n + free])
         at = (4 * unknown[:, None] + np.arange(4)).ravel()
         places.append(at)
         gram.append((columns.T @ columns)[np.ix_(which, which)] * np.outer(sign, sign))
         with_Q.append((Q[i].T @ columns)[:, which] * sign)
         inside[:, at] += with_Q[i]
-        left[at] += (columns.T @ rest[i])[which] * sign[:, None]
-    gradient = np.einsum("iao,iao->i", left.reshape(mode.size, 2, X.shape[2]), X[mode])
+        projected[at] += (columns.T @ rest[i])[which] * sign[:, None]
+    gradient = np.einsum("iao,iao->i", projected.reshape(mode.size, 2, X.shape[2]), X[mode])
     return _Slopes(X, mode, places, gram, with_Q, [q.T @ q for q in Q], inside, gradient)
 
 
@@ -399,13 +399,13 @@ def _covariance(
     # unknowns that the data do not determine at all get a large variance, not none
     unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)
     shapes = inverse[: 2 * n].reshape(n, 2, -1)
-    own = (
+    conditional = (
         np.einsum("rak,rbk->rab", shapes, shapes)[:, None]
         * (data.scale**2 * power.mean(axis=1))[:, None, None]
     )
     turned = (shapes.reshape(2 * n, -1) @ slopes.inside).reshape(n, 2, mode.size, 2)
     slope = -np.einsum("raib,ibo,o->roai", turned, X[mode], data.scale, optimize=True)
-    return Scatter(unsure @ V @ unsure, rows, cols, own, slope)
+    return Scatter(unsure @ V @ unsure, rows, cols, conditional, slope)
 
 
 def _fit(

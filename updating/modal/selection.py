@@ -115,7 +115,7 @@ def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
     In a part, fewer poles describe the residual, and strong modes elsewhere do not matter.
     """
     data = found.data.frf
-    left = replace(data, H=data.H - found.fitted.H)
+    residual = replace(data, H=data.H - found.fitted.H)
     quiet = np.exp(-np.log(found.data.spread).mean(axis=1))
     size = max(_PART, data.n_freq // _PARTS)
     firsts = np.arange(0, max(data.n_freq - size // 2, 1), max(size // 2, 1))
@@ -123,7 +123,7 @@ def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
     out: list[Start] = []
     for first in firsts:
         rows = np.arange(first, min(first + size, data.n_freq))
-        part = fit_orders(left.select(lines=rows), low_orders, found.data.scale, quiet[rows])
+        part = fit_orders(residual.select(lines=rows), low_orders, found.data.scale, quiet[rows])
         for start in starts_of(track_poles(part), found.data):
             near = (abs(start.pole - other.pole) < -start.pole.real - other.pole.real for other in out)
             if not any(near):
@@ -132,7 +132,7 @@ def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
 
 
 def _settle(task: Task, state: State) -> State:
-    """Fit, reject poles that are no modes, and fit again until none is left."""
+    """Fit, reject poles that are no modes, and fit again until no pole is rejected."""
     data, starts, rejected, steps = state.data, state.starts, state.rejected, state.steps
     final = False
     while True:
@@ -235,10 +235,10 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     uncertain = deviation > LARGEST_DEVIATION
     # two copies of a mode make each other uncertain: the stronger one is tried again without the other
     sure = [k for k in range(fit.poles.size) if not reasons[k]]
-    left = uncertain.copy()
+    retried = uncertain.copy()
     for i, j in np.argwhere(twins & uncertain & uncertain[:, None]):
-        left[i if gain[i] < gain[j] else j] = False
-    for k in np.flatnonzero(left & (twins | twins.T)[:, uncertain].any(axis=1)):
+        retried[i if gain[i] < gain[j] else j] = False
+    for k in np.flatnonzero(retried & (twins | twins.T)[:, uncertain].any(axis=1)):
         if reasons[k].startswith("uncertain") and not (twins | twins.T)[k, sure].any():
             reasons[k] = ""
     for i, j in np.argwhere(twins):

@@ -14,6 +14,8 @@ from updating.plan.visibility import SURE
 
 MULTIPLES = (0.5, 0.75, 1.0, 1.5, 2.0)
 """Amplitudes of drawn effects, in parts of those that are named [-]."""
+FAILURES = (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError)
+"""Errors of one set of data that leave the others to be diagnosed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,12 +53,31 @@ class Trial:
         return self.right >= SURE
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FailedTrial:
+    """A set of data that could not be drawn or diagnosed.
+
+    Attributes
+    ----------
+    effect : Effect
+        The effect with which it was drawn.
+    multiple : float
+        Its amplitude, in parts of that which is named [-].
+    error : Exception
+    """
+
+    effect: Effect
+    multiple: float
+    error: Exception
+
+
 def trials(
     plan: Plan, n: int, rng: np.random.Generator, diagnose: Callable[[Measurement], Diagnosis]
-) -> Iterator[Trial]:
+) -> Iterator[Trial | FailedTrial]:
     """Yield diagnoses of data with an effect each, at multiples of the size at which it is named.
 
-    Kinds are drawn, then effects of each kind; of those that are named at a plausible size.
+    Kinds are drawn, then effects of each kind; of those that are named at a plausible size. A set whose
+    diagnosis ends in an error is a :class:`FailedTrial`, and the next one follows.
 
     Parameters
     ----------
@@ -80,7 +101,11 @@ def trials(
         amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
         effect = visible.at(amplitude)
         assert effect is not None
-        found = diagnose(replace(drawn(problem, (effect,), left, rng), name=f"drawn {k + 1}"))
+        try:
+            found = diagnose(replace(drawn(problem, (effect,), left, rng), name=f"drawn {k + 1}"))
+        except FAILURES as error:  # not Exception: a progress function stops the work by one of its own
+            yield FailedTrial(effect, multiple, error)
+            continue
         yield Trial(
             effect,
             multiple,

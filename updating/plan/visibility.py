@@ -238,19 +238,18 @@ def visibility(
     n_positions = [len(grid.slight_points()) for grid in grids]
     if sum(n_positions) > MOST_POSITIONS:
         grids = [_thinned(grid, MOST_POSITIONS // len(grids)) for grid in grids]
-    littles, parts = [], []
+    littles = []
     for i, grid in enumerate(grids):
         beat()
         say("what a little of each effect does", 0.4 * i / len(grids))
         littles.append(sight.look.little(grid))
-        parts.append(sight.parts(littles[-1].change, grid.effect))
     n_looked_at = [len(little.points) for little in littles]
     owner = np.repeat(np.arange(len(candidates)), n_looked_at)
     k = np.concatenate([np.arange(n) for n in n_looked_at])
     each = [odds_against(problem, e, odds, n) for e, n in zip(candidates, n_positions, strict=True)]
     against = np.array(each)[owner]
     enough = needed(against)
-    squares, vectors = (np.concatenate(each) for each in zip(*parts, strict=True))
+    squares, vectors = sight.parts(littles)
     reach = []
     for i, (effect, little) in enumerate(zip(candidates, littles, strict=True)):
         beat()
@@ -354,6 +353,7 @@ class Sight:
         starts = [parameter_values(e) for e in base.effects]
         function = problem.function(base.effects, starts, self.broad.lines)
         x, prior, limits = function.moved_to(base), function.prior(), function.limits()
+        function.anchor(x)
         out = {}
         for k, v in enumerate(function.variables):
             wide = prior.std[k] * (1.0 if v.log else v.scale) >= WIDE and np.isfinite(prior.std[k])
@@ -399,13 +399,30 @@ class Sight:
         values, U = np.linalg.eigh(np.sum(parts, axis=0))
         return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
-    def parts(self, change: Complexes, effect: Effect) -> tuple[Floats, Floats]:
-        """Return what nothing uncertain can do of small changes (n, m).
+    def parts(self, littles: Sequence[Little]) -> tuple[Floats, Floats]:
+        """Return what nothing uncertain can do of small changes, of n in all.
 
         Mean squares of each group of residuals and, behind these, of what is known beforehand, of shape
         (n, n_groups + 1); and vectors (n, r), whose squares are worth twice their gains.
         """
-        left, m = self.look.adapted(change, effect.replaces()), self._n
+        change = np.concatenate([little.change for little in littles])
+        owner = np.repeat(np.arange(len(littles)), [len(little.points) for little in littles])
+        alike: dict[tuple[ParameterRef, ...], list[int]] = {}
+        for i, little in enumerate(littles):
+            alike.setdefault(tuple(little.grid.effect.replaces()), []).append(i)
+        squares = np.empty((len(change), self.look.share.shape[1] + 1))
+        vectors = np.empty((len(change), self.look.slopes.shape[1]))
+        for replaced, some in alike.items():
+            rows = np.flatnonzero(np.isin(owner, some))
+            for first in range(0, len(rows), N_AT_ONCE):
+                beat()
+                k = rows[first : first + N_AT_ONCE]
+                squares[k], vectors[k] = self._parts(change[k], replaced)
+        return squares, vectors
+
+    def _parts(self, change: Complexes, replaced: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
+        """Return the same for changes (n, m) by effects that replace the same parameters."""
+        left, m = self.look.adapted(change, replaced), self._n
         data, known = left[:, :m], left[:, m:].real
         squares = np.abs(data) ** 2 @ self.look.share
         root = np.sqrt(np.concatenate([self.look.weights[:m]] * 2 + [self.look.weights[m:]]))

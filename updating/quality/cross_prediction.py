@@ -94,8 +94,8 @@ class Field:
             *range(basis.n_main),
             *(basis.n_main + i for i, k in enumerate(basis.keys) if k in released),
         ]
-        own = {e.name for e in model.effects}
-        fitted = model.with_values({ref: v for ref, v in result.values.items() if ref[0] in own})
+        names = {e.name for e in model.effects}
+        fitted = model.with_values({ref: v for ref, v in result.values.items() if ref[0] in names})
         parts = tuple(c for e in (*fitted.effects, *result.effects) for c in model.parts_of(e))
         full = sum_contributions(parts, model.n_dof)
         T = basis.T[:, columns]
@@ -163,8 +163,8 @@ class CrossPrediction:
     @property
     def predicted(self) -> NDArray[np.complex128]:
         """Each sensor's reading from all the others', shape (n_lines, n_out, n_in)."""
-        own = np.einsum("lioo->lio", self._inverse)
-        return self.measured - (self._alpha / own).transpose(0, 2, 1)
+        diagonal = np.einsum("lioo->lio", self._inverse)
+        return self.measured - (self._alpha / diagonal).transpose(0, 2, 1)
 
     def without(self, sensors: tuple[int, ...]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Predict some sensors from all others, (n_lines, k, n_in), and the variances, alike."""
@@ -241,10 +241,10 @@ def rival_predictions(problem: FitProblem, X: CrossPrediction, sensor: int) -> l
     explain the forces of a local effect there, such as a mass or a loss of stiffness.
     """
     mesh, m = problem.reduced.model.mesh, problem.data.measurement.sensors
-    own = m[sensor].point
-    apart = np.linalg.norm(np.array([s.point for s in m]) - own, axis=1)
+    position = m[sensor].point
+    apart = np.linalg.norm(np.array([s.point for s in m]) - position, axis=1)
     near = [m[k].point for k in np.argsort(apart) if apart[k] > 1e-6 * mesh.size][:4]
-    chosen = [own, *(xyz for p in near for xyz in ((own + p) / 2, p))]
+    chosen = [position, *(xyz for p in near for xyz in ((position + p) / 2, p))]
     d = np.asarray(m[sensor].direction)
     out = []
     for point in dict.fromkeys(mesh.nearest_point(xyz)[0] for xyz in chosen):
@@ -256,7 +256,7 @@ def rival_predictions(problem: FitProblem, X: CrossPrediction, sensor: int) -> l
 
 
 def less_certain(problem: FitProblem, X: CrossPrediction, least_share: float = 0.0) -> CrossPrediction:
-    """Return predictions that lean less on the model's constraints, and on the model at most as said.
+    """Return predictions with looser constraints, and with at least a given unknown share of the field.
 
     Parameters
     ----------

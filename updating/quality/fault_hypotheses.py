@@ -152,9 +152,9 @@ def valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, NDA
         parts = np.array(rest)
         first, last = max(parts.min() - step, lowest), min(parts.max() + step, highest)
         grid = np.linspace(first, last, len(grid))
-    held = losses(parts)[block, np.arange(len(block))]
+    held_out = losses(parts)[block, np.arange(len(block))]
     variance = (_N_BLOCKS - 1) / _N_BLOCKS * ((parts - parts.mean()) ** 2).sum()
-    return every, float(np.sqrt(variance)), held
+    return every, float(np.sqrt(variance)), held_out
 
 
 def judge(

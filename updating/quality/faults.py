@@ -32,7 +32,7 @@ EXCITATION_GAIN_LEAST = 0.07
 """Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
 than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
 
-LEAST_RATIO_BESIDE_FORCES = 1.5
+LEAST_RATIO_WITH_FORCES = 1.5
 """A fault must lower the misfit by this factor also where an unknown force may act near the sensor."""
 
 MISFIT_SHARE = 0.4
@@ -155,19 +155,19 @@ def settle_faults(
     faults = combined(faults)
     problem = replace(problem, data=corrected(as_read, faults))
     last = {f.name: f for f in confirm_faults(problem, faults, result)}
-    left = tuple(last.get(f.name, f) for f in faults)
+    remaining = tuple(last.get(f.name, f) for f in faults)
 
     def with_faults(kept: Sequence[Fault]) -> FitProblem:
         return replace(problem, data=corrected(as_read, kept))
 
-    best = score(with_faults(left), left)
-    for fault in left:
-        fewer = tuple(f for f in left if f is not fault)
+    best = score(with_faults(remaining), remaining)
+    for fault in remaining:
+        fewer = tuple(f for f in remaining if f is not fault)
         without = score(with_faults(fewer), fewer)
         if without > best:
-            left, best = fewer, without
-    settled = with_faults(left)
-    return settled, _again(settled, result), left
+            remaining, best = fewer, without
+    settled = with_faults(remaining)
+    return settled, _again(settled, result), remaining
 
 
 def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
@@ -250,7 +250,7 @@ def _needed(problem: FitProblem, X: CrossPrediction, best: Hypothesis) -> bool:
         rivals += rival_predictions(problem, X, i)
     for rival in rivals:
         again = [h for h in sensor_hypotheses(problem, rival, i) if h.fault.kind == best.fault.kind]
-        if not any(h.large and h.before > LEAST_RATIO_BESIDE_FORCES * h.after for h in again):
+        if not any(h.large and h.before > LEAST_RATIO_WITH_FORCES * h.after for h in again):
             return False
     return True
 
@@ -285,8 +285,8 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
             floor = np.sqrt(variance[:, k, j]) / np.maximum(np.abs(y), 1e-300)
             sigma = np.hypot(floor, np.sqrt(variance[:, j, k]) / np.maximum(np.abs(p), 1e-300))
             sigma = np.sqrt(sigma**2 + 2 * error**2)
-            heard: Any = X.seen.any(axis=1)
-            series = Series.of(field.frequency, y, p, sigma, heard[:, j] & heard[:, k])
+            seen: Any = X.seen.any(axis=1)
+            series = Series.of(field.frequency, y, p, sigma, seen[:, j] & seen[:, k])
             for h in _of_excitation(series):
                 other = _inverse(replace(h.fault, sensor=excitations[j].name))
                 options = (replace(h.fault, sensor=excitations[k].name),), (other,)

@@ -281,8 +281,8 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
         taken_back = f"the apparent fault of {names} is explained by the effects that were found"
     if faults:  # of forces also where sensors are too few to check one another
         names = ", ".join(dict.fromkeys(f.sensor for f in faults))
-        said = f"{len(faults)} fault(s) were set right, at {names}"
-        return Check("sensors and forces", FAILED, f"{said}; {taken_back}" if taken_back else said)
+        found = f"{len(faults)} fault(s) were set right, at {names}"
+        return Check("sensors and forces", FAILED, f"{found}; {taken_back}" if taken_back else found)
     if withdrawn:
         return Check("sensors and forces", PASSED, taken_back)
     if np.isnan(gates.cross_misfit).all():

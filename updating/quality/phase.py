@@ -291,8 +291,8 @@ def _explained(
     if not good.any():
         return [("all", (), bad)]
     for of, names, axis in (("sensor", evidence.outputs, 1), ("excitation", evidence.inputs, 0)):
-        own = [k for k in range(len(names)) if bad.take(k, axis=1 - axis).any()]
-        if not any(good.take(k, axis=1 - axis).any() for k in own):
-            return [(of, tuple(names[k] for k in own), bad)]
+        bad_members = [k for k in range(len(names)) if bad.take(k, axis=1 - axis).any()]
+        if not any(good.take(k, axis=1 - axis).any() for k in bad_members):
+            return [(of, tuple(names[k] for k in bad_members), bad)]
     names = tuple(f"{evidence.outputs[i]}/{evidence.inputs[j]}" for i, j in np.argwhere(bad))
     return [("FRF", names, bad)]

@@ -119,11 +119,11 @@ def staircase_figure(
     """
     n = len(steps)
     fit = np.array([step[1] for step in steps], dtype=float)
-    held = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
+    held_out = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
     series = [(names[0], fit, style.FITTED, "solid", "circle")]
-    if np.isfinite(held).any():
-        series.append((names[1], held, style.VERMILION, "dash", "diamond"))
-    above = [fit >= np.where(np.isfinite(held), held, -np.inf)]
+    if np.isfinite(held_out).any():
+        series.append((names[1], held_out, style.VERMILION, "dash", "diamond"))
+    above = [fit >= np.where(np.isfinite(held_out), held_out, -np.inf)]
     above.append(~above[0])
     labels = [plain(step[0]) for step in steps]
     words = [_broken(step[0], 18 if n <= 3 else 12) for step in steps]
@@ -134,7 +134,7 @@ def staircase_figure(
             "marker": {"color": colour, "symbol": symbol, "size": 9},
             "text": [number(v, digits) if np.isfinite(v) else "" for v in values],
             "textposition": ["top center" if up else "bottom center" for up in over],
-            "textfont": {"color": colour, "size": 13}, "cliponaxis": False,
+            "textfont": {"color": style.INK, "size": 13}, "cliponaxis": False,
             "hoverinfo": "text",
             "hovertext": [
                 f"{label}<br>{number(v, digits)} {unit} {name}"
@@ -144,7 +144,7 @@ def staircase_figure(
         }
         for (name, values, colour, dash, symbol), over in zip(series, above, strict=False)
     ]  # fmt: skip
-    every = np.concatenate([fit, held[np.isfinite(held)], [0.0]])
+    every = np.concatenate([fit, held_out[np.isfinite(held_out)], [0.0]])
     top = float(np.nanmax(every)) if np.isfinite(every).any() else 1.0
     shapes, notes = _floor_line(floor_db, unit, digits)
     look = layout(
@@ -276,7 +276,7 @@ _CANDIDATES = {
 
 
 def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return a line over the whole height, and its name above it on the left."""
+    """Return a line over the full height, and its name above it on the left."""
     line = {
         "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x,
         "line": {"color": colour, "width": 1.2, "dash": "solid"},

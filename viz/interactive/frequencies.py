@@ -1,4 +1,4 @@
-"""Measured modes beside computed ones: deviations of frequencies, and modal assurance criteria."""
+"""Measured and computed modes compared: deviations of frequencies, and modal assurance criteria."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,7 @@ from viz.interactive.theme import CELL, axis, colour_scale, key, layout, plain, 
 SYMBOLS = ("circle", "square", "diamond", "cross")
 """Of models in the order nominal, fitted, with the effect, others."""
 MOST_NUMBERS = 24
-"""The matrix of so many modes shows its numbers."""
+"""Largest number of modes of a matrix with printed numbers."""
 
 
 def deviations_figure(
@@ -79,15 +79,15 @@ def deviations_figure(
             ],
             "customdata": g.tolist(),
         })  # fmt: skip
-    held = np.zeros(f.size, bool) if held_out is None else np.asarray(held_out, dtype=bool)
-    if held.any():
+    predicted = np.zeros(f.size, bool) if held_out is None else np.asarray(held_out, dtype=bool)
+    if predicted.any():
         traces.append(key("predicted, not fitted", style.HELD_OUT))
     shapes = [
         {
             "type": "rect", "yref": "paper", "x0": int(k) - 0.4, "x1": int(k) + 0.6, "y0": 0, "y1": 1,
             "fillcolor": style.HELD_OUT, "line": {"width": 0}, "layer": "below",
         }
-        for k in np.flatnonzero(held)
+        for k in np.flatnonzero(predicted)
     ]  # fmt: skip
     step = -(-f.size // 20)
     look = layout(

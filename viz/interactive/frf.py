@@ -106,6 +106,7 @@ def frf_figure(
     deviations: Mapping[str, ArrayLike] | None = None,
     held_out: Sequence[Band] = (),
     coherence: ArrayLike | None = None,
+    log_frequency: bool = False,
     title: str | None = None,
     height: float = 520,
 ) -> Figure:
@@ -131,6 +132,8 @@ def frf_figure(
         Bands that were kept from the fit, shaded [Hz].
     coherence : array_like (n_freq, n_out, n_in), optional
         Coherence of the measured FRFs, 0 to 1; drawn below the phase.
+    log_frequency : bool
+        Whether the axis of frequency is logarithmic.
     title : str
         Heading; ``output / input`` unless given.
     height : float
@@ -170,6 +173,7 @@ def frf_figure(
             magnitude_range(curves[0].of(pair)[0]),
             phases=curves[0].phase is not None,
             coherence=with_coherence,
+            log=log_frequency,
         ),
     )
     return Figure(traces, look)
@@ -177,7 +181,7 @@ def frf_figure(
 
 def magnitude_title(frf: FRF) -> str:
     """Return the title of the axis of one FRF's amplitude, with its unit."""
-    return f"{frf.quantity}<br>[{_decibel(frf.unit)}]"
+    return f"{frf.quantity}<br>[{decibel(frf.unit)}]"
 
 
 def magnitude_range(magnitude: ArrayLike) -> tuple[float, float]:
@@ -241,24 +245,31 @@ def _coherence_trace(measured: FRF, coherence: Floats, pair: tuple[str, str]) ->
     }  # fmt: skip
 
 
-def _decibel(unit: str) -> str:
+def frequency_axis(frequency: Floats, *, log: bool = False, **more: Any) -> dict[str, Any]:
+    """Return the axis of frequencies [Hz] from the first line to the last; a logarithmic one leaves out 0."""
+    shown = frequency[frequency > 0] if log else frequency
+    ends = [float(shown[0]), float(shown[-1])]
+    scale = {"type": "log", "range": np.log10(ends).tolist(), "dtick": "D2"} if log else {"range": ends}
+    hover = {"hoverformat": ".5~g", "unifiedhovertitle": {"text": "%{x:.5~g} Hz"}}
+    return axis("frequency [Hz]", **scale, **hover, **more)
+
+
+def decibel(unit: str) -> str:
     """Return the unit of a level in decibel."""
     return "dB" if unit == "-" else f"dB re 1 {unit}"
 
 
-def _axes(frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: bool) -> dict[str, Any]:
+def _axes(
+    frf: FRF, limits: tuple[float, float], *, phases: bool, coherence: bool, log: bool
+) -> dict[str, Any]:
     """Return the axes: magnitude above, phase below it, and coherence at the bottom."""
     low = 0.18 if coherence else 0.0
     split = low + 0.34 * (1 - low) if phases else low - (0.0 if coherence else 0.03)
     lowest = "y3" if coherence else "y2" if phases else "y"
-    ends = [float(frf.frequency[0]), float(frf.frequency[-1])]
     out = {
-        "xaxis": axis(
-            "frequency [Hz]", range=ends, anchor=lowest, hoverformat=".5~g",
-            unifiedhovertitle={"text": "%{x:.5~g} Hz"},
-        ),
+        "xaxis": frequency_axis(frf.frequency, log=log, anchor=lowest),
         "yaxis": axis(magnitude_title(frf), domain=[split + 0.03, 1], range=list(limits)),
-    }  # fmt: skip
+    }
     if phases:
         out["yaxis2"] = axis(
             "phase [°]", domain=[low + (0.03 if coherence else 0), split - 0.02], range=[-190, 190],

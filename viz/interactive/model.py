@@ -123,12 +123,12 @@ def _member_traces(
     out = []
     for n, name in enumerate(names):
         used, triangles = part_of(surface, (family == name)[surface.line])
-        own = owner[vertex[used]].tolist()
+        members = owner[vertex[used]].tolist()
         out.append(
             solid(
                 surface.rest[used], triangles, color=style.MEMBERS[n % len(style.MEMBERS)],
-                name=plain(shorten(name, 40)), showlegend=len(names) > 1, customdata=own, hoverinfo="text",
-                hovertext=[f"member {plain(m)}" for m in own], meta={"role": "member"},
+                name=plain(shorten(name, 40)), showlegend=len(names) > 1, customdata=members,
+                hoverinfo="text", hovertext=[f"member {plain(m)}" for m in members], meta={"role": "member"},
             )
         )  # fmt: skip
     return out

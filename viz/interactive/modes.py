@@ -21,12 +21,12 @@ from viz.triangles import Floats
 PHASES = 7
 """Pictures of half a period: a real shape comes back the same way."""
 PERIODS = 4
-"""A figure with frames plays so many periods at a time."""
+"""Number of periods that a figure with frames plays at a time."""
 FRAME_MS = 60
 """Time from one picture to the next [ms]."""
 
 MOST_FRAMED = 12
-"""A figure with frames holds so many modes unless they are named; each takes a sixth of a megabyte."""
+"""Number of modes of a figure with frames unless they are named; each takes a sixth of a megabyte."""
 MENUS = 36
 """Height of the list of modes and the stop button [pixel]."""
 N_PIECES = 200

@@ -28,7 +28,7 @@ ROOM, RANGE = 0.06, float(np.log(2))
 The sizes are an estimate that is a factor of two off at worst, as checks have shown [-].
 """
 MANY, SIZES = 60, (6, 4)
-"""Of more marks than so many those are small; sizes [pixel]."""
+"""Number of marks above which they are small; sizes [pixel]."""
 SAME_POINT = 1e-3
 """Points nearer to each other than this share of the structure's size have one mark [-]."""
 BLIND = style.VERMILION

@@ -121,7 +121,7 @@ def axis(title: str = "", **more: Any) -> dict[str, Any]:
 
 
 def shaded(bands: Iterable[tuple[float, float]]) -> list[dict[str, Any]]:
-    """Return the rectangles that mark bands of frequency over the whole height."""
+    """Return the rectangles that mark bands of frequency over the full height."""
     return [
         {
             "type": "rect", "xref": "x", "yref": "paper", "x0": low, "x1": high, "y0": 0, "y1": 1,

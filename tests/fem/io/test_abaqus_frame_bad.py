@@ -46,7 +46,7 @@ NODE = "*NODE\n9, 0, 0, 1\n"
         (BEAM + "*ELEMENT, TYPE=MASS, ELSET=M\n9, 1\n*MASS, ELSET=M\n", "line 18: *MASS has 0 data line(s)"),
         (
             BEAM + NODE + "*ELEMENT, TYPE=SPRING2, ELSET=M\n9, 1, 9\n*SPRING, ELSET=M\n1, 1\n5.\n",
-            "line 20: *SPRING: element 9 acts along a direction in which its nodes are 1 m beside",
+            "line 20: *SPRING: element 9 acts along a direction across which its nodes are 1 m apart",
         ),
         (BEAM + "*ELEMENT, TYPE=SPRING2, ELSET=M\n9, 1, 2\n*SPRING, ELSET=M\n1, 2\n5.\n", "line 18: *SPRING"),
         (BEAM + "*ELEMENT, TYPE=SPRING1, ELSET=M\n9, 1\n*SPRING, ELSET=M, NONLINEAR\n1\n5.\n", "parameter N"),

@@ -45,9 +45,9 @@ def gains_without(
         every = [i for i, v in enumerate(function.variables) if v.ref[0] in names]
         way = np.array([_way(function, by_name, i, float(x[i])) for i in rows])
         known = -0.5 * (off / std)[every] ** 2 - np.log(std[every])
-        own, every_own = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
+        sized, of_group = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
         evidence = (
-            -0.5 * way @ np.linalg.solve(own, way) - 0.5 * np.linalg.slogdet(every_own)[1] - known.sum()
+            -0.5 * way @ np.linalg.solve(sized, way) - 0.5 * np.linalg.slogdet(of_group)[1] - known.sum()
         )
         rest = [e for e in effects if e.name not in names]
         out[k] = evidence + odds.prior(rest) - odds.prior(effects)
@@ -81,12 +81,12 @@ def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) ->
 
 def left_out(problem: FitProblem | ModeProblem, h: Hypothesis, names: Sequence[str], odds: Odds) -> set[str]:
     """Return which effects, one after the other and not all, would raise a score by their absence."""
-    gone: set[str] = set()
+    removed: set[str] = set()
     best = 0.0
-    while len(gone) + 1 < len(names):
-        options = [gone | {name} for name in names if name not in gone]
+    while len(removed) + 1 < len(names):
+        options = [removed | {name} for name in names if name not in removed]
         gains = gains_without(problem, h, options, odds)
         if not gains.max() > best:
             break
-        best, gone = float(gains.max()), options[int(np.argmax(gains))]
-    return gone
+        best, removed = float(gains.max()), options[int(np.argmax(gains))]
+    return removed

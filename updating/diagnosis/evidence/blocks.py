@@ -38,7 +38,7 @@ class Block:
 
 @dataclass(slots=True, eq=False)
 class Blocks:
-    """Blocks beside one fit. What a little of each effect does is computed once.
+    """Blocks added to one fit. The slope of each effect is computed once.
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ class Budget:
         A hypothesis is fitted fully from at most so many values.
     n_rivals : int
         Candidates that are fitted in the place of each found effect.
-    n_departures, n_beside_form : int
+    n_departures, n_form_rivals : int
         Parts of the form outside their usual ranges where effects are fitted, and so many effects for each.
     checked : bool
         Whether faults of the measurement are looked for, rivals are fitted in the place of what was found,
@@ -59,7 +59,7 @@ class Budget:
     most_fits: int = 3
     n_rivals: int = 6
     n_departures: int = 3
-    n_beside_form: int = 2
+    n_form_rivals: int = 2
     checked: bool = True
 
 

@@ -34,7 +34,7 @@ FIRST_ANSWER = (
     "rivals fitted"
 )
 AS_LONG = 6.0
-"""A search usually takes so many times as long as its beginning."""
+"""Usual duration of a search, in durations of its beginning [-]."""
 UNKNOWN = "unknown"
 """Name of what the library does not have, in the posterior."""
 
@@ -108,8 +108,8 @@ class Searched:
     @property
     def hypotheses(self) -> list[Hypothesis]:
         """All that were fitted fully, at further positions and by other readings of the data, too."""
-        own = [*self.search.known.values(), *self.search.elsewhere]
-        return own + [h for other in self.otherwise for h in other.hypotheses]
+        fitted = [*self.search.known.values(), *self.search.elsewhere]
+        return fitted + [h for other in self.otherwise for h in other.hypotheses]
 
     @property
     def proposed_faults(self) -> tuple[Fault, ...]:
@@ -157,11 +157,11 @@ def search_by_evidence(
     Measured ``modes`` are fitted beside the FRFs. A ``crew`` computes independent fits.
     """
     say = progress or (lambda text, done: None)
-    begun = begin_search(
+    initial = begin_search(
         model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
         n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew, budget=budget,
     )  # fmt: skip
-    return searched(begun, say)
+    return searched(initial, say)
 
 
 def begin_search(
@@ -185,18 +185,18 @@ def begin_search(
     Parameters as of :func:`search_by_evidence`.
     """
     progress("reducing the model", 0.0)
-    whole, begun = formed_problem(
+    problem, formed = formed_problem(
         situated(model, kinds), measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
         model_error=model_error,
     )  # fmt: skip
     progress("fitting the uncertain parameters", 0.05)
-    candidates = candidates_for_test(begun.model, measurement, kinds, exclude)
-    return begun_with(whole, begun, candidates, modes=modes, progress=progress, crew=crew, budget=budget)
+    every = candidates_for_test(formed.model, measurement, kinds, exclude)
+    return search_of_problem(problem, formed, every, modes=modes, progress=progress, crew=crew, budget=budget)
 
 
-def begun_with(
-    whole: FitProblem,
-    begun: Formed,
+def search_of_problem(
+    as_measured: FitProblem,
+    formed: Formed,
     candidates: tuple[Effect, ...],
     *,
     modes: ModeTargets | None = None,
@@ -207,17 +207,17 @@ def begun_with(
 ) -> Searched:
     """Return a search of a problem that knows the model without effects, with faults set right.
 
-    Where some of the faults are doubtful, it has another one beside it that reads the data with them.
+    Where some faults are doubtful, ``otherwise`` has a second search, of the data with those uncorrected.
     """
-    begun_at = time.perf_counter()
+    start_time = time.perf_counter()
     lines: dict[str, Any] = {"n_lines": budget.n_lines, "counted_as": FULL_LINES}
-    read = whole.data
-    right, result, faults = calibrated(whole, n_lines=budget.n_lines, checked=budget.checked)
+    read = as_measured.data
+    right, result, faults = calibrated(as_measured, n_lines=budget.n_lines, checked=budget.checked)
     right = replace(right, modes=modes)
     notes = () if budget.checked else (FIRST_ANSWER,)
-    if begun.n_cut > 1:
+    if formed.n_cut > 1:
         notes += (
-            f"each element was cut into {begun.n_cut}: the mesh's error was {begun.uncut_db:.2g} dB, not "
+            f"each element was cut into {formed.n_cut}: the mesh's error was {formed.uncut_db:.2g} dB, not "
             f"small beside the noise of {read.noise_db:.2g} dB",
         )
     if modes is not None:
@@ -225,13 +225,13 @@ def begun_with(
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
-            problem, begun.form, candidates, told(progress, begun_at), ranking=ranking or FrfRanking(),
-            workers=crew, beforehand=log_prior(doubtful(faults), read), budget=budget,
+            problem, formed.form, candidates, search_progress(progress, start_time), workers=crew,
+            ranking=ranking or FrfRanking(), beforehand=log_prior(doubtful(faults), read), budget=budget,
         )  # fmt: skip
         first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
         nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
         search.known[frozenset()] = nothing
-        return Searched(search, nothing, faults, begun.mesh_db, begun.formed, notes)
+        return Searched(search, nothing, faults, formed.mesh_db, formed.formed, notes)
 
     found = reading(right, result, faults)
     if not doubtful(faults):
@@ -241,13 +241,13 @@ def begun_with(
     return replace(found, otherwise=(reading(other, result, sure),))
 
 
-def searched(begun: Searched, progress: Progress) -> Searched:
+def searched(initial: Searched, progress: Progress) -> Searched:
     """Return a search that has ended: of two readings of the data, the one with the best hypothesis.
 
-    Each of the two adds effects once, then that one goes on which explains the data better. It ends where
+    Each of the two adds effects once; then the one that explains the data better continues. It ends where
     nothing that it may still find is as probable as what the other has.
     """
-    ways = [begun, *begun.otherwise]
+    ways = [initial, *initial.otherwise]
     going = [(way.search, way.search.rounds()) for way in ways]
     for _, rounds in going:
         next(rounds, None)
@@ -258,24 +258,24 @@ def searched(begun: Searched, progress: Progress) -> Searched:
             going = [each for each in going if each[0] is not search]
     progress("refining", 0.9)
     best, *others = sorted(ways, key=lambda way: -way.search.best.score)
-    best = replace(best, best=best.search.polished(best.search.beside_form(best.search.best)))
+    best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
     return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
 
 
 def candidates_for_test(
     model: Model, measurement: Measurement, kinds: Sequence[str] | None, exclude: Sequence[str]
 ) -> tuple[Effect, ...]:
-    """Return all candidates but those that the form stands for."""
+    """Return all candidates except those that the form represents."""
     return tuple(e for e in propose(model, kinds, exclude, measurement) if not e.is_form)
 
 
-def told(say: Progress, begun: float) -> Callable[[str], None]:
-    """Return what reports texts of a search and how far it probably is, by how long its beginning took.
+def search_progress(say: Progress, start_time: float) -> Callable[[str], None]:
+    """Return a function that reports a search's texts and its progress, judged by how long its start took.
 
     Parameters
     ----------
     say : callable
-    begun : float
+    start_time : float
         ``time.perf_counter()`` when that began [s].
     """
     first = 0.0
@@ -284,7 +284,7 @@ def told(say: Progress, begun: float) -> Callable[[str], None]:
         nonlocal first
         now = time.perf_counter()
         first = first or now
-        expected = AS_LONG * max(first - begun, 0.1)
+        expected = AS_LONG * max(first - start_time, 0.1)
         say(text, 0.9 - 0.8 * math.exp((first - now) / expected))
 
     return tell

@@ -85,7 +85,7 @@ class Fits:
         return bool(np.abs([*problem.strains(h.fitted).values(), *z.ravel()]).max(initial=0.0) > FAR_STD)
 
     def problems(self, base: Hypothesis) -> tuple[AnyProblem, AnyProblem]:
-        """Return the problems of short fits and of those that go on from them, beside a hypothesis.
+        """Return the problems of short fits, and of fits continued from them, that extend a hypothesis.
 
         Short ones have a nominal form where that is far from the data: in a few steps it would only bend
         towards whatever is missing.
@@ -93,20 +93,20 @@ class Fits:
         free = self.free(base)
         if not self.is_far(base):
             return free, free
-        own = tuple(n for n in self.problem.nuisances if n.refs[0][0] not in self.fixed(base))
-        quick = replace(self.problem, nuisances=own)
+        nuisances = tuple(n for n in self.problem.nuisances if n.refs[0][0] not in self.fixed(base))
+        quick = replace(self.problem, nuisances=nuisances)
         return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 
     def free(self, base: Hypothesis) -> AnyProblem:
-        """Return the problem beside a hypothesis, with its form free."""
+        """Return the problem of fits that extend a hypothesis, with its form free."""
         return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted))
 
     def fixed(self, base: Hypothesis) -> set[str]:
-        """Return the names of effects that do not vary in short fits beside a hypothesis."""
+        """Return the names of effects that do not vary in short fits that extend a hypothesis."""
         return self.form_names if self.is_far(base) else set()
 
     def without_fixed(self, base: Hypothesis) -> FitResult:
-        """Return the result of a hypothesis without what does not vary in short fits beside it."""
+        """Return the result of a hypothesis without what does not vary in short fits that extend it."""
         result, fixed = base.fitted, self.fixed(base)
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
@@ -136,9 +136,9 @@ class Fits:
         how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": LOW_LINES, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
-    def continued(self, quick: AnyProblem, begun: Sequence[Hypothesis]) -> Hypothesis:
+    def continued(self, quick: AnyProblem, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
-        fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in begun]
+        fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in hypotheses]
         return max(fits, key=lambda h: h.score)
 
     def pruned(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
@@ -148,20 +148,20 @@ class Fits:
         each is left out in a fit.
         """
         while len(h.effects) > len(base.effects) + 1:
-            own = [e.name for e in h.effects if e.name not in base.key]
-            gone = left_out(quick, h, own, self.odds)
-            options = self._without(quick, h, [gone] if gone else [])
+            new = [e.name for e in h.effects if e.name not in base.key]
+            harmful = left_out(quick, h, new, self.odds)
+            options = self._without(quick, h, [harmful] if harmful else [])
             if not any(o.score > h.score for o in options):
-                options = self._without(quick, h, [{name} for name in own])
+                options = self._without(quick, h, [{name} for name in new])
             best = max(options, key=lambda o: o.score, default=h)
             if best.score <= h.score:
                 break
             h = best
         return h
 
-    def _without(self, quick: AnyProblem, h: Hypothesis, gone: Sequence[Set[str]]) -> list[Hypothesis]:
+    def _without(self, quick: AnyProblem, h: Hypothesis, groups: Sequence[Set[str]]) -> list[Hypothesis]:
         """Return fits without some effects, from near where all are."""
-        rests = [tuple(e for e in h.effects if e.name not in names) for names in gone]
+        rests = [tuple(e for e in h.effects if e.name not in names) for names in groups]
         return possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in rests)
 
     def quickly(
@@ -238,7 +238,7 @@ class Fits:
         return replace(h, fitted=scattered(problem, h.fitted, self.ranking.scatter, **how))
 
     def again(self, h: Hypothesis) -> Hypothesis:
-        """Return a full fit that goes on from a hypothesis and its deviations, on a basis that has grown."""
+        """Return a full fit continued from a hypothesis and its deviations, on an enlarged basis."""
         values = values_of(h.effects)
         problem = with_forces(self.problem, h.effects, values)
         scatter = self.ranking.scatter(problem, h.fitted, h.fitted.size)

@@ -59,13 +59,13 @@ BEHIND_NATS, TWINS_KEPT = 20.0, 0.5
 N_SOUND = 24
 """Lines at which damped FRFs of a model are compared with the sum over its lines."""
 N_PAIRED = 3
-"""Pairs are made of so many of the best blocks."""
+"""Number of the best blocks of which pairs are made."""
 Candidate = tuple[tuple[Effect, ...], Start]
 
 
 @dataclass(frozen=True, eq=False)
 class Damped:
-    """A problem at decay rates, as far as they say more of a fitted model than its own FRFs do of themselves.
+    """A problem at decay rates, where the data's misfit exceeds that of the fitted model's own damped FRFs.
 
     Attributes
     ----------
@@ -112,18 +112,18 @@ class Damped:
         return self._known[share]
 
     def _at(self, share: float) -> FitProblem | None:
-        own = damped(self.problem, share, self.measured) if self.measured else None
-        summed = damped(self.computed, share, self.of_computed) if own else None
-        if own is None or summed is None:
+        weak = damped(self.problem, share, self.measured) if self.measured else None
+        summed = damped(self.computed, share, self.of_computed) if weak else None
+        if weak is None or summed is None:
             return None
-        problem, lines = self.problem, own.lines_up_to(np.inf, N_SOUND)
-        exact, mask = replace(own, scatter=None).receptance(self.result, lines), own.data.mask[lines]
+        problem, lines = self.problem, weak.lines_up_to(np.inf, N_SOUND)
+        exact, mask = replace(weak, scatter=None).receptance(self.result, lines), weak.data.mask[lines]
 
         def level(H: NDArray[np.complex128]) -> float:
             ratio = np.where(mask, log_ratio(exact, np.where(mask, H[lines], 1.0)), np.nan)
             return problem.level(ratio, lines)
 
-        return own if level(own.data.H) > np.sqrt(2) * level(summed.data.H) else None
+        return weak if level(weak.data.H) > np.sqrt(2) * level(summed.data.H) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,9 +165,9 @@ def halved(
     sorts: dict[str, Sequence[Candidate]] = {"block": blocks}
     best: dict[str, list[Trial]] = {}
     for number, stage in enumerate(STAGES):
-        own = damped.at(stage.share)
-        if own is not None:
-            best = _tried(own, workers, stage, sorts)
+        damped_problem = damped.at(stage.share)
+        if damped_problem is not None:
+            best = _tried(damped_problem, workers, stage, sorts)
             sorts = {sort: [t.candidate for t in trials] for sort, trials in best.items()}
         if number == 0:
             first = [t.candidate for t in best.get("block", ())][:N_PAIRED]
@@ -177,7 +177,7 @@ def halved(
 
 
 def _together(one: Candidate, two: Candidate, n_base: int) -> Candidate:
-    """Return two blocks beside the same base."""
+    """Return two blocks together, each found with the same base."""
     (a, start), (b, more) = one, two
     return (*a, *b[n_base:]), Start((*start.values, *more.values[n_base:]), start.near)
 
@@ -206,8 +206,8 @@ def _tried(
 def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | None:
     """Return a fit; None where there is no structure: more mass taken away than there is."""
     (problem, stage), (effects, start) = shared, candidate
-    own = with_forces(problem, effects, start.values)
-    function = own.function(effects, start.values, own.lines_up_to(np.inf, stage.n_lines))
+    problem = with_forces(problem, effects, start.values)
+    function = problem.function(effects, start.values, problem.lines_up_to(np.inf, stage.n_lines))
     try:
         solution = function.minimise(
             function.moved_to(start.near),

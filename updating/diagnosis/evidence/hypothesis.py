@@ -109,7 +109,7 @@ class Odds:
         return float(total)
 
     def against(self, effects: Sequence[Effect], new: Sequence[Effect]) -> float:
-        """Return the logarithm of the prior odds against more effects beside some."""
+        """Return the logarithm of the prior odds against effects in addition to some."""
         return self.prior(effects) - self.prior((*effects, *new))
 
 

@@ -21,7 +21,7 @@ from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened, terms_beside
+from updating.diagnosis.evidence.screening import Grid, Screened, candidate_terms
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
@@ -30,14 +30,14 @@ from updating.inference.scatter import Scatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24
-"""So many of the best candidates by their slopes are looked at on their grids, near the data."""
+"""Number of the best candidates by slopes that are evaluated on their grids, near the data."""
 VISIBLE = 0.1
 """Candidates that move the data by less than this at every point of their grids are left out: what was
 measured does not see them [standard deviations]."""
 HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space in which grids are looked at."""
 N_PAIRED = 8
-"""Pairs of so many of the best connections are looked at."""
+"""Number of the best connections of which pairs are made."""
 MOST_FORCES = 6
 """Effects with more independent forces act on a member or more as a whole, whose modes hold what they do."""
 SAME_FORCE = 1e-6
@@ -91,10 +91,10 @@ class ModeChanges:
         free = [n for n, e in enumerate(effects) if not e.released()]
         terms = [self._restricted(self.problem.reduced.value_of(effects[n])) for n in free]
         out[free] = self.function.slopes(base, partners, list(enumerate(terms)), len(free))
-        held = [n for n, e in enumerate(effects) if e.released()]
-        each = [self._opened(effects[n]) for n in held]
-        out[held] = self.function.slopes(
-            base, partners, [(k, o.term) for k, o in enumerate(each)], len(held),
+        constrained = [n for n, e in enumerate(effects) if e.released()]
+        each = [self._opened(effects[n]) for n in constrained]
+        out[constrained] = self.function.slopes(
+            base, partners, [(k, o.term) for k, o in enumerate(each)], len(constrained),
             lambda mode: np.stack([o.moved(mode) for o in each]),
         )  # fmt: skip
         return out
@@ -104,9 +104,9 @@ class ModeChanges:
 
         NaN where there is no structure.
         """
-        terms = terms_beside(self.problem, self.current, grid)
+        terms = candidate_terms(self.problem, self.current, grid)
         if more:
-            terms += terms_beside(self.problem, self.current, Grid(grid.effect, tuple(more)))
+            terms += candidate_terms(self.problem, self.current, Grid(grid.effect, tuple(more)))
         released, around, met = grid.effect.released(), dict[Any, ModesAt](), dict[int, MetModes]()
         for n, term in enumerate(terms):
             if term.place not in around:
@@ -147,9 +147,9 @@ class ModeChanges:
         at, V = self._lower(tuple(released))
         if released or (forces := self._forces(term)) is None:
             return at.on(V)
-        own, lam = self.base.pairs(0).vectors, self.base.pairs(0).eigenvalues
+        vectors, lam = self.base.pairs(0).vectors, self.base.pairs(0).eigenvalues
         high = lam > (2 * np.pi * self._top) ** 2
-        still = own[:, high] @ ((own[:, high].T @ forces) / lam[high, None])
+        still = vectors[:, high] @ ((vectors[:, high].T @ forces) / lam[high, None])
         return at.on(np.hstack([V, _independent_columns(still)]))
 
     def _with_lacking(self, at: ModesAt, term: Term) -> tuple[ModesAt, Term]:
@@ -185,9 +185,9 @@ class ModeChanges:
             V = pairs.vectors[:, pairs.frequency <= self._top]
             if released:
                 at = self.function.modes_at(self.x, released)
-                own = at.columns.T @ (self.base.columns @ V)
+                lower = at.columns.T @ (self.base.columns @ V)
                 more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
-                V = np.hstack([own, np.eye(len(own))[:, more]])
+                V = np.hstack([lower, np.eye(len(lower))[:, more]])
             self._spaces[released] = at, V
         return self._spaces[released]
 
@@ -285,7 +285,7 @@ class ModeLook:
             return r[:, : 2 * n] ** 2 @ of_group, (r[:, 2 * n :] ** 2).sum(axis=1)
 
         def posterior(r: Floats) -> tuple[Floats, Floats]:
-            """Return the log evidence up to a constant, and the weight of each group in parts of its own."""
+            """Return the log evidence up to a constant, and the weight of each group's squares."""
             squares, known = parts(r)
             v = squares / self._worth
             share = levels.weight(v) / self._worth
@@ -317,11 +317,11 @@ class ModeLook:
         """Return what effects do to the misfit to the first order, (n, m)."""
         return self.adapted(self.changes.slopes(effects))
 
-    def left_by(self, grid: Grid) -> Floats:
-        """Return what :meth:`left` does at each point of a grid."""
-        return self.left(self.changes.at_points(grid))
+    def residual_squares_at(self, grid: Grid) -> Floats:
+        """Return :meth:`residual_squares` at each point of a grid."""
+        return self.residual_squares(self.changes.at_points(grid))
 
-    def left(self, changes: NDArray[np.complex128]) -> Floats:
+    def residual_squares(self, changes: NDArray[np.complex128]) -> Floats:
         """Return the squares of the misfit that changes (n, m) of the residuals leave, in deviations², (n,).
 
         Infinite where there is no structure, and everywhere if the data see none of them.
@@ -376,7 +376,7 @@ class Little:
 
     Attributes
     ----------
-    left : float
+    residual_squares : float
         Squares of the misfit that it leaves [deviations²].
     values, std : dict
         Parameter values there, and their standard deviations.
@@ -384,7 +384,7 @@ class Little:
         By how much the candidate raises the log evidence, whatever its size; -∞ if the data do not see it.
     """
 
-    left: float
+    residual_squares: float
     values: dict[str, float]
     std: dict[str, float]
     evidence: float
@@ -409,17 +409,18 @@ class ModeRanking:
             if np.isfinite(slopes[row]).all():
                 rows_of.setdefault(places[n].name, []).append(row)
         least = 1 - EFFECT_ODDS / max(0.5 * float((look.misfit**2).sum()), 1e-300)
-        found = [Scanned((p,), _left(look, slopes[rows_of[p.name]])) for p in places if p.name in rows_of]
-        singles = sorted((s for s in found if s.left < least), key=lambda s: s.left)
+        there = (p for p in places if p.name in rows_of)
+        found = [Scanned((p,), _residual_ratio(look, slopes[rows_of[p.name]])) for p in there]
+        singles = sorted((s for s in found if s.residual_ratio < least), key=lambda s: s.residual_ratio)
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
         connections = [s for s in connections if "," not in s.name][:N_PAIRED]
         pairs = []
         for one, two in combinations(connections, 2):
             rows = [*rows_of[one.name], *rows_of[two.name]]
-            both = Scanned((*one.places, *two.places), _left(look, slopes[rows]))
-            if both.left < 0.9 * min(one.left, two.left):
+            both = Scanned((*one.places, *two.places), _residual_ratio(look, slopes[rows]))
+            if both.residual_ratio < 0.9 * min(one.residual_ratio, two.residual_ratio):
                 pairs.append(both)
-        return tuple(sorted([*singles, *pairs], key=lambda s: s.left))
+        return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
 
     def screened(
         self,
@@ -450,7 +451,8 @@ class ModeRanking:
         grids = _grids(problem, effects)
         bases = [ModeChanges(problem, base) for base in _bases(problem, current)]
         looks = [each for base in bases for each in _by_slopes(base, grids)]
-        chosen = [np.argsort([x.left for x in little], kind="stable")[:most] for _, little in looks]
+        squares = ([x.residual_squares for x in little] for _, little in looks)
+        chosen = [np.argsort(each, kind="stable")[:most] for each in squares]
         gains = np.full((len(looks), len(grids)), -np.inf)
         starts: list[list[Start]] = [[] for _ in grids]
         for i, grid in enumerate(grids):
@@ -468,7 +470,7 @@ class ModeRanking:
     def looked(
         self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]
     ) -> list[tuple[Effect, Little]]:
-        """Return candidates that the data see, with what they do beside a fit to the first order."""
+        """Return candidates that the data see, with their changes of a fit to first order."""
         grids = _grids(problem, effects)
         ways = [little for _, little in _by_slopes(ModeChanges(problem, current), grids)]
         each = [(g, max(little, key=lambda x: x.evidence)) for g, *little in zip(grids, *ways, strict=True)]
@@ -486,12 +488,12 @@ class ModeRanking:
         return self._looked_at(problem, without, effects, lambda effect: False, N_LOOKED)[:n_best]
 
     def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:
-        """Return nothing: the discrepancy of damping ratios stands for it."""
+        """Return None: the discrepancy of damping ratios represents it."""
         return None
 
-    def left(self, problem: ModeProblem) -> Any:
+    def allowed_squares(self, problem: ModeProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        return problem.squares_left
+        return problem.allowed_squares
 
 
 def _grids(problem: ModeProblem, effects: Sequence[Effect]) -> list[Grid]:
@@ -519,11 +521,11 @@ def _tried(
         group = list(alike)
         done = changes.at_points(grid, [values for _, values in group])
         for k, (look, values) in enumerate(group):
-            left = look.left(done[[*range(n), n + k]])
-            best = int(np.argmin(left))
+            squares = look.residual_squares(done[[*range(n), n + k]])
+            best = int(np.argmin(squares))
             point = (*grid.points, values)[best]
-            start = (Start((point,), changes.current),) if np.isfinite(left[best]) else ()
-            out.append((float((look.misfit**2).sum() - left[best]) / 2, start))
+            start = (Start((point,), changes.current),) if np.isfinite(squares[best]) else ()
+            out.append((float((look.misfit**2).sum() - squares[best]) / 2, start))
     return out
 
 
@@ -535,7 +537,7 @@ def _independent_columns(A: Floats) -> Floats:
 
 
 def _by_slopes(changes: ModeChanges, grids: Sequence[Grid]) -> list[tuple[ModeLook, list[Little]]]:
-    """Return what the best multiples of the candidates' changes do beside a fit.
+    """Return the best multiples of the candidates' changes of a fit.
 
     In a look at it, and in one that believes every reading where any seems bad.
     """
@@ -560,17 +562,17 @@ def _best_multiples(
     one_sided = np.array([grids[n].one_sided() for n in owner], dtype=bool)
     limit = np.array([most for _, _, most in points])
     factor = np.clip(factor, np.where(one_sided, 0.0, -limit), limit)
-    left = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
+    squares = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
     gain, sharp = look.evidence(slopes, factor)
     gain[np.sqrt(size) * limit < VISIBLE] = -np.inf
     std, out = 1 / np.maximum(sharp, 1e-12), []
     for n, grid in enumerate(grids):
-        own = np.flatnonzero(owner == n)
+        rows = np.flatnonzero(owner == n)
         sizes = _Sizes.of(look.changes.problem, grid)
-        each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in own]
-        k = min(own, key=lambda k: left[k])
-        evidence = float(np.logaddexp.reduce(each) - np.log(len(own)))
-        out.append(Little(float(left[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence))
+        each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in rows]
+        k = min(rows, key=lambda k: squares[k])
+        evidence = float(np.logaddexp.reduce(each) - np.log(len(rows)))
+        out.append(Little(float(squares[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence))
     return out
 
 
@@ -615,7 +617,7 @@ class _Sizes:
         return self.unknown.to_x(self.grid.scaled(point, factor)[self.unknown.ref[1]])
 
 
-def _left(look: ModeLook, slopes: Floats) -> float:
+def _residual_ratio(look: ModeLook, slopes: Floats) -> float:
     """Return the mean square of the misfit that changes along slopes leave, by their evidence.
 
     Their sizes have a common normal prior whose deviation the data choose. It is 1 less the gain in evidence

@@ -15,9 +15,9 @@ from updating.inference.mode_fit import ModeProblem
 MOST_DOFS = 36
 """Effects on more DOFs act on a member or more as a whole: what they do is one shape at each line."""
 MOST_MOTIONS = 6
-"""At most so many independent motions of a place are looked at, those that reach the sensors most."""
+"""Largest number of independent motions of a place: those that reach the sensors most."""
 MOST_SHAPES = 3
-"""So many shapes, those of the greatest size, stand for what acts on members as a whole."""
+"""Number of shapes, the largest ones, that represent effects on full members."""
 ALONG = 11
 """Points along each member that are places of their own."""
 SAME_MOTION = 1e-3
@@ -46,7 +46,7 @@ class Place:
     effects: tuple[Effect, ...]
 
     @property
-    def whole(self) -> str:
+    def parent(self) -> str:
         """Name of what holds it: the member of a point along it, or itself."""
         return self.name.split(" at ")[0]
 
@@ -184,9 +184,9 @@ def _together(
     """Return independent forces that span those of several effects, on the DOFs of all of them."""
     dofs = np.unique(np.concatenate([d for d, _ in forces]))
     columns = np.hstack([np.zeros((len(dofs), 0))])
-    for own, S in forces:
+    for effect_dofs, S in forces:
         block = np.zeros((len(dofs), S.shape[1]))
-        block[np.searchsorted(dofs, own)] = S / np.linalg.norm(S, axis=0)
+        block[np.searchsorted(dofs, effect_dofs)] = S / np.linalg.norm(S, axis=0)
         columns = np.hstack([columns, block])
     scale = np.maximum(np.abs(columns).max(axis=1), 1e-300)[:, None]
     U, s, _ = np.linalg.svd(columns / scale, full_matrices=False)

@@ -31,11 +31,11 @@ class Ranking(Protocol):
 
     @property
     def breadth(self) -> int:
-        """So many single effects get a short fit, and so many hypotheses are fitted on."""
+        """Number of single effects that get a short fit, and of hypotheses whose fits are continued."""
         ...
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
-        """Return places, and pairs of connections, by the share of the misfit that is left without them."""
+        """Return places, and pairs of connections, by the share of the misfit that they cannot explain."""
         ...
 
     def screened(
@@ -76,16 +76,16 @@ class Ranking(Protocol):
         """
         ...
 
-    def left(self, problem: Any) -> Any:
+    def allowed_squares(self, problem: Any) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of all groups or of each."""
         ...
 
 
-def sorted_blocks(beside: Sequence[Blocks]) -> RankedBlocks:
-    """Return what puts groups of effects in order by their blocks beside some fits."""
+def sorted_blocks(blocks_by_fit: Sequence[Blocks]) -> RankedBlocks:
+    """Return a function that sorts groups of effects by their blocks, each added to some fits."""
 
     def ranked(groups: Sequence[tuple[Effect, ...]]) -> list[tuple[Block, ...]]:
-        both = [tuple(b.of(group) for b in beside) for group in groups]
+        both = [tuple(b.of(group) for b in blocks_by_fit) for group in groups]
         return sorted(both, key=lambda blocks: min(b.cost for b in blocks))
 
     return ranked
@@ -136,7 +136,7 @@ class FrfRanking:
         return screen(problem, bases, grids, far=far)
 
     def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
-        """Return what ranks groups by what a little of them does, beside fitted and nominal parameters."""
+        """Return a function that ranks groups by their slopes, at fitted and at nominal parameters."""
         bases = (current, problem.at_nominal(current)) if far else (current,)
         return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
@@ -150,7 +150,7 @@ class FrfRanking:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
         return form_scatter(problem, result, size, self.form_share)
 
-    def left(self, problem: FitProblem) -> Any:
+    def allowed_squares(self, problem: FitProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         lines = problem.lines_up_to(np.inf, FULL_LINES)
-        return with_modes(problem, problem.function((), (), lines), np.inf).left()
+        return with_modes(problem, problem.function((), (), lines), np.inf).allowed_squares()

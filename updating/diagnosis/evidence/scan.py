@@ -33,13 +33,13 @@ class Scanned:
     Attributes
     ----------
     places : tuple of Place
-    left : float
-        Mean square of the misfit that is left, over what is left without the place, each by its degrees of
+    residual_ratio : float
+        Mean square of the misfit with the place, over that without the place, each by its degrees of
         freedom [-].
     """
 
     places: tuple[Place, ...]
-    left: float
+    residual_ratio: float
 
     @property
     def name(self) -> str:
@@ -99,23 +99,23 @@ class Scan:
     def run(self, places: Sequence[Place], n_pairs: int = 8) -> tuple[Scanned, ...]:
         """Return all places and the pairs of the best connections, the best first."""
         shapes = dict(zip((p.name for p in places), map(self._seen, self.reach.of(places)), strict=True))
-        none = self._left(None)
+        none = self._mean_square(None)
         singles = []
         for place in places:
             A = shapes[place.name]
             if A.size and A.shape[3] < A.shape[2]:
-                singles.append(Scanned((place,), self._left(A) / none))
-        singles.sort(key=lambda s: s.left)
+                singles.append(Scanned((place,), self._mean_square(A) / none))
+        singles.sort(key=lambda s: s.residual_ratio)
         connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
         connections = [s for s in connections if "," not in s.name][:n_pairs]
         pairs = []
         for one, two in combinations(connections, 2):
             A = np.concatenate([shapes[one.name], shapes[two.name]], axis=3)
             if 2 * A.shape[3] <= A.shape[2]:
-                both = Scanned((*one.places, *two.places), self._left(A) / none)
-                if both.left < 0.9 * min(one.left, two.left):
+                both = Scanned((*one.places, *two.places), self._mean_square(A) / none)
+                if both.residual_ratio < 0.9 * min(one.residual_ratio, two.residual_ratio):
                     pairs.append(both)
-        return tuple(sorted([*singles, *pairs], key=lambda s: s.left))
+        return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
 
     def _seen(self, A: Complexes) -> Complexes:
         """Return what forces do to what was measured: of amplitudes two columns for each complex force."""
@@ -124,8 +124,8 @@ class Scan:
         A = A * self.turn[..., None]
         return np.concatenate([A.real, -A.imag], axis=3).astype(complex)
 
-    def _left(self, A: Complexes | None) -> float:
-        """Return the mean square of what is left with free forces along A, for its degrees of freedom."""
+    def _mean_square(self, A: Complexes | None) -> float:
+        """Return the mean square of the residual with free forces along A, by its degrees of freedom."""
         X, total = self.X, self.total
         n = float((self.weight > 0).sum())
         if A is not None:
@@ -136,9 +136,9 @@ class Scan:
             total = total - np.real(np.tensordot(P.conj(), P, axes=([0, 1, 2], [0, 1, 2])))
             n = max(n - A.shape[3] * A.shape[0] * A.shape[1], 0.25 * n)
         b, N = total[0, 1:], total[1:, 1:]
-        left = total[0, 0]
-        for _ in range(3):  # priors weigh as much as what is left says
-            level = max(left / n, LEVEL**2)
+        residual = total[0, 0]
+        for _ in range(3):  # the residual level sets the weight of the priors
+            level = max(residual / n, LEVEL**2)
             p = np.linalg.solve(N / level + np.eye(len(N)), b / level)
-            left = float(total[0, 0] - 2 * p @ b + p @ N @ p)
-        return max(left, 1e-12) / max(n, 1.0)
+            residual = float(total[0, 0] - 2 * p @ b + p @ N @ p)
+        return max(residual, 1e-12) / max(n, 1.0)

@@ -30,7 +30,7 @@ from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 N_WHOLE, N_LOW, N_DAMPED = 44, 24, 24
-"""Lines of the whole band, of the low one, and of damped FRFs, at which candidates are looked at."""
+"""Lines of the full band, of the low one, and of damped FRFs, at which candidates are evaluated."""
 
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
@@ -40,10 +40,10 @@ VISIBLE = 1e-3
 directions measured do not see them [nepers]."""
 
 MOST_VALUES = 700
-"""At most so many values of FRFs in the whole band, and in the low one, are looked at."""
+"""Largest number of values of FRFs that are used, in the full band and in the low one."""
 
 LEAST_GRIDS = 3
-"""So many of the best by a linear look are looked at in any case."""
+"""Number of the best by linear changes that are evaluated in any case."""
 
 OUTDONE, N_COARSE = 30.0, 6
 """Near the data a candidate is not looked at on its grid if it gains so much less than another one [nats]: as
@@ -144,7 +144,7 @@ def distance(p: Parameter, value: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screened:
-    """A candidate that goes on, and the points of its grid to start from, the most promising first.
+    """A candidate worth a fit, and the points of its grid to start from, the most promising first.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ def screen(
 def screen_near(
     problem: FitProblem, current: FitResult, grids: Sequence[Grid], linear: Floats
 ) -> tuple[Screened, ...]:
-    """Return the candidates that can be the best beside a fit near the data, by their gains there.
+    """Return the candidates that can be the best addition to a fit near the data, by their gains.
 
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
@@ -232,7 +232,7 @@ def screen_near(
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 
-def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
+def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
     """Return what the effect adds at the points, on members and joints as a fit has them.
 
     A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
@@ -269,7 +269,7 @@ def terms_beside(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
 
 def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> "Look":
     """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
-    if problem.decay:  # broad resonances: few lines, and the whole band is as good as a low one
+    if problem.decay:  # broad resonances: few lines, and the full band is as good as a low one
         return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
     return Look.of(problem, base, N_WHOLE, N_LOW if far else 0, MOST_VALUES)
 
@@ -306,7 +306,7 @@ class Look:
     """A model with all but the candidates fixed, at a few lines.
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
-    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``whole`` tells
+    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``full_band`` tells
     which of them stand for the whole band. Prior knowledge counts as more residuals behind these: ``off``
     (n_all,) is how far each nuisance parameter is from its prior mean, in deviations. ``slopes``
     (n, 2 m + n_all) are the slopes of all residuals by the nuisance parameters ``refs`` and by damping, and
@@ -321,7 +321,7 @@ class Look:
     at: NDArray[np.int64]
     measured: Complexes
     weight: Floats
-    whole: NDArray[np.bool_]
+    full_band: NDArray[np.bool_]
     refs: tuple[ParameterRef, ...]
     slopes: Floats
     trust: Floats
@@ -340,7 +340,7 @@ class Look:
         cls,
         problem: FitProblem,
         base: FitResult,
-        n_whole: int,
+        n_full: int,
         n_low: int,
         most: int,
         besides: float | None = None,
@@ -349,11 +349,11 @@ class Look:
         """Look from where the base is.
 
         Data that are still to come will leave noise and ``besides`` [nepers], and their uncertain parameters
-        are not at bounds yet; some may be ``stretched``, so many times as wide as their priors.
+        are not at bounds yet; some may be ``stretched``: factors on the widths of their priors.
         """
-        whole = problem.lines_up_to(np.inf, n_whole)
+        full = problem.lines_up_to(np.inf, n_full)
         low = problem.lines_up_to(problem.stages[0], n_low)
-        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], whole)
+        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], full)
         x = function.moved_to(base)
         r, J = function(x, True)
         assert J is not None
@@ -383,8 +383,8 @@ class Look:
         prior_of = tuple(v.ref for v in function.variables)
         refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
 
-        data, lines = problem.data, np.concatenate([whole, low])
-        n_first = int(np.prod(data.mask[whole].shape))
+        data, lines = problem.data, np.concatenate([full, low])
+        n_first = int(np.prod(data.mask[full].shape))
         flat = np.flatnonzero(data.mask[lines])
         low_at = flat[flat >= n_first]
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
@@ -402,12 +402,12 @@ class Look:
         return [(cost, Start((point,), self.base)) for cost, point in best]
 
     def levels(self, grid: Grid) -> Floats:
-        """Return the cost on the whole band with nuisances adapted, and the level on the low one.
+        """Return the cost on the full band with nuisances adapted, and the level on the low band.
 
         Shape (2, n_points); one row if the low band has no lines.
         """
         r, possible = self._at(grid)
-        first, low = r[:, self.whole], r[:, ~self.whole]
+        first, low = r[:, self.full_band], r[:, ~self.full_band]
         every = [self.costs(self.adapted(first, grid.effect.replaces(), self.off))]
         every += [_level(low)] if low.size else []
         levels = np.where(possible, np.stack(every), np.inf)
@@ -430,7 +430,7 @@ class Look:
         return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
 
     def little(self, grid: Grid) -> "Little":
-        """Return what a little of a candidate does to the residuals of the whole band.
+        """Return the slopes of the residuals of the full band by a candidate.
 
         An effect that replaces an uncertain parameter does nothing at that parameter's value.
         """
@@ -442,18 +442,18 @@ class Look:
         return Little(grid, little.points, absent, self.changes(little), most)
 
     def changes(self, grid: Grid) -> Complexes:
-        """Return what a candidate does to the whole band's residuals, (n_points, m); 0 if it cannot be."""
+        """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""
         r, possible = self._at(grid)
-        return np.where(possible[:, None], (r - self._now)[:, self.whole], 0.0)
+        return np.where(possible[:, None], (r - self._now)[:, self.full_band], 0.0)
 
     def change_to(self, H: Sequence[Complexes]) -> Complexes:
-        """Return what receptances (n_lines, n_out, n_in) change of the whole band's residuals, (n, m)."""
-        return (self._residuals(H) - self._now)[:, self.whole]
+        """Return the changes of the full band's residuals by receptances (n_lines, n_out, n_in), (n, m)."""
+        return (self._residuals(H) - self._now)[:, self.full_band]
 
     def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
         """Return the residuals of a candidate at its points, and which of them can be."""
         beat()
-        terms = terms_beside(self.problem, self.base, grid)
+        terms = candidate_terms(self.problem, self.base, grid)
         return self._possible(self._local(grid.effect.released()).with_terms(terms))
 
     def costs(self, r: Complexes) -> Floats:
@@ -488,24 +488,24 @@ class Look:
         with np.errstate(divide="ignore", invalid="ignore"):
             d = self.problem.data.seen(self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H)
         d = np.where(np.isfinite(d), d, 0.0)
-        now, low, out = self._now[self.whole], self._now[~self.whole], np.empty((2, len(d)))
+        now, low, out = self._now[self.full_band], self._now[~self.full_band], np.empty((2, len(d)))
         for without in set(replaced):
             k = np.array([i for i, each in enumerate(replaced) if each == without])
-            left = self.adapted(now[None], without, self.off)[0]
-            change = self.adapted(d[k][:, self.whole], without)
+            residual = self.adapted(now[None], without, self.off)[0]
+            change = self.adapted(d[k][:, self.full_band], without)
             out[0, k], _ = _best_multiples(
-                left, change, most[k], one_sided[k], self.weights, self.costs, len(self.share)
+                residual, change, most[k], one_sided[k], self.weights, self.costs, len(self.share)
             )
         weight = pseudo_huber_weight(low, ROBUST)
         out[1] = np.inf
         if low.size:
-            out[1], _ = _best_multiples(low, d[:, ~self.whole], most, one_sided, weight, _level)
+            out[1], _ = _best_multiples(low, d[:, ~self.full_band], most, one_sided, weight, _level)
         return out
 
     @property
     def now(self) -> Complexes:
-        """The weighted residuals of the whole band without a candidate."""
-        return self._now[self.whole]
+        """The weighted residuals of the full band without a candidate."""
+        return self._now[self.full_band]
 
     @cached_property
     def cost_now(self) -> float:
@@ -541,10 +541,8 @@ class Look:
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
         known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
         flat = np.hstack([r.real, r.imag, known])
-        left = flat - (flat @ back.T) @ self.slopes
-        m = r.shape[1]
-        whole = np.hstack([left[:, :m] + 1j * left[:, m : 2 * m], left[:, 2 * m :]])
-        return np.asarray(whole, dtype=complex)
+        rest, m = flat - (flat @ back.T) @ self.slopes, r.shape[1]
+        return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
 
     @cached_property
     def _nuisances(self) -> tuple[Floats, Floats]:
@@ -601,7 +599,7 @@ def _best_multiples(
 
 
 def _some(n: int, most: int) -> NDArray[np.int64]:
-    """Return at most so many of n positions, scattered: a fixed step might miss whole channels."""
+    """Return at most ``most`` of n positions, scattered: a fixed step might miss channels entirely."""
     return np.sort(np.random.default_rng(0).permutation(n)[:most])
 
 

@@ -242,18 +242,18 @@ class Search:
         """Search with one effect more each time, and yield the most probable hypothesis so far."""
         best = self.full((), ())
         # The form of one that is far from the data is bent, and not searched on from.
-        best = best if self.fits.is_far(best) else self.on_own_basis(best)
+        best = best if self.fits.is_far(best) else self.with_enriched_basis(best)
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
-        beam, gone, n_back, n_left = [best], {best.key}, 0, self.budget.n_rounds
-        while beam and n_left:
-            n_left -= 1
-            better = {h.key: h for b in beam for h in self.extended(b, gone)}
+        beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
+        while beam and n_more:
+            n_more -= 1
+            better = {h.key: h for b in beam for h in self.extended(b, visited)}
             beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if beam and self.beats(beam[0], best):
                 if self.budget.checked:
                     beam[0] = self.swapped(beam[0])
-                beam[0] = best = self.on_own_basis(beam[0])
+                beam[0] = best = self.with_enriched_basis(beam[0])
                 if self.explains(best):  # what explains the data needs no other way
                     beam = beam[:1]
             elif self.explains(best):
@@ -262,13 +262,13 @@ class Search:
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
             if not beam and not self.explains(best) and n_back < self.budget.most_back:
                 n_back += 1
-                left = [
+                unvisited = [
                     h
                     for h in self.known.values()
-                    if h.key not in gone and len(h.effects) < self.budget.most_effects
+                    if h.key not in visited and len(h.effects) < self.budget.most_effects
                 ]
-                beam = sorted(left, key=lambda h: -h.score)[:1]
-            gone |= {h.key for h in beam}
+                beam = sorted(unvisited, key=lambda h: -h.score)[:1]
+            visited |= {h.key for h in beam}
             for h in beam[:1]:
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
             yield best
@@ -285,10 +285,10 @@ class Search:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
         return h.score > best.score - BEAM_NATS and not h.places <= best.places
 
-    def extended(self, base: Hypothesis, gone: Set[frozenset[str]]) -> list[Hypothesis]:
-        """Return the best hypotheses with something more than another has, simplified.
+    def extended(self, base: Hypothesis, visited: Set[frozenset[str]]) -> list[Hypothesis]:
+        """Return the best hypotheses that extend another one, simplified.
 
-        Those that are simplified to one that has ``gone`` before stay as they are.
+        Those that are simplified to one in ``visited`` stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
         damped = None
@@ -315,7 +315,7 @@ class Search:
         fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=far)]
         if fitted:
             self._keep_behind(fitted[0][0], tried)
-        return [h if less.key in gone else less for h, less in fitted if h.key not in gone]
+        return [h if less.key in visited else less for h, less in fitted if h.key not in visited]
 
     def _keep_behind(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
         """Keep what was fitted on few lines alone, as far behind the best as there."""
@@ -330,10 +330,10 @@ class Search:
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
             now = straight(damped.problem, now)
-        beside = self.fit_beside(base.effects)
-        springs = self.springs(key_of(beside))
+        compatible = self.fit_beside(base.effects)
+        springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
-        others = [e for e in beside if e.kind not in BLOCK_KINDS]
+        others = [e for e in compatible if e.kind not in BLOCK_KINDS]
         screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
         singles = [
             ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
@@ -347,13 +347,13 @@ class Search:
         grids = (sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block)
         return tuple(g[int(AMID * (len(g) - 1))] for g in grids)
 
-    def springs(self, beside: Set[str]) -> dict[str, tuple[Effect, ...]]:
+    def springs(self, names: Set[str]) -> dict[str, tuple[Effect, ...]]:
         """Return the springs of each connection in all directions, of the effects with given names."""
         out: dict[str, tuple[Effect, ...]] = {}
         for p in self.places:
-            own = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in beside)
-            if p.kind in CONNECTIONS and own:
-                out[p.whole] = out.get(p.whole, ()) + own
+            springs = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in names)
+            if p.kind in CONNECTIONS and springs:
+                out[p.parent] = out.get(p.parent, ()) + springs
         return out
 
     def from_near(self, base: Hypothesis, free: AnyProblem, now: float) -> list[Hypothesis]:
@@ -385,12 +385,12 @@ class Search:
             short += [(f, p.is_first) for f, p in zip(fitted, proposals[these], strict=True) if f]
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
-        begun = [
+        promising = [
             fits[: 2 if k < self.fits.ranking.breadth // 2 else 1]
             for k, (fits, first) in enumerate(short)
             if k < self.fits.ranking.breadth or first
         ]
-        return self.workers.map(_continued, (self.fits, free, base), begun)
+        return self.workers.map(_continued, (self.fits, free, base), promising)
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
@@ -417,7 +417,7 @@ class Search:
         return h
 
     def swapped(self, h: Hypothesis) -> Hypothesis:
-        """Return the best of a hypothesis and those with another effect at the place of one of its own.
+        """Return the best of a hypothesis and variants in which another effect replaces one of its effects.
 
         Or of the same kind elsewhere, such as at the other end of a short piece; what it contains begins
         where it is. Of any kind anywhere, if it does not explain the data: what is soft at one connection
@@ -430,16 +430,16 @@ class Search:
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
-            beside = self.fit_beside(rest)
+            compatible = self.fit_beside(rest)
             near = [
                 c
-                for c in beside
+                for c in compatible
                 if c.name != e.name and (anywhere or near_to(c) & near_to(e) or c.kind == e.kind)
             ]
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
-            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in beside if e.covers(c)]
+            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in compatible if e.covers(c)]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
@@ -450,7 +450,7 @@ class Search:
         rivals = self.workers.map(
             _onward, (self.fits, free), [r for r in rivals if r.score > now.score - BEAM_NATS]
         )
-        # Few lines say less than all. On the way the best alone goes on, and at the end with its twins.
+        # Few lines determine less than all: keep the best alone on the way, and its twins at the end.
         rivals.sort(key=lambda r: -r.score)
         fitted = self.all_full(
             [r for r in rivals[:1] if r.score > now.score]
@@ -463,7 +463,7 @@ class Search:
                 self.simplified(twin)
         return max((k for k in self.known.values() if k.effects), key=lambda k: k.score)
 
-    def beside_form(self, h: Hypothesis) -> Hypothesis:
+    def with_rivals_of_form(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and those with an effect where its form is outside the usual range.
 
         The form and effects at its place are rivals. Each effect is looked at with that part of the form as
@@ -475,10 +475,10 @@ class Search:
         kept, wanted = values_of(h.effects), []
         for d in departures(free, h.fitted)[: self.budget.n_departures]:
             near = [c for c in self.fit_beside(h.effects) if near_to(c) & d.near]
-            held = replace(free, nuisances=tuple(n for n in free.nuisances if n.refs[0][0] != d.effect.name))
+            fixed = replace(free, nuisances=tuple(n for n in free.nuisances if n.refs[0][0] != d.effect.name))
             values = {ref: v for ref, v in h.fitted.values.items() if ref[0] != d.effect.name}
             now = replace(h.fitted, values=values)
-            found = self.fits.ranking.screened(held, now, near, lambda e: False)[: self.budget.n_beside_form]
+            found = self.fits.ranking.screened(fixed, now, near, lambda e: False)[: self.budget.n_form_rivals]
             wanted += [((*h.effects, s.effect), [Start((*kept, *s.starts[0].values), now)]) for s in found]
         if not wanted:
             return h
@@ -499,30 +499,30 @@ class Search:
         # Near FRFs what small changes gain says enough of where to look.
         if far or not base.effects or not isinstance(quick, FitProblem):
             ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
-            self.say("scan: " + "; ".join(f"{s.name} {s.left:.3f}" for s in ranked[:6]))
+            self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self.scanned = ranked
-        beside = self.fit_beside(base.effects)
+        compatible = self.fit_beside(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
-        wholes = list(dict.fromkeys(s.places[0].whole for s in singles))[: self.budget.n_places]
-        held = [{e.name for p in self.places if p.whole == whole for e in p.effects} for whole in wholes]
-        there = set[str]().union(*held)
+        parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
+        names_at = [{e.name for p in self.places if p.parent == one for e in p.effects} for one in parents]
+        there = set[str]().union(*names_at)
         screened = self.fits.ranking.screened(
             quick,
             now,
-            beside,
+            compatible,
             lambda e: e.name in there,
             (lambda effect, gain: self.may_win(base, (effect,), gain)) if self.settled(base) else None,
             far=far,
         )
         likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
-        for names in held:
+        for names in names_at:
             best = {s.effect.kind: s for s in reversed(likely) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
         chosen += [s for s in screened if s not in chosen][: max(0, self.budget.n_final - len(chosen))]
-        first = held[0] if held else set[str]()
+        first = names_at[0] if names_at else set[str]()
         odds = self.fits.odds
         out = [
             Proposal(
@@ -533,10 +533,10 @@ class Search:
             )
             for s in chosen
         ]
-        return out + self.blocks(base, quick, now, ranked, key_of(beside))
+        return out + self.blocks(base, quick, now, ranked, key_of(compatible))
 
     def fit_beside(self, effects: Sequence[Effect]) -> list[Effect]:
-        """Return the candidates that may stand beside some effects.
+        """Return the candidates that may be added to some effects.
 
         Two that release one constraint are springs side by side there, and one of them says all.
         """
@@ -548,11 +548,11 @@ class Search:
         places, direction = near_to(effect), getattr(effect, "direction", None)
         alike = [c for c in self.candidates if c.kind == effect.kind and near_to(c) < places]
         parts = [c for c in alike if len(near_to(c)) == 1 and getattr(c, "direction", None) == direction]
-        whole = len(places) == len(parts) and set[str]().union(*map(near_to, parts)) == places
-        return parts if whole else []
+        complete = len(places) == len(parts) and set[str]().union(*map(near_to, parts)) == places
+        return parts if complete else []
 
     def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
-        """Whether effects beside those of a hypothesis that raise its likelihood so may be more probable.
+        """Whether a hypothesis with more effects, which gain this log likelihood, may be more probable.
 
         Where something is missing parameters may be bent, nothing is linear, and all may be.
         """
@@ -564,19 +564,18 @@ class Search:
         quick: AnyProblem,
         now: FitResult,
         ranked: Sequence[Scanned],
-        beside: Set[str],
+        names: Set[str],
     ) -> list[Proposal]:
         """Return the springs of a connection in all directions, and of two connections.
 
         At the first places of the scan, and where their small changes together explain the residuals best. Of
-        the effects whose names fit ``beside`` the base.
+        the effects with these ``names``.
         """
-        springs = self.springs(beside)
-        order = dict.fromkeys(s.places[0].whole for s in ranked if len(s.places) == 1)
-        near = [springs[whole] for whole in order if whole in springs][: self.budget.most_connections]
-        pairs = (
-            tuple(e for p in s.places for e in springs.get(p.whole, ())) for s in ranked if len(s.places) == 2
-        )
+        springs = self.springs(names)
+        order = dict.fromkeys(s.places[0].parent for s in ranked if len(s.places) == 1)
+        near = [springs[parent] for parent in order if parent in springs][: self.budget.most_connections]
+        both = (s.places for s in ranked if len(s.places) == 2)
+        pairs = (tuple(e for p in places for e in springs.get(p.parent, ())) for places in both)
         two = [pair for pair in pairs if pair][: self.budget.n_pairs]
         ranked_blocks = self.fits.ranking.blocks(quick, now, far=self.fits.is_far(base))
         alone = ranked_blocks(near or list(springs.values())[: self.budget.most_connections])
@@ -624,7 +623,7 @@ class Search:
         return each, worth(each) > 0
 
     def block_starts(self, block: Sequence[Effect], near: FitResult) -> list[Start]:
-        """Return starts in which directions give way a little or much, by the effects' own grids.
+        """Return starts with little or much compliance of each direction, from the effects' grids.
 
         At one place those along and those about axes together; at several, each place's directions.
         """
@@ -698,7 +697,7 @@ class Search:
             self.known[h.key] = h
         self._n_fits[h.key] += 1
 
-    def on_own_basis(self, h: Hypothesis) -> Hypothesis:
+    def with_enriched_basis(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
 
         Effects that act on a whole member, and a form that has moved far, converge slowly on modes without
@@ -720,28 +719,28 @@ class Search:
             self.known[h.key] = h = (
                 self.fits.fully(h.effects, values_of(h.effects), h) if anew else self.fits.again(h)
             )
-        return self.with_own_damping(h)
+        return self.with_better_damping(h)
 
-    def with_own_damping(self, h: Hypothesis) -> Hypothesis:
+    def with_better_damping(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis with the more probable form of damping between resonances.
 
-        If it is not that of the search, the search goes on with it, and so do those that are nearly as
+        If it is not that of the search, the search continues with it, and so do those that are nearly as
         probable.
         """
         problem = self.fits.problem
         if not isinstance(problem, FitProblem):
             return h
         fits = replace(self.fits, problem=replace(problem, viscous=not problem.viscous))
-        own = fits.again(h)
-        if own.score <= h.score:
+        better = fits.again(h)
+        if better.score <= h.score:
             return h
         self.fits = fits
         others = (k for k in self.known.values() if k.key != h.key and self.is_full(k))
         near = [k for k in others if k.score > h.score - BEAM_NATS]
-        for k in (own, *self.workers.map(_again, (fits,), near)):
+        for k in (better, *self.workers.map(_again, (fits,), near)):
             self.known[k.key] = k
-        self.say(f"   the other form of damping gains {own.score - h.score:.1f}, for {1 + len(near)}")
-        return own
+        self.say(f"   the other form of damping gains {better.score - h.score:.1f}, for {1 + len(near)}")
+        return better
 
     def polished(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
@@ -787,5 +786,5 @@ class Search:
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        left = self.fits.ranking.left(self.fits.problem)
-        return best.score + best.fitted.gain_to(left) - UNKNOWN_ODDS
+        allowed = self.fits.ranking.allowed_squares(self.fits.problem)
+        return best.score + best.fitted.gain_to(allowed) - UNKNOWN_ODDS

@@ -24,15 +24,15 @@ MOST_RIVALS = 400
 HOPELESS = 40.0
 """A rival is not fitted if its best point is so much less likely than that of the effect in its place."""
 N_LISTED = 20
-"""So many of the best by each measure are on it."""
+"""Number of the best candidates by each measure on the short list."""
 N_WHOLE_LIST, N_LOW_LIST = 18, 8
 """Lines of the whole band, and of the low one, for the short list."""
 MOST_PLACES = 4
-"""At most so many of a candidate's places, for the short list."""
+"""Largest number of a candidate's places, for the short list."""
 MOST_VALUES_LISTED = 10_000
-"""At most so many values of FRFs are looked at for the short list."""
+"""Largest number of values of FRFs that are used for the short list."""
 _TOGETHER = 100
-"""So many candidates of the list are judged at once."""
+"""Number of candidates of the list that are judged at once."""
 
 
 def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: int) -> tuple[Screened, ...]:
@@ -47,8 +47,8 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
     found = []
     # measured by its own grid, which is as coarse as those of the others
-    own = look.levels(Grid.of(problem, best.effects[-1]))[0].min(initial=np.inf)
-    highest = float(own) + HOPELESS
+    replaced_cost = look.levels(Grid.of(problem, best.effects[-1]))[0].min(initial=np.inf)
+    highest = float(replaced_cost) + HOPELESS
     for i, grid in enumerate(grids):
         costs = look.levels(grid)[0]
         k = int(np.argmin(costs))

@@ -1,4 +1,4 @@
-"""Measured modes beside the models of a diagnosis by FRFs: those that it fitted, and those held out."""
+"""Measured modes in a diagnosis by FRFs, fitted and held out, with the models' partners."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.mode_diagnosis import frequency_error
-from updating.inference.joint_fit import modes_beside as beside_frfs
+from updating.inference.joint_fit import mode_problem_of
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ModesBeside:
+class ModePartners:
     """Measured modes, and their partners in the model of each step.
 
     Attributes
@@ -37,21 +37,21 @@ class ModesBeside:
         return frequency_error(self.measured, self.computed[step], self.held_out == held_out)
 
 
-def modes_beside(d: Diagnosis) -> ModesBeside | None:
-    """Return the measured modes that a diagnosis by FRFs has had, beside its models; None without any."""
+def mode_partners(d: Diagnosis) -> ModePartners | None:
+    """Return the measured modes of a diagnosis by FRFs with the partners in its models; None without any."""
     targets, computed, mac = d.problem.modes, {}, {}
     if targets is None:
         return None
     for step in d.steps:
-        own = beside_frfs(d.problem, step.result.effects)
-        assert own is not None
-        found = own.computed(step.result)
+        problem = mode_problem_of(d.problem, step.result.effects)
+        assert problem is not None
+        found = problem.computed(step.result)
         computed[step.label], mac[step.label] = found.frequency, found.mac
-    return ModesBeside(targets.frequency, targets.frequency_std, computed, mac, targets.held_out)
+    return ModePartners(targets.frequency, targets.frequency_std, computed, mac, targets.held_out)
 
 
-def beside_dict(m: ModesBeside) -> dict[str, Any]:
-    """Return measured modes beside those of each step in plain types."""
+def partners_dict(m: ModePartners) -> dict[str, Any]:
+    """Return measured modes and their partners of each step in plain types."""
     return {
         "modes": [
             {
@@ -67,8 +67,8 @@ def beside_dict(m: ModesBeside) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def beside_lines(m: ModesBeside) -> list[str]:
-    """Return measured modes beside those of the first, the second and the last step as lines of text."""
+def partner_lines(m: ModePartners) -> list[str]:
+    """Return measured modes and their partners of the first, second and last step as lines of text."""
     steps = list(dict.fromkeys([*list(m.computed)[:2], list(m.computed)[-1]]))
     heads = dict(zip(steps, ("nominal %", "fitted %", "found %"), strict=False))
     lines = ["measured Hz  " + "  ".join(heads.values()) + "    MAC"]

@@ -1,0 +1,111 @@
+"""Modes of a hypothesis compared with measured ones, given by the study or identified in its FRFs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.desk.saving import model_of
+from dovetail.file.measured_modes import MeasuredModes
+from dovetail.identified import as_measured, modes_in
+from dovetail.pipeline import Progress
+from dovetail.study import Study
+from fem.analysis.modes import Modes
+from fem.model import Model
+from updating.correlation import ModeComparison, compare_modes
+from updating.diagnosis.fitted_modes import damped_modes
+from updating.live.engine import LiveModel
+from updating.live.hypothesis import Hypothesis
+from updating.measurement.measurement import sensor_rows
+from updating.modal.identification import IdentificationError
+
+BEYOND = 1.05
+"""Modes up to this multiple of the highest measured frequency are computed [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComparedModes:
+    """Measured and computed modes, and which belong together.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    model : Model
+        The full model of the hypothesis.
+    measured : MeasuredModes
+    computed : Modes
+        With a row for every DOF of the model's mesh.
+    comparison : ModeComparison
+    notes : tuple of str
+        Warnings of the identification.
+    """
+
+    hypothesis: Hypothesis
+    model: Model
+    measured: MeasuredModes
+    computed: Modes
+    comparison: ModeComparison
+    notes: tuple[str, ...]
+
+    @property
+    def mac(self) -> NDArray[np.float64]:
+        """MAC of measured with elastic computed modes, (n_measured, n_elastic) [-]."""
+        return self.comparison.mac[:, self.computed.n_rigid :]
+
+    @property
+    def partner(self) -> dict[int, int]:
+        """The elastic computed mode of each measured one that has a partner, both from 0."""
+        return {i: j - self.computed.n_rigid for i, j in self.comparison.pairs}
+
+    def frequencies(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the natural frequencies of measured and of elastic computed modes [Hz]."""
+        return self.measured.modes.frequency, self.computed.frequency[self.computed.n_rigid :]
+
+
+def compared_modes(
+    study: Study, live: LiveModel, h: Hypothesis, known: ComparedModes | None, progress: Progress
+) -> ComparedModes:
+    """Return the modes of a hypothesis beside the measured ones.
+
+    Parameters
+    ----------
+    study : Study
+    live : LiveModel
+    h : Hypothesis
+    known : ComparedModes or None
+        An earlier result: modes in the same FRFs are not identified again.
+    progress : callable
+        Called with a text and the fraction done; an exception from it ends the work.
+
+    Raises
+    ------
+    IdentificationError
+        For amplitudes without phase.
+    StudyError
+        If no mode is found.
+    """
+    if known is not None and (known.hypothesis.faults, known.hypothesis.off) == (h.faults, h.off):
+        measured, notes = known.measured, known.notes
+    elif study.modes is not None and study.modes.has_shapes:
+        measured, notes = study.modes, ()
+    else:
+        progress("identifying modes in the measured FRFs", 0.05)
+        measured, notes = _identified(study, live, h)
+    progress("computing the modes of the model", 0.9)
+    model = model_of(study, live, h)
+    top = BEYOND * float(measured.modes.frequency.max())
+    computed = damped_modes(model, live.problem.damping, h.zeta, top)
+    comparison = compare_modes(measured.modes, computed, sensor_rows(model, measured.sensors))
+    return ComparedModes(h, model, measured, computed, comparison, notes)
+
+
+def _identified(study: Study, live: LiveModel, h: Hypothesis) -> tuple[MeasuredModes, tuple[str, ...]]:
+    """Return the modes in the FRFs as a hypothesis believes them, without sensors that are left out."""
+    frf = live.evaluate(h).measured
+    if not frf.has_phase:
+        msg = "the measured FRFs are amplitudes; modes are identified from FRFs with phase"
+        raise IdentificationError(msg)
+    counted = [name for name in frf.outputs if name not in h.off]
+    data = live.data_of(h).measurement.with_frf(frf.select(counted))
+    found, notes = modes_in(data, study.band, study.shape_limits)
+    return as_measured(found, data), notes

@@ -1,0 +1,127 @@
+"""The page's modes: natural frequencies and MAC, and shapes that move, measured beside computed."""
+
+from typing import Any
+
+from nicegui import json, run, ui
+
+from dovetail.desk.compared_modes import ComparedModes
+from dovetail.desk.figures import MODE_HEAD, mode_rows, shapes_figure, shapes_title
+from dovetail.desk.job_bar import Start
+from dovetail.desk.jobs import Job
+from dovetail.desk.session import Desk
+from dovetail.desk.widgets import button, card, labelled, plot, show
+from viz.interactive.frequencies import mac_figure
+
+HIGHEST_MATRIX = 460
+"""Most height of the MAC matrix [pixel]."""
+SHOW = """
+<q-td :props="props"><q-btn flat dense size="sm" icon="play_arrow" :disable="props.row.partner === null"
+  :aria-label="'Show mode ' + props.row.mode" @click="$parent.$emit('show', props.row)" /></q-td>
+"""
+PLAY = """(async ({id, shown, args, asked}) => {
+  const ready = () => {
+    const gd = getHtmlElement(id);
+    return gd?._fullLayout?.meta?.shown === shown && gd._transitionData?._frames?.length;
+  };
+  for (let k = 0; k < 600 && !ready(); k++) await new Promise((later) => setTimeout(later, 50));
+  const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
+  if (ready() && (asked || !still)) runMethod(id, 'run_plot_method', ['animate', ...args]);
+})"""
+"""Plays the frames of a figure as soon as it has them, unless the user prefers pictures that rest."""
+
+
+class ModePanel:
+    """Measured and computed modes of the present hypothesis, on demand.
+
+    Parameters
+    ----------
+    desk : Desk
+    search : callable
+        Starts a job in the background.
+    """
+
+    def __init__(self, desk: Desk, search: Start) -> None:
+        self._desk, self._search = desk, search
+        self._drawn: Any = None
+        self._shape: ui.plotly | None = None
+        self._menus: dict[str, Any] = {}
+        self._shown = 0
+        with card("Modes"):
+            with ui.element("div").classes("desk-row"):
+                button("Compare modes", self._compare, "graphic_eq")
+                hint = "Identifies the measured modes in the FRFs, unless the study has them"
+                ui.label(hint).classes("desk-note")
+            self._body = ui.element("div").classes("desk-column")
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the last comparison, and whether it is one of the present hypothesis."""
+        desk, found = self._desk, self._desk.compared_modes
+        if found is None or (found, found.hypothesis is desk.now.hypothesis) == self._drawn:
+            return
+        self._drawn = found, found.hypothesis is desk.now.hypothesis
+        self._body.clear()
+        self._shape = None
+        with self._body:
+            self._show(found, self._drawn[1])
+
+    def _compare(self) -> None:
+        self._search(self._desk.compare_modes, self._take)
+
+    def _take(self, job: Job) -> None:
+        self._desk.compared_modes = job.result
+        self.refresh()
+
+    def _show(self, found: ComparedModes, present: bool) -> None:
+        n, m = found.mac.shape
+        words = f"{len(found.partner)} of {n} measured modes have a partner among {m} computed ones."
+        when = "" if present else " They are those of an earlier hypothesis; compare again."
+        ui.label(words + when).classes("desk-note")
+        for note in found.notes:
+            ui.label(note).classes("desk-note")
+        columns = [{"name": head, "label": head, "field": head, "align": "right"} for head in MODE_HEAD]
+        table = ui.table(
+            rows=mode_rows(found), columns=[*columns, {"name": "show", "label": "", "field": "mode"}]
+        )
+        table.props("dense flat hide-pagination :rows-per-page-options=[0]").classes("desk-list desk-modes")
+        table.add_slot("body-cell-show", SHOW)
+        table.on("show", lambda e: self._choose(int(e.args["mode"]) - 1, int(e.args["partner"])))
+        labelled(table, "Natural frequencies, measured and computed")
+        names = [[f"{f:.4g}" for f in each] for each in found.frequencies()]
+        matrix = mac_figure(found.mac, *names)
+        height = min(matrix.layout.height or HIGHEST_MATRIX, HIGHEST_MATRIX)
+        matrix.update_layout(height=height)
+        made = plot(matrix, "MAC of measured with computed modes; click a cell")
+        made.on("plotly_click", lambda e: self._choose(*(round(e.args["points"][0][k]) for k in "yx")))
+        self._box = ui.element("div").style("width: 100%").classes("desk-column")
+
+    async def _choose(self, i: int, j: int) -> None:
+        """Show a measured mode and an elastic computed one, both counted from 0."""
+        found = self._desk.compared_modes
+        assert found is not None
+        figure = await run.io_bound(shapes_figure, found, i, j)
+        if figure is None:  # the desk is closing
+            return
+        menus, self._shown = figure.layout.updatemenus, self._shown + 1
+        choose, stop = (menus[k].buttons[0].args for k in (0, 1))
+        self._menus = {"play": choose, "stop": stop}
+        figure.update_layout(meta={"shown": self._shown})
+        figure.layout.updatemenus = ()  # buttons below play it, which keys can press
+        words = f"Shapes of measured mode {i + 1} and computed mode {j + 1}"
+        if self._shape is None:
+            with self._box:
+                self._title = ui.label().classes("desk-name").props("role=status")
+                self._shape = plot(figure, words)
+                with ui.element("div").classes("desk-row"):
+                    button("Play", lambda: self._play("play"), "play_arrow", label="Play the shapes")
+                    button("Stop", lambda: self._play("stop"), "stop", label="Stop the shapes")
+        else:
+            show(self._shape, figure)
+            labelled(self._shape, words)
+        self._title.set_text(shapes_title(found, i, j))
+        self._play("play", asked=False)
+
+    def _play(self, which: str, *, asked: bool = True) -> None:
+        assert self._shape is not None
+        call = {"id": self._shape.id, "shown": self._shown, "args": self._menus[which], "asked": asked}
+        self._shape.client.run_javascript(f"{PLAY}({json.dumps(call)})")
