@@ -301,8 +301,8 @@ def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
 def rigid_motions(model: Model) -> NDArray[np.float64]:
     """Return the six rigid-body motions about the mesh's centre, shape (n_dof, 6).
 
-    Rotations are divided by the mesh's size; internal coordinates of effects stay at rest, but for those of
-    a moving ground.
+    Rotations are divided by the mesh's size, of one point by 1; internal coordinates of effects stay at rest,
+    but for those of a moving ground.
     """
     points = model.mesh.points
     motions = np.zeros((model.n_dof, 6))
@@ -311,7 +311,7 @@ def rigid_motions(model: Model) -> NDArray[np.float64]:
     at[:] = np.eye(6)
     at[:, 0, 4], at[:, 0, 5], at[:, 1, 5] = arm[:, 2], -arm[:, 1], arm[:, 0]
     at[:, 1, 3], at[:, 2, 3], at[:, 2, 4] = -arm[:, 2], arm[:, 1], -arm[:, 0]
-    motions[:, 3:] /= max(model.mesh.size, 1e-300)
+    motions[:, 3:] /= model.mesh.size or 1.0
     ground = model.ground
     if ground is not None:
         motions[ground.dofs, :3] = ground.translated(np.eye(3))
@@ -329,7 +329,7 @@ def resistance(
     relative to the members.
     """
     rows = [np.zeros((0, motions.shape[1]))]
-    amplitude = np.repeat([1.0, 1 / max(size, 1e-300)], 3)
+    amplitude = np.repeat([1.0, 1 / (size or 1.0)], 3)
     for part in contributions:
         K = part.static
         if K is None:

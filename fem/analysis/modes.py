@@ -378,8 +378,8 @@ def _small_shift(system: System, fixed: bool) -> float:
 
 
 def _highest(system: System) -> float:
-    """Return the order of the highest eigenvalues [rad²/s²]."""
-    return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300))
+    """Return the order of the highest eigenvalues [rad²/s²]; 1 where nothing is stiff."""
+    return float(system.K.diagonal().sum() / max(system.M.diagonal().sum(), 1e-300)) or 1.0
 
 
 def _shifted(system: System) -> tuple[float, Factor, float | None, int]:

@@ -78,7 +78,7 @@ def compute_participation(system: System, modes: Modes, about: ArrayLike | None 
 def rigid_motion_field(model: Model, about: ArrayLike) -> NDArray[np.float64]:
     """Return the motions of a unit (1 m, 1 rad) in x y z rx ry rz, rotations about a point, (n_dof, 6)."""
     motions = rigid_motions(model).copy()
-    motions[:, 3:] *= max(model.mesh.size, 1e-300)
+    motions[:, 3:] *= model.mesh.size or 1.0
     # rotations about the mesh's middle, carried: u = θ × (p - about)
     shift = model.mesh.points.mean(axis=0) - np.asarray(about, dtype=float)
     for k, axis in enumerate(np.eye(3)):

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -514,3 +515,11 @@ def test_chosen_channels_are_printed_as_a_study_reads_them(planned, tmp_path):
         for one, other in zip(have, want, strict=True):
             np.testing.assert_allclose(one.point, other.point, atol=1e-6)
             np.testing.assert_allclose(one.direction, other.direction, atol=1e-6)
+
+
+def test_a_parameter_that_changes_no_frf_stays_as_uncertain_as_it_is():
+    """Shear across the plane of a planar study does nothing in it."""
+    example = Path(__file__).parents[2] / "examples" / "tuned-absorber" / "study.toml"
+    effects = load_study(example).plan(0.01).plan.visibility.effects
+    assert len(effects) > 50
+    assert not np.isnan([o.enough for o in effects]).any()

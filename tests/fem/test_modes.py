@@ -442,3 +442,12 @@ def test_sound_reductions_are_not_looked_at_again(monkeypatch):
         system = assemble(model)
         for points in ((0, 1, 5), (0, 20, 30, 40, 45, 1)):
             reduce_guyan(system, [6 * p + d for p in points for d in range(4)])
+
+
+@pytest.mark.parametrize("k", [0.0, 2e5])
+def test_a_mass_at_a_single_point_has_the_modes_of_its_spring(k):
+    joint = Joint(name="spring", point1=0, location=np.zeros(3), K=np.diag([k, k, k, k, k, k]))
+    mass = AddedMass(name="mass", point=0, mass=2.0, inertia=0.5 * np.eye(3))
+    modes = solve_modes(assemble(Model(Mesh.of_points([[0.0, 0.0, 0.0]]), (mass, joint))), 6)
+    closed = np.sqrt(k / np.repeat([2.0, 0.5], 3)) / (2 * np.pi)
+    assert modes.frequency == pytest.approx(closed, rel=1e-6, abs=1e-3)

@@ -366,7 +366,8 @@ class Sight:
                 H.append(function.receptance(moved))
             change = self.broad.change_to(H)
             length = np.linalg.norm(change, axis=1)
-            out[v.ref] = float(length[2:].max() / max(length[:2].max(), 1e-300) * LITTLE / FAR)
+            if length[:2].max() > 0:  # what acts across the plane of a test changes nothing
+                out[v.ref] = float(length[2:].max() / length[:2].max() * LITTLE / FAR)
         return out
 
     @property
