@@ -364,5 +364,5 @@ DOFS = [
 
 RECORDS = [
     '{"settings": {"a": 1, "b": [2, 3.5]}}\n{"refit": 0, "values": [1.0, 2.0]}\n{"refit": 1, "values": []}\n',
-    '{"settings": {"a": 2}}\n{"refit": 0}\n{"refit": 1, "val',
+    '{"settings": {"a": 1, "b": [2, 3.5]}}\n{"refit": 0}\n{"refit": 1, "val',
 ]
