@@ -181,7 +181,7 @@ def cmif(H: ArrayLike) -> NDArray[np.float64]:
         Falling [unit of H]; NaN at lines with a value that is not finite.
     """
     values = np.asarray(H, dtype=complex)
-    known = np.isfinite(values).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(values).all(axis=(1, 2)))
     found = np.linalg.svd(np.where(known[:, None, None], values, 0.0), compute_uv=False)
     return np.where(known[:, None], found, np.nan)
 
