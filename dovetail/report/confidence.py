@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report.probable import replaced_text
-from dovetail.report.words import effect_label, ranked_label
+from dovetail.report.words import effect_label, extension_text, ranked_label
 from dovetail.result import RunResult
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Finding, Ranked, Step
@@ -94,13 +94,13 @@ MORE_PROBABLE = (
 def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
     label = effect_label(finding.effect.kind, finding.effect.where)
     subject, it = (label[:1].upper() + label[1:], label) if len(d.findings) > 1 else ("It", "it")
-    if finding.twins:
-        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
-            " …" if len(finding.twins) > 4 else ""
-        )
-        text = f"These data cannot tell {it} from {listed}."
+    others = finding.alternatives
+    if others:
+        listed = "; ".join(map(ranked_label, others[:4])) + (" …" if len(others) > 4 else "")
+        text = f"These data cannot distinguish {it} from {listed}."
     else:
-        text = replaced_text(d, subject, finding.effect.name)
+        text = replaced_text(d, subject, finding.effect)
+    text += "".join(f" The data are {extension_text(finding, t)}." for t in finding.extensions)
     rival = finding.rival
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
     if accepted is None:

@@ -94,7 +94,7 @@ def rivals(result: RunResult) -> dict[int, Ranked]:
     d = result.diagnosis
     out = {}
     for k, finding in enumerate(d.findings):
-        against = finding.rival or (finding.twins[0] if finding.twins else None)
+        against = finding.rival or next(iter(finding.alternatives), None)
         if against is not None and finding.decisive and k < len(d.rounds):
             out[k] = against
     return out

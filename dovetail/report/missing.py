@@ -44,7 +44,7 @@ def missing(result: RunResult, shown: Shown) -> Section:
     for k, finding in enumerate(d.findings):
         if k < len(d.rounds):  # not of effects that were added by hand
             blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
-        for twin, proposals in zip(finding.twins, finding.proposals, strict=False):
+        for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
             blocks += _separated(finding, twin, proposals)
     text = (
         "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
@@ -63,14 +63,14 @@ def _absent(finding: Finding, found: EffectParameter) -> str:
 
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
-    known = [(accepted, "accepted"), *((t, "twin") for t in finding.twins)]
-    if accepted is not None:
-        known += [(r, "contains it") for r in ranked if r.contains(accepted) and r not in finding.twins][:2]
+    known = [(accepted, "accepted"), *((t, "twin") for t in finding.alternatives)]
+    extensions = [*finding.extensions, *(r for r in ranked if r.extends(finding.effect))]
+    known += [(r, "contains it") for r in dict.fromkeys(extensions)][:2]
     known.append((finding.rival, "best other"))
     twins = (
-        "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
-        if finding.twins
-        else "No candidate that does not contain it brings nearly the same reduction."
+        "Twins explain the data nearly as well; only knowledge of the structure can decide between them."
+        if finding.alternatives
+        else "No candidate without it explains the data nearly as well."
     )
     text = (
         f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that these "
@@ -86,7 +86,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
 def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
     """Say which FRFs and bands prefer the effect to its rival."""
     heading = Heading("Deciding evidence")
-    against = finding.rival or (finding.twins[0] if finding.twins else None)
+    against = finding.rival or next(iter(finding.alternatives), None)
     if against is None:
         return [heading, Text("No other candidate was promising enough to be fitted and compared with it.")]
     if not finding.decisive:
@@ -205,7 +205,9 @@ def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:
     alt = (
         f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has the numbers."
     )
-    roles = {t.name: "twin" for t in finding.twins} | {finding.effect.name: "accepted"} if finding else {}
+    roles = {} if finding is None else {t.name: "twin" for t in finding.alternatives}
+    if finding is not None:
+        roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}
     known = [(r, roles.get(r.name, "")) for r in ranked]
     table = cells.ranking(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
     title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"
