@@ -84,7 +84,7 @@ class Study(config.Study):
     fitted : FitResult or None
         The last fit, with standard deviations of the fitted parameters.
     faults : tuple of Fault
-        Faults of the measurement that a fit has found and set right.
+        Faults of the measurement that a fit has found and corrected.
     """
 
     added: tuple[Effect, ...] = ()
@@ -116,7 +116,7 @@ class Study(config.Study):
             *(("measurement", inner(m)) for m in self.measurements),
             ("uncertain", listed(f"{n.effect}.{n.parameter} (± {n.std:.3g})" for n in self.nuisances)),
             *(("added", words.added_text(e, self.fitted)) for e in self.added),
-            *(("set right", words.fault_text(f)) for f in self.faults),
+            *(("corrected", words.fault_text(f)) for f in self.faults),
         ]
         return table(("", ""), rows, f"{self.name}, {self.label}")
 

@@ -51,7 +51,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument(
         "--scale", type=values_by_name, default={}, metavar="CHANNEL=FACTOR,...",
-        help="factors to SI units, such as N/V; they go before the units that the file says",
+        help="factors to SI units, such as N/V; they override the units in the file",
     )  # fmt: skip
     p.add_argument(
         "--rename", type=labels_by_name, default={}, metavar="CHANNEL=LABEL,...",
@@ -67,7 +67,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--hits",
         type=positive,
         metavar="S",
-        help="cut blocks of so many seconds after each hit of one hammer",
+        help="cut a block of this many seconds after each hit of one hammer",
     )
     p.add_argument(
         "--block", type=integer_up_to(1 << 26, 8), metavar="N", help="samples of a block (default: an eighth)"

@@ -74,7 +74,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     )
     text = (
         f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that these "
-        "sensors cannot tell them apart."
+        "sensors cannot distinguish them."
     )
     return [
         Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
@@ -93,10 +93,10 @@ def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
         return []
     first = finding.decisive[0]
     lead = (
-        f"Were it {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
-        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz would be {first.second_db:.1f} dB off even with the "
-        f"best values of its parameters; it is {first.first_db:.1f} dB off. The pieces that speak most for "
-        "the effect, with the error with it and with its rival:"
+        f"With {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
+        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz is {first.second_db:.1f} dB off at its best "
+        f"parameters, and {first.first_db:.1f} dB off with the effect. The data that favour the effect most, "
+        "with its error and that of the rival:"
     )
     pieces = [(words.decisive_text(each), " ", Pick(each.output, each.input)) for each in finding.decisive]
     return [heading, Text(lead), Items(pieces), Group("off", [picture])]
@@ -127,11 +127,11 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
     head = ["measurement", "difference of the predictions [dB]", "odds to expect"]
     none = Text("No sensor, force or band that was tried would separate them.")
     text = (
-        "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
-        "the new data are as good as the present ones. A sensor counts with the present forces, a "
-        "force with the present sensors."
+        "Odds are ratios of likelihoods, after the wrong hypothesis has been fitted again to all data and "
+        "if the new data are as good as the present ones. A new sensor counts with the present forces, a "
+        "new force with the present sensors."
     )
-    heading = Heading(f"To tell {effect} from {words.ranked_label(twin)}")
+    heading = Heading(f"To distinguish {effect} from {words.ranked_label(twin)}")
     return [heading, TableBlock(head, rows, numbers=(1, 2)) if rows else none, Text(text)]
 
 
@@ -153,13 +153,13 @@ def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
             if not d.more_than_noise
             else "Nothing that stands out from the error of beam theory."
         ),
-        FAULT: "Nothing, once the sensors below are set right.",
+        FAULT: "Nothing, once the sensors below are corrected.",
         UNEXPLAINED: (
             "Something, but none of the candidates. The model should not be trusted for its purpose "
             "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
-    looked = f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+    looked = f"{looked_at} candidates were examined: {', '.join(kinds)}.{gained}"
     tried = Text(looked if looked_at else "There were no candidates.")
     return [Text(text), *_excluded(result, shown), tried]
 
@@ -171,7 +171,7 @@ def _excluded(result: RunResult, shown: Shown) -> list[Block]:
     figure = shown.figure(
         "excluded",
         "The structure coloured by the sizes above; the list above the figure chooses the effect.",
-        "From what size on an effect would have been seen at each place; dark places show small ones. "
+        "Smallest size of an effect that would have been seen at each place. "
         "Where it may have several directions, the colour is that of the largest size. Point at a place "
         "for all of them.",
         tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
@@ -185,11 +185,11 @@ def search(result: RunResult, shown: Shown) -> Section:
     """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
     text = (
-        "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
-        "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-        "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
-        "against each place, is larger than that without it. Then the search is repeated with it. Those "
-        "that were fitted fully are listed."
+        "Each round evaluates all candidates, or a short list of very many, on a grid of their parameters. "
+        "It fits the promising ones briefly, together with the uncertain parameters, and the best of these "
+        "fully. The most probable hypothesis is kept if its evidence, with the prior odds against each "
+        "place, is larger than that without it. The search is then repeated with it. The table has the "
+        "fully fitted candidates."
     )
     rounds = [k for k, ranked in enumerate(d.rounds) if ranked]  # not those in the model before the search
     blocks: list[Block] = [Text(text)] if rounds else []

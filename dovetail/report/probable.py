@@ -54,7 +54,7 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
     else:
         each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
-        text = f"Probability of each effect: {'; '.join(each)}; of exactly these: {percent(exact)}"
+        text = f"Probability of each effect: {'; '.join(each)}; of exactly these effects: {percent(exact)}"
     if isinstance(d, ModeDiagnosis):  # the reason of a diagnosis by FRFs tells of the place
         here = next(p for known, p in posterior if set(known) == {e.name for e in found})
         if here < exact:
@@ -71,7 +71,7 @@ def _besides_text(d: Diagnosis) -> str:
     if not found < set(names):
         return ""
     more = label_of(d, [n for n in names if n not in found])
-    return f"; with {more} besides: {percent(p)}, too close to tell, so the simpler answer is reported"
+    return f"; with {more} in addition: {percent(p)}, too close to decide, so the simpler answer is reported"
 
 
 def reported(d: Diagnosis) -> int:

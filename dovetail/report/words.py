@@ -289,7 +289,7 @@ def headline(result: RunResult) -> str:
         text = _since(sentences(d.findings), change)
         if d.steps[-1].level > d.limit:
             text += " That explains the misfit only in part."
-        return f"{text} Besides, {faults}." if faults else text
+        return f"{text} In addition, {faults}." if faults else text
     if d.verdict == NOTHING and change:
         return "Nothing has changed that these data can show."
     if d.verdict == NOTHING and not d.more_than_noise:
@@ -429,19 +429,17 @@ def advice(result: RunResult) -> list[str]:
             "deviations may be wrong."
         )
     if result.study.kinds is not None or result.study.exclude:
-        out.append("The study leaves some kinds of candidates out; let the program try them all.")
+        out.append("The study excludes some kinds of candidates; let the program try all of them.")
     else:
         out += [text[0].upper() + text[1:] + "." for text in unstated_text(result.study.model)]
     return [
         *out,
         "Check geometry, sections, supports and joints of the model against the structure: candidates change "
         "stiffness, mass and damping where the model has something, not dimensions.",
-        "Sensors on both sides of joints and near supports, and a second excitation in another "
-        "direction, tell more "
-        "candidates apart.",
+        "Sensors on both sides of joints and near supports, and a second excitation in another direction, "
+        "distinguish more candidates.",
         "Measure at two force levels: a difference shows that the structure is not linear, which no "
-        "candidate can "
-        "explain.",
+        "candidate can explain.",
     ]
 
 

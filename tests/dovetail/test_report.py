@@ -122,7 +122,7 @@ def test_what_the_user_wrote_is_escaped(text):
 def test_the_effect_is_told_with_its_numbers(text):
     assert re.search(r"Member arm carries a mass at 0\.(29|30)\d m that the model lacks", text)
     assert re.search(r"mass 0\.2[45]\d* ± 0\.\d+\u00a0kg", text)
-    assert "FRFs of the excitation K, which no fit has seen" in text
+    assert "FRFs of the excitation K, which were not fitted" in text
     assert "instead of rigid" not in text
 
 
@@ -192,7 +192,7 @@ def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other
         "also consistent with joint complex stiffness: joint bolt, along x, whose loss factor 0.020 ± 0.030"
         in text
     )
-    assert re.search(r"along x above 99\s%; .*along y 99\s%; of exactly these: 87\s%", text)
+    assert re.search(r"along x above 99\s%; .*along y 99\s%; of exactly these effects: 87\s%", text)
     law = findings[0].twins[0]
     assert (findings[0].alternatives, findings[0].extensions) == ((), (law,))
 
@@ -218,9 +218,9 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     text = probability_text(d)
     assert "alone: 36\u00a0%" in text
     label = probable.effect_label(other.kind, other.where)
-    assert f"with {label} besides: 64\u00a0%, too close to tell" in text
+    assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
     assert probable.reported(d) == 1
-    assert "too close to tell" not in probability_text(found.diagnosis)
+    assert "too close to decide" not in probability_text(found.diagnosis)
 
 
 def test_an_effect_counts_in_every_answer_that_has_it(found, album):
@@ -254,7 +254,7 @@ def test_each_of_several_effects_has_its_own_probability(found):
         posterior=(((a, b), 0.5), ((a,), 0.3), ((b,), 0.1), ((), 0.1)),
     )  # fmt: skip
     text = probable.probability_text(d)
-    assert text.endswith("; of exactly these: 50\u00a0%")
+    assert text.endswith("; of exactly these effects: 50\u00a0%")
     assert re.findall(r"(\d+)\u00a0%", text) == ["80", "60", "50"]
     far = replace(d, findings=(), verdict="unexplained", posterior=(((), 0.03), (("unknown",), 0.97)))
     assert probable.probability_text(far) == (
