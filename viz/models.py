@@ -68,6 +68,10 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
         If the model has neither a frame nor a part with a surface.
     """
     parts, mesh = drawn_parts(model), model.mesh
+    if not parts and not mesh.n_lines and model.of_kind(Superelement):
+        msg = "there is nothing to draw: the model has no members, and its parts have no mesh (mesh = ... in "
+        msg += "[[superelements]], faces= in Python)"
+        raise ValueError(msg)
     full = np.zeros(model.n_dof)
     if motion is not None:
         given = np.asarray(motion, dtype=float).ravel()

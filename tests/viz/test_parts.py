@@ -139,6 +139,14 @@ def test_a_part_without_a_mesh_is_not_drawn(tmp_path):
     assert set(model_surface(model).line) == set(range(model.mesh.n_lines))
 
 
+def test_parts_alone_without_a_mesh_are_refused_in_words(tmp_path):
+    text = PART.replace('point = "B"', 'name = "end"').replace('mesh = "bracket.vtu"', "") + SENSOR
+    with pytest.raises(
+        ValueError, match="nothing to draw: the model has no members, and its parts have no mesh"
+    ):
+        model_surface(study(tmp_path, text + "[frequency]\nstop = 6000\n").model)
+
+
 def test_a_mesh_of_something_else_is_refused_with_its_key(tmp_path):
     with pytest.raises(StudyError, match=r"mesh: there is no file '.*none\.vtu'"):
         study(tmp_path, FRAME + PART.replace("bracket.vtu", "none.vtu"))
