@@ -24,7 +24,7 @@ def require_nicegui() -> None:
     try:
         import nicegui  # noqa: F401
     except ImportError as reason:
-        msg = f"the desk needs NiceGUI, which is not installed ({reason}): pip install 'dovetail[desk]'"
+        msg = f"the desk needs NiceGUI, which is not installed ({reason}): pip install nicegui"
         raise MissingExtraError(msg) from reason
 
 

@@ -6,12 +6,8 @@ from typing import Any
 BLUE = "0B5394"
 """Colour of emphasis."""
 
-PACKAGES = {
-    "docx": ("python-docx", "office"),
-    "pptx": ("python-pptx", "office"),
-    "openpyxl": ("openpyxl", "xlsx"),
-}
-"""Names of packages, and the extras that install them."""
+PACKAGES = {"docx": "python-docx", "pptx": "python-pptx", "openpyxl": "openpyxl"}
+"""Names under which the packages of modules are installed."""
 
 
 class OfficeError(ValueError):
@@ -29,6 +25,6 @@ def office(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as reason:
-        package, extra = PACKAGES[module.partition(".")[0]]
-        msg = f"{package} is not installed; install it with: python -m pip install 'dovetail[{extra}]'"
+        package = PACKAGES[module.partition(".")[0]]
+        msg = f"{package} is not installed; install it with: python -m pip install {package}"
         raise OfficeError(msg) from reason

@@ -20,7 +20,7 @@ def imported(package: str) -> Any:
     try:
         return import_module(package)
     except ImportError as reason:
-        msg = f"{package} is not installed; install it with: python -m pip install 'dovetail[tables]'"
+        msg = f"{package} is not installed; install it with: python -m pip install {package}"
         raise ImportError(msg) from reason
 
 

@@ -97,14 +97,12 @@ class Reading:
     stated: bool = True
 
 
-def optional(module: str, extra: str, name: str) -> Any:
+def optional(module: str, name: str) -> Any:
     """Import a package that only some readers need.
 
     Parameters
     ----------
     module : str
-    extra : str
-        Extra of this package that installs it.
     name : str
         File that needs it, for the message.
     """
@@ -113,6 +111,6 @@ def optional(module: str, extra: str, name: str) -> Any:
     except ImportError:
         msg = (
             f"{name}: it is read by {module}, which is not installed; install it with: "
-            f"python -m pip install 'dovetail[{extra}]'"
+            f"python -m pip install {module.partition('.')[0]}"
         )
         raise TableError(msg) from None

@@ -51,7 +51,7 @@ def read_hdf5(path: Path) -> dict[str, Named]:
 
     Arrays of MATLAB are turned to its order of axes.
     """
-    h5py = optional("h5py", "hdf5", path.name)
+    h5py = optional("h5py", path.name)
     if (end := end_of_trial(partial(_arrays, h5py, path))) is not None:
         msg = f"{path.name}: it cannot be read as HDF5; the file is damaged (the library ends with {end})"
         raise TableError(msg)

@@ -268,10 +268,10 @@ def _wav(path: Path, sample_rate: float | None) -> TimeData:
 
 
 def _tdms(path: Path, sample_rate: float | None) -> TimeData:
-    nptdms = optional("nptdms", "tdms", path.name)
+    nptdms = optional("nptdms", path.name)
     _refuse_cut_tdms(path)
     # it writes about damaged files to standard error, which are refused below
-    logs: Any = optional("nptdms.log", "tdms", path.name).log_manager
+    logs: Any = optional("nptdms.log", path.name).log_manager
     level = logs.log_level
     logs.set_level(logging.CRITICAL)
     try:

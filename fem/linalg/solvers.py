@@ -181,7 +181,7 @@ def _pardiso(A: Any) -> Factor:
         from pypardiso import PyPardisoSolver  # pyright: ignore[reportMissingImports]
         from pypardiso.pardiso_wrapper import PyPardisoError  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        msg = "PARDISO is not installed; it comes with pip install dovetail[accelerate], on x86 machines"
+        msg = "PARDISO is not installed; install it with: pip install pypardiso (x86 machines only)"
         raise ImportError(msg) from error
     _find_mkl(PyPardisoSolver)
     upper = sp.csr_matrix(sp.triu(A, format="csr"))

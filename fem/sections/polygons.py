@@ -64,9 +64,9 @@ class PolygonShapes(SectionConstants):
         """Return a section from its outline, with J, k and shear centre by finite elements.
 
         St Venant's torsion and shear by the library ``sectionproperties``, which solves for the warping on
-        triangles with six nodes (Pilkey, *Analysis and Design of Elastic Beams*, 2002); to install it, ``pip
-        install 'dovetail[sections]'``. Constants and outlines are about the centroid in principal axes,
-        turned by ``angle``. Shear that couples the two axes is left out.
+        triangles with six nodes (Pilkey, *Analysis and Design of Elastic Beams*, 2002); it is an extra.
+        Constants and outlines are about the centroid in principal axes, turned by ``angle``. Shear that
+        couples the two axes is left out.
 
         Parameters
         ----------

@@ -53,7 +53,7 @@ def warping_constants(outlines: Sequence[NDArray[np.float64]], nu: float, n_tria
     except ModuleNotFoundError as error:
         msg = (
             f"an arbitrary section needs the library sectionproperties ({error}): pip install "
-            "'dovetail[sections]', or give J, ky and kz yourself"
+            "sectionproperties, or give J, ky and kz yourself"
         )
         raise PropertyError(msg) from None
     size = float(np.ptp(outlines[0], axis=0).max())

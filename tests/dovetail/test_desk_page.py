@@ -162,7 +162,7 @@ def test_others_are_refused(headers, query):
 
 def test_without_nicegui_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'dovetail\[desk\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install nicegui"):
         require_nicegui()
 
 

@@ -155,7 +155,7 @@ def test_without_the_extra_one_line_says_how_to_install_it(study, monkeypatch, p
     with pytest.raises(ImportError) as caught:
         getattr(study.frf(), method)()
     assert str(caught.value) == (
-        f"{package} is not installed; install it with: python -m pip install 'dovetail[tables]'"
+        f"{package} is not installed; install it with: python -m pip install {package}"
     )
 
 

@@ -539,5 +539,5 @@ def test_a_missing_library_is_named_with_its_command(folder, tmp_path, option, p
     assert main(["report", str(folder), option, str(tmp_path / "out")]) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == 1
-    assert f"{package} is not installed; install it with: python -m pip install 'dovetail[office]'" in message
+    assert f"{package} is not installed; install it with: python -m pip install {package}" in message
     assert not (tmp_path / "out").exists()

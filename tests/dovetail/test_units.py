@@ -232,7 +232,7 @@ def test_workers_that_cannot_be_had_are_refused():
     with pytest.raises(PoolError, match="both given"), pool_of(2, "tcp://localhost:1"):
         pass
     if not WITH_DASK:
-        with pytest.raises(PoolError, match=r"pip install 'dovetail\[cluster\]'"), pool_of(None, "tcp://x:1"):
+        with pytest.raises(PoolError, match=r"pip install distributed"), pool_of(None, "tcp://x:1"):
             pass
 
 

@@ -202,7 +202,7 @@ def test_no_damage_to_a_matlab_file_ends_otherwise_than_by_a_message(tmp_path):
 def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
     path = mat73(tmp_path, f=F, H=H)
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(TableError, match=r"m\.mat: it is read by h5py, .*pip install 'dovetail\[hdf5\]'"):
+    with pytest.raises(TableError, match=r"m\.mat: it is read by h5py, .*pip install h5py"):
         read(path)
 
 

@@ -165,7 +165,7 @@ def test_tdms(tmp_path):
 def test_without_nptdms_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "nptdms", None)
     (tmp_path / "r.tdms").write_bytes(b"TDSm")
-    with pytest.raises(TableError, match=r"r\.tdms: it is read by nptdms, .*pip install 'dovetail\[tdms\]'"):
+    with pytest.raises(TableError, match=r"r\.tdms: it is read by nptdms, .*pip install nptdms"):
         read_time_data(tmp_path / "r.tdms")
 
 
