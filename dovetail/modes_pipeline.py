@@ -85,12 +85,19 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
     """Return the measured modes of a study as data of fits."""
     m = modes.modes
     return ModeTargets.of(
-        m.frequency, modes.frequency_std,
-        zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float), zeta_std=modes.zeta_std,
-        shapes=m.shapes if modes.has_shapes else None, shape_std=modes.shape_std, sensors=modes.sensors,
-        numbers=[n - 1 for n in modes.numbers] or None, plane=modes.plane,
-        held_out=[n - 1 for n in modes.held_out], name=modes.name, driven=modes.driven,
-    )  # fmt: skip
+        m.frequency,
+        modes.frequency_std,
+        zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float),
+        zeta_std=modes.zeta_std,
+        shapes=m.shapes if modes.has_shapes else None,
+        shape_std=modes.shape_std,
+        sensors=modes.sensors,
+        numbers=[n - 1 for n in modes.numbers] or None,
+        plane=modes.plane,
+        held_out=[n - 1 for n in modes.held_out],
+        name=modes.name,
+        driven=modes.driven,
+    )
 
 
 def diagnose_study_modes(
@@ -103,9 +110,12 @@ def diagnose_study_modes(
     study = by_modes(study)
     assert study.modes is not None
     more: dict[str, Any] = {
-        "damping_std": study.damping_std, "kinds": study.kinds, "exclude": study.exclude,
-        "model_error": study.model_error, "progress": say,
-    }  # fmt: skip
+        "damping_std": study.damping_std,
+        "kinds": study.kinds,
+        "exclude": study.exclude,
+        "model_error": study.model_error,
+        "progress": say,
+    }
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)

@@ -20,9 +20,7 @@ from fem.model import DIRECTIONS, Effect, Model
 from joint.assembly_fit import Estimate
 from joint.form import LAWS
 
-SIDES = (
-    "member1", "position1", "point1", "member2", "position2", "point2", "location", "axes",
-)  # fmt: skip
+SIDES = (*(f"{key}{k}" for k in (1, 2) for key in ("member", "position", "point")), "location", "axes")
 """Keys that say where a joint is."""
 
 _HEADER = re.compile(r"\s*\[.*\]\s*(#.*)?$")
@@ -73,19 +71,33 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
             inner = {n.rpartition(" ")[2]: values[n] for n in names[1:]}
             out.append(
                 Viscoelastic(
-                    name=f"{joint.name}.{d}", K=stiffness, law=LAWS[law](**inner), point1=joint.point1,
-                    point2=joint.point2, location=joint.location, axes=joint.axes,
+                    name=f"{joint.name}.{d}",
+                    K=stiffness,
+                    law=LAWS[law](**inner),
+                    point1=joint.point1,
+                    point2=joint.point2,
+                    location=joint.location,
+                    axes=joint.axes,
                 )
-            )  # fmt: skip
+            )
             K[i, :] = K[:, i] = C[i, :] = C[:, i] = loss_now[i, :] = loss_now[:, i] = 0.0
             D[i, :] = D[:, i] = 0.0
             rigid = tuple(x for x in rigid if x != d)
     if changed:
         D, eta = loss_now, 0.0
     new = Joint(
-        name=joint.name, point1=joint.point1, point2=joint.point2, location=joint.location, axes=joint.axes,
-        K=K, C=C, D=D, M=joint.M, eta=eta, rigid=rigid,
-    )  # fmt: skip
+        name=joint.name,
+        point1=joint.point1,
+        point2=joint.point2,
+        location=joint.location,
+        axes=joint.axes,
+        K=K,
+        C=C,
+        D=D,
+        M=joint.M,
+        eta=eta,
+        rigid=rigid,
+    )
     return new, *out
 
 

@@ -45,17 +45,24 @@ CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
 ALONG_AXIS = 0.999
 """Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
-    "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
+    "u": "stiffness (logarithm)",
+    "plane": "stiffness in its plane (logarithm)",
+    "mass": "mass (relative)",
     "inertia": "rotary inertia (relative)",
-    "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
+    "A": "mass per length (relative)",
+    "Iy": "Iy (relative)",
+    "Iz": "Iz (relative)",
+    "J": "J (relative)",
     "shear": "shear flexibility (relative)",
-}  # fmt: skip
+}
 ADDED = {"mass": "mass", "across": "stiffness across the force"}
 """What an instrument adds, by the parameter of its form."""
 _QUANTITIES = {
-    "rho": "density", "k": "shear coefficients",
-    "ky": "shear coefficient along y", "kz": "shear coefficient along z",
-}  # fmt: skip
+    "rho": "density",
+    "k": "shear coefficients",
+    "ky": "shear coefficient along y",
+    "kz": "shear coefficient along z",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,8 +372,11 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         },
         "modes": [
             {
-                "nominal_Hz": m.nominal, "fitted_Hz": m.fitted, "nominal_damping": m.nominal_zeta,
-                "fitted_damping": m.fitted_zeta, "mac": m.mac,
+                "nominal_Hz": m.nominal,
+                "fitted_Hz": m.fitted,
+                "nominal_damping": m.nominal_zeta,
+                "fitted_damping": m.fitted_zeta,
+                "mac": m.mac,
             }
             for m in result.modes
         ],
@@ -377,7 +387,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "measured_notes": list(study.measured_notes),
         "notes": list(result.notes),
         "warnings": list(study.warnings),
-    }  # fmt: skip
+    }
 
 
 def localisation_dict(where: Localisation) -> dict[str, Any]:

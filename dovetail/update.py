@@ -156,9 +156,13 @@ def update_study(study: Study) -> StudyUpdate:
     asked = {ref for u in plan.unknowns for ref in u.refs}
     others = tuple(n for n in plan.nuisances if not asked.intersection(n.refs))
     adapted = replace(
-        study, baseline=None, baseline_frfs=None, model=study.model.with_effect(*plan.effects),
-        nuisances=(*plan.unknowns, *others), damping_std=study.damping_std if plan.damping else 0.0,
-    )  # fmt: skip
+        study,
+        baseline=None,
+        baseline_frfs=None,
+        model=study.model.with_effect(*plan.effects),
+        nuisances=(*plan.unknowns, *others),
+        damping_std=study.damping_std if plan.damping else 0.0,
+    )
     data = None
     if "frf" in to:
         data = without_held_out(study, measured(study, phases=False)[0])

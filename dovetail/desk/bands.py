@@ -63,9 +63,11 @@ class BandList:
                 ui.label("Held out: every fourth block of lines").classes("desk-note")
             for text in map(band_text, bands):
                 button(
-                    f"{text} held out", lambda part=text: self._switch(part), "lock",
+                    f"{text} held out",
+                    lambda part=text: self._switch(part),
+                    "lock",
                     label=f"fit {text} again",
-                )  # fmt: skip
+                )
 
     def _switch(self, part: str) -> None:
         self._act(lambda: self._desk.hold_out(part))

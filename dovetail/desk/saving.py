@@ -162,8 +162,19 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
     mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     return Diagnosis(
-        EFFECT if h.effects else NOTHING, "effects were added by hand", findings, h.faults, tuple(steps), (),
-        problem.data.noise_db, mesh_db, basis_error(problem, found, N_CHECKED),
-        max(problem.model_error, floor), floor, problem, fitted_model(problem.reduced.model, found),
-        (BY_HAND,), seconds,
-    )  # fmt: skip
+        verdict=EFFECT if h.effects else NOTHING,
+        reason="effects were added by hand",
+        findings=findings,
+        faults=h.faults,
+        steps=tuple(steps),
+        rounds=(),
+        noise_db=problem.data.noise_db,
+        discretisation_db=mesh_db,
+        basis_db=basis_error(problem, found, N_CHECKED),
+        limit=max(problem.model_error, floor),
+        noise_limit=floor,
+        problem=problem,
+        model=fitted_model(problem.reduced.model, found),
+        notes=(BY_HAND,),
+        seconds=seconds,
+    )

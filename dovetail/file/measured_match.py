@@ -77,9 +77,17 @@ def match(
         known = [None if x is None else at_values_of(x, r.frf, chosen) for x in (r.coherence, r.scatter)]
         with r.table.at("coherence"):
             measurement = Measurement(
-                frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1],
-                phase=r.phase, viscous=r.viscous,
-            )  # fmt: skip
+                frf,
+                picked[0],
+                picked[1],
+                r.force_level,
+                r.name,
+                known[0],
+                r.averages,
+                known[1],
+                phase=r.phase,
+                viscous=r.viscous,
+            )
         with r.table.at():
             measurement = set_right(measurement, faults) if faults else measurement
         if r.compared is not None:

@@ -18,10 +18,15 @@ TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor", "quantity")
 FLAGS = ("conjugate",)
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
-    "directions": "direction", "channel": "label",
-    "position_1": "x", "position_2": "y", "position_3": "z",
-    "direction_1": "dx", "direction_2": "dy", "direction_3": "dz",
-}  # fmt: skip
+    "directions": "direction",
+    "channel": "label",
+    "position_1": "x",
+    "position_2": "y",
+    "position_3": "z",
+    "direction_1": "dx",
+    "direction_2": "dy",
+    "direction_3": "dz",
+}
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")

@@ -26,9 +26,10 @@ from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.shapes import real_shape
 
 LADDER: dict[str, Any] = {
-    "ylabel": "error of natural frequencies [%]", "unit": "%",
+    "ylabel": "error of natural frequencies [%]",
+    "unit": "%",
     "names": ("of fitted modes", "of held-out modes"),
-}  # fmt: skip
+}
 """Words of the staircase."""
 STAIRCASE = (
     "Root mean square deviation of computed from measured natural frequencies after each step. The grey "

@@ -88,12 +88,14 @@ def _measured_modes(result: RunResult) -> list[Block]:
     last = list(m.computed)[-1]
     rows = [
         [
-            f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in m.computed.values()),
+            f"{f:.5g}",
+            f"{100 * m.std[k]:.2g}",
+            *(cells.shift(f, g[k]) for g in m.computed.values()),
             *([cells.number(m.mac[last][k], 3)] if shaped else []),
             "predicted" if m.held_out[k] else "fitted",
         ]
         for k, f in enumerate(m.measured)
-    ]  # fmt: skip
+    ]
     errors = [
         [step, *(cells.number(100 * m.error(step, out), 2) for out in (False, True))] for step in m.computed
     ]
