@@ -33,7 +33,6 @@ class Pool(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
 class ThisProcess:
     """One unit after another, without other processes."""
 
