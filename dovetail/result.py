@@ -16,7 +16,7 @@ from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
 from updating.inference.belief import FAR_STD
@@ -312,7 +312,10 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "reason": d.reason,
         "effects": [_finding(f) for f in d.findings],
         "faults": [fault_dict(f) for f in d.faults],
-        "error_db": [_step(s) for s in d.steps],
+        "error_db": [
+            {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}
+            for s in d.steps
+        ],
         "noise_floor_db": d.noise_floor_db,
         "noise_db": d.noise_db,
         "discretisation_db": d.discretisation_db,
@@ -478,7 +481,3 @@ def _ranked(r: Ranked) -> dict[str, Any]:
 def _parameter(p: EffectParameter) -> dict[str, Any]:
     std = None if p.at_bound else p.std
     return {"name": p.name, "value": p.value, "unit": p.unit, "std": std, "at_bound": p.at_bound}
-
-
-def _step(s: Step) -> dict[str, Any]:
-    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}

@@ -48,7 +48,7 @@ def modes(result: RunResult, shown: Shown) -> Section:
     """Return natural frequencies before and after, and the mode shapes."""
     rows = []
     for k, m in enumerate(result.modes, 1):
-        change, mac = cells.shift(m.nominal, m.fitted), f"{m.mac:.3f}" if math.isfinite(m.mac) else "–"
+        change, mac = cells.shift(m.nominal, m.fitted), cells.decimals(m.mac, 3)
         damping = (cells.number(100 * zeta, 3) for zeta in (m.nominal_zeta, m.fitted_zeta))
         rows.append([k, cells.number(m.nominal, 5), cells.number(m.fitted, 5), change, *damping, mac])
     head = ["elastic mode", "nominal [Hz]", "fitted [Hz]", "change [%]"]

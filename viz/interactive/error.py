@@ -1,7 +1,7 @@
 """Errors: a map of sensors and bands, the staircase of the steps, and bars of candidates and hypotheses."""
 
 import textwrap
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -204,7 +204,6 @@ def ranking_figure(
     names: Sequence[str] | None = None,
     twins: Collection[int] = (),
     accepted: int | None = None,
-    title: str = "",
     xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
 ) -> Figure:
@@ -225,7 +224,7 @@ def ranking_figure(
         Rows that these measurements cannot tell from the accepted one.
     accepted : int, optional
         Row of the candidate that was accepted.
-    title, xlabel : str
+    xlabel : str
     at_most : int
         Number of candidates shown.
 
@@ -267,17 +266,16 @@ def ranking_figure(
     pad = 0.08 * max(high - low, 1e-3)
     line, note = _upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK)
     more = f"; {hidden} worse ones are not shown" if hidden else ""
-    shown = [str(labels[k]) for k in order]
+    short = _short(str(labels[k]) for k in order)
     look = layout(
         110 + 30 * len(order),
-        title,
         barmode="overlay",
         bargap=0.3,
         shapes=[line],
         annotations=[note],
-        meta={"short": _short(shown)},
+        meta={"short": short},
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + pad]),
-        yaxis=_names_axis(shown),
+        yaxis=rows_axis(short, showline=False),
     )
     look["margin"]["t"] += 24  # for the note above the bars
     return Figure(traces, look)
@@ -315,7 +313,7 @@ def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str
     return line, note
 
 
-def _short(labels: Sequence[str]) -> list[str]:
+def _short(labels: Iterable[str]) -> list[str]:
     """Return names for a narrow page, of two lines, which lie above the bars."""
     return [_broken(shorten(s, 96), 50) for s in labels]
 
@@ -327,10 +325,6 @@ def _hatch(shape: str) -> dict[str, Any]:
 def _candidate_word(k: int, accepted: int | None, twins: Collection[int]) -> str:
     accepted_, twin, other = _CANDIDATES
     return accepted_ if k == accepted else twin if k in twins else other
-
-
-def _names_axis(labels: Sequence[str]) -> dict[str, Any]:
-    return rows_axis([_broken(shorten(s, 96), 50) for s in labels], showline=False)
 
 
 def probability_figure(
@@ -349,7 +343,7 @@ def probability_figure(
         The one that is reported, in another colour.
     """
     shown = list(hypotheses)[:at_most]
-    values, names = [float(p) for _, p in shown], [s for s, _ in shown]
+    values, short = [float(p) for _, p in shown], _short(s for s, _ in shown)
     trace = {
         **BAR,
         "y": list(range(len(shown))),
@@ -367,11 +361,11 @@ def probability_figure(
         legend=False,
         bargap=0.35,
         showlegend=False,
-        meta={"short": _short(names)},
+        meta={"short": short},
         xaxis=axis(
             f"probability{more}", range=[0, 1.25], tickvals=np.linspace(0, 1, 6).tolist(), tickformat=".0%"
         ),
-        yaxis=_names_axis(names),
+        yaxis=rows_axis(short, showline=False),
     )
     return Figure([trace], look)
 
