@@ -67,7 +67,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         return _titled(deck_of(study.model, study.name), found), (f"model of {head}", *_lines(found))
     if not found and not nominal:
         msg = (
-            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is beside it; --whole "
+            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is next to it; --whole "
             "exports the model"
         )
         raise StudyError(msg)

@@ -220,7 +220,7 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
         *([f"{'':11}  and {rest} more that share the rest of 90 %"] if rest > 0 else []),
         "",
         modes,
-        *(["", "would tell the first two explanations apart:", *proposals] if proposals else []),
+        *(["", "would distinguish the first two explanations:", *proposals] if proposals else []),
         *(f"note: {note}" for note in d.notes),
     ]
 

@@ -110,7 +110,7 @@ def choose_channels(
         for k, axis in enumerate("xyz")
     )
     if n_excitations is None and not study.excitations:
-        msg = f"{study.path}: it has no [[excitations]]; say how many are to be chosen"
+        msg = f"{study.path}: it has no [[excitations]]; give the number to choose"
         raise StudyError(msg)
     for word, n in (("sensors", n_sensors), ("excitations", n_excitations or 1)):
         if n > len(possible):

@@ -459,7 +459,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "decisive": [asdict(d) for d in f.decisive],
         "next_measurements": [
             {"twin": t.name, "proposals": [asdict(p) for p in proposals]}
-            for t, proposals in zip(f.twins, f.proposals, strict=False)
+            for t, proposals in zip(f.alternatives, f.proposals, strict=False)
         ],
     }
 

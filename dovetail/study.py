@@ -84,7 +84,7 @@ class Study(config.Study):
     fitted : FitResult or None
         The last fit, with standard deviations of the fitted parameters.
     faults : tuple of Fault
-        Faults of the measurement that a fit has found and set right.
+        Faults of the measurement that a fit has found and corrected.
     """
 
     added: tuple[Effect, ...] = ()
@@ -116,7 +116,7 @@ class Study(config.Study):
             *(("measurement", inner(m)) for m in self.measurements),
             ("uncertain", listed(f"{n.effect}.{n.parameter} (± {n.std:.3g})" for n in self.nuisances)),
             *(("added", words.added_text(e, self.fitted)) for e in self.added),
-            *(("set right", words.fault_text(f)) for f in self.faults),
+            *(("corrected", words.fault_text(f)) for f in self.faults),
         ]
         return table(("", ""), rows, f"{self.name}, {self.label}")
 
@@ -313,7 +313,11 @@ class Study(config.Study):
         return Diagnosis.of(diagnose_study(self, progress, processes, budget))
 
     def plan(
-        self, noise: float | None = None, left_db: float | None = None, progress: Progress | None = None
+        self,
+        noise: float | None = None,
+        left_db: float | None = None,
+        progress: Progress | None = None,
+        kinds: Sequence[str] | str | None = None,
     ) -> Planned:
         """Return which missing effects the study's test could see and name, planned or measured.
 
@@ -327,13 +331,27 @@ class Study(config.Study):
             beams usually do, unless given [dB].
         progress : callable, optional
             Called with a text and the fraction done; an exception from it ends the work.
+        kinds : str or sequence of str, optional
+            Kinds of effect, such as ``"point_mass"``; those of the study unless given.
 
         Raises
         ------
         StudyError
             If the study has no sensors or no excitations.
+        ModelError
+            For a kind that does not exist.
         """
-        return Planned(plan_study(self, noise, left_db, progress))
+        study = self if kinds is None else self._of_kinds(kinds)
+        return Planned(plan_study(study, noise, left_db, progress))
+
+    def _of_kinds(self, kinds: Sequence[str] | str) -> "Study":
+        """Return the study with candidates of some kinds alone."""
+        kinds = (kinds,) if isinstance(kinds, str) else tuple(kinds)
+        for kind in kinds:
+            if kind not in candidate_kinds():
+                msg = f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}"
+                raise ModelError(msg)
+        return replace(self, kinds=kinds, exclude=())
 
     def candidates(
         self, kinds: Sequence[str] | str | None = None, at: Sequence[str] | str | None = None
@@ -353,12 +371,8 @@ class Study(config.Study):
             For a kind that does not exist, and a place where no candidate is.
         """
         test = next(iter(self.measurements or self.amplitudes), None)
-        kinds = (kinds,) if isinstance(kinds, str) else kinds
-        for kind in kinds or ():
-            if kind not in candidate_kinds():
-                msg = f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}"
-                raise ModelError(msg)
-        every = Candidates(propose(self.model, kinds, () if kinds else self.exclude, test))
+        study = replace(self, kinds=None) if kinds is None else self._of_kinds(kinds)
+        every = Candidates(propose(study.model, study.kinds, study.exclude, test))
         return every if at is None else every.at(*((at,) if isinstance(at, str) else at))
 
     def add(self, *effects: Effect | Finding | str, **values: float) -> "Study":

@@ -148,8 +148,8 @@ def update_study(study: Study) -> StudyUpdate:
         if modes.held_out:
             out = ", ".join(f"{f:.5g}" for f in targets.frequency[targets.held_out])
             notes.append(
-                f"the modes at {out} Hz are held out; 'dovetail compare' of the updated study says how "
-                "well it predicts them"
+                f"the modes at {out} Hz are held out; 'dovetail compare' of the updated study shows "
+                "how well it predicts them"
             )
     asked = {ref for u in plan.unknowns for ref in u.refs}
     others = tuple(n for n in plan.nuisances if not asked.intersection(n.refs))

@@ -35,7 +35,10 @@ print("with: damping ratios", *(f"{z:.4f}" for z in poles.zeta))
 
 found = {name: s.frf(kind="receptance") for name, s in (("without", alone), ("with", best))}
 for name, frf in found.items():
-    picture = save(plot_frf(frf, title=f"top of the mast, {name}"), Path(tempfile.mkdtemp()) / f"{name}.png")
+    picture = save(
+        plot_frf(frf, title=f"top of the mast, {name}", label="computed"),
+        Path(tempfile.mkdtemp()) / f"{name}.png",
+    )
     print(f"picture in {picture}")
 
 # The highest response is √(1 + 2/μ) times the static one of the mode.

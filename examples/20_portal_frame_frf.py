@@ -26,7 +26,10 @@ corner, _ = mesh.nearest_point([0.0, 0.0, 1.5])
 frequency = np.arange(0.0, 400.0, 0.5)
 receptance = compute_frf(system, frequency, [(corner, "x")], [(corner, "x")], "receptance")
 folder = Path(tempfile.mkdtemp())
-picture = save(plot_frf(receptance.select(band=(1, 400)), title="Portal frame, sway"), folder / "frf.png")
+picture = save(
+    plot_frf(receptance.select(band=(1, 400)), title="Portal frame, sway", label="computed"),
+    folder / "frf.png",
+)
 print(f"FRF in {picture}")
 
 # Slope-deflection method: clamped portal, height H, width W, members that bend but do not stretch or shear:

@@ -8,7 +8,7 @@ from PIL import Image
 
 from fem.analysis.modes import Modes
 from fem.model import Model
-from viz.models import model_surface
+from viz.models import drawn_size, model_surface
 from viz.overlay import (
     blend,
 )
@@ -48,7 +48,7 @@ def animate_mode(
     shape = modes.shapes[:, index] * shape_phase(modes.shapes[:, index])
     real, imag = np.ascontiguousarray(shape.real, dtype=float), np.ascontiguousarray(shape.imag, dtype=float)
     surface, quadrature = model_surface(model, real), model_surface(model, imag)
-    scale = amplification(surface, model.mesh.size)
+    scale = amplification(surface, drawn_size(model))
     phases = 2 * np.pi * np.arange(frames) / frames
 
     def at(phase: float) -> Surface:

@@ -25,6 +25,7 @@ def plot_frf(
     held_out: Sequence[Band] = (),
     title: str = "",
     deviations: Mapping[str, ArrayLike] | None = None,
+    label: str = "measured",
 ) -> Figure:
     """Plot amplitude and phase of measured FRFs and of models; of amplitudes without phase these alone.
 
@@ -46,8 +47,10 @@ def plot_frf(
     deviations : mapping of str to array_like, optional
         Standard deviation of ln|H| of some models, by label, of the shape of their H [-]; their 95 %
         interval is shaded.
+    label : str
+        Of the dark curve: ``"computed"`` where nothing was measured.
     """
-    models = {label: model.as_kind(measured.kind) for label, model in (models or {}).items()}
+    models = {name: model.as_kind(measured.kind) for name, model in (models or {}).items()}
     pairs = _pairs(measured, pairs, 4)
     sigma = None if floor is None else np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)
     columns = 1 if len(pairs) == 1 else 2
@@ -70,14 +73,14 @@ def plot_frf(
                 _floor_curve(top, measured.frequency, sigma[:, i, j])
             h = measured.H[:, i, j]
             _amplitude_phase(
-                top, low, measured.frequency, h, "measured", color=style.MEASURED, linewidth=2.1, zorder=2
+                top, low, measured.frequency, h, label, color=style.MEASURED, linewidth=2.1, zorder=2
             )
-            for n, (label, model) in enumerate(models.items()):
-                colour, line = style.model_style(label, n)
+            for n, (name, model) in enumerate(models.items()):
+                colour, line = style.model_style(name, n)
                 part = model.select([output], [input_]).H[:, 0, 0]
-                if deviations is not None and label in deviations:
+                if deviations is not None and name in deviations:
                     o, p = model.outputs.index(output), model.inputs.index(input_)
-                    spread = 1.96 * np.asarray(deviations[label], dtype=float)[:, o, p]
+                    spread = 1.96 * np.asarray(deviations[name], dtype=float)[:, o, p]
                     wide = np.exp(np.minimum(spread, _WIDEST_BAND))
                     size = np.abs(part)
                     top.fill_between(
@@ -88,14 +91,14 @@ def plot_frf(
                         alpha=0.25,
                         linewidth=0,
                         zorder=1.5,
-                        label=f"{label}, 95 %",
+                        label=f"{name}, 95 %",
                     )
                 _amplitude_phase(
                     top,
                     low,
                     model.frequency,
                     part,
-                    label,
+                    name,
                     color=colour,
                     linestyle=line,
                     linewidth=1.2,

@@ -17,7 +17,7 @@ from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
 from viz.meshes import polydata, wire_mesh
-from viz.models import model_surface
+from viz.models import drawn_size, model_surface
 from viz.overlay import Bar, Label
 from viz.scene import Scene
 from viz.shapes import amplification
@@ -236,7 +236,7 @@ def render_deflection(solution: StaticSolution, path: str | Path, case: int = 0,
         Heading; the load case and the scale of displacements unless given.
     """
     surface = model_surface(solution.model, solution.displacements[:, case])
-    scale = amplification(surface, solution.model.mesh.size)
+    scale = amplification(surface, drawn_size(solution.model))
     name = solution.cases[case]
     scene = Scene(
         surface.rest, surface.deformed(scale), title=title or f"Displacements × {scale:.3g}, {name}"

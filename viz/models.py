@@ -1,4 +1,4 @@
-"""Models as surfaces: sections with offsets and corners, places on them, and colours of members."""
+"""Models as surfaces: sections with offsets and corners, parts, places on them, and colours of members."""
 
 import re
 from typing import Any
@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.model import Model
-from viz.surfaces import Surface, extrude
+from viz.surfaces import Surface, extrude, joined
 from viz.triangles import Floats, Outlines, circle_of_area
 
 
@@ -27,25 +28,68 @@ def frame_of(model: Model) -> Frame:
     return frames[0]
 
 
-def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6) -> Surface:
-    """Sweep the sections of a model's members along their axes, with offsets and rigid end zones.
+def drawn_parts(model: Model) -> tuple[Superelement, ...]:
+    """Return the model's imported parts that have a surface to draw."""
+    return tuple(part for part in model.of_kind(Superelement) if part.faces is not None)
 
-    Where members end at one point at an angle they are drawn longer, to the outside of the corner.
+
+def drawn_names(model: Model) -> list[str]:
+    """Return the member of each line, and after the lines the name of each drawn part.
+
+    A triangle of :func:`model_surface` has its place in this list as ``line``.
+    """
+    return [*map(str, model.mesh.member_of_line()), *(part.name for part in drawn_parts(model))]
+
+
+def drawn_size(model: Model) -> float:
+    """Return the largest extent of members and drawn parts along a coordinate axis [m]."""
+    places = [model.mesh.points, *(part.faces.points for part in drawn_parts(model) if part.faces)]
+    return float(np.ptp(np.concatenate(places), axis=0).max())
+
+
+def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6) -> Surface:
+    """Sweep the sections of a model's members along their axes, and add the surfaces of imported parts.
+
+    Members have their offsets and rigid end zones. Where they end at one point at an angle they are drawn
+    longer, to the outside of the corner.
 
     Parameters
     ----------
     model : Model
-    motion : array_like (n_dof,) or (n_points, 6), optional
-        Displacements and rotations of all points [m, rad], then coordinates of effects, which are not
-        drawn; at rest unless given.
+    motion : array_like (n,) or (n_points, 6), optional
+        Displacements and rotations of all points [m, rad], then the internal coordinates of effects, of which
+        parts have some; at rest unless given.
     pieces : int
         Number of straight pieces that a line is drawn with.
 
     Raises
     ------
     ValueError
-        If the model has no frame.
+        If the model has neither a frame nor a part with a surface.
     """
+    parts, mesh = drawn_parts(model), model.mesh
+    if not parts and not mesh.n_lines and model.of_kind(Superelement):
+        msg = "there is nothing to draw: the model has no members, and its parts have no mesh (mesh = ... in "
+        msg += "[[superelements]], faces= in Python)"
+        raise ValueError(msg)
+    full = np.zeros(model.n_dof)
+    if motion is not None:
+        given = np.asarray(motion, dtype=float).ravel()
+        full[: given.size] = given
+    surfaces = [] if parts and not mesh.n_lines else [_frame_surface(model, full, pieces)]
+    for k, part in enumerate(parts):
+        faces = part.faces
+        if faces is None:
+            continue
+        moved = faces.motion(part.part, part.motion(model, full))
+        none = np.zeros_like(faces.points)
+        number = np.full(len(faces.triangles), mesh.n_lines + k)
+        surfaces.append(Surface(faces.points, none, moved, none, faces.triangles, faces.edges, number))
+    return joined(surfaces)
+
+
+def _frame_surface(model: Model, motion: Floats, pieces: int) -> Surface:
+    """Sweep the sections of a model's members, moved by all coordinates of the model."""
     frame, mesh = frame_of(model), model.mesh
     arms, rigid = np.zeros((mesh.n_lines, 2, 3)), np.zeros((mesh.n_lines, 2))
     closed = np.zeros((mesh.n_lines, 2), dtype=bool)
@@ -64,15 +108,16 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
     fill = _corner_lengths(model, R)
     arms += np.array([-1.0, 1.0])[:, None] * fill[:, :, None] * R[:, :1]
     rigid += fill
-    if motion is not None:
-        motion = np.asarray(motion, dtype=float).ravel()[: 6 * mesh.n_points].reshape(mesh.n_points, 6)
+    at_points = motion[: 6 * mesh.n_points].reshape(mesh.n_points, 6)
     return extrude(
-        mesh.points, mesh.lines, R, outlines, motion, arms=arms, rigid=rigid, closed=closed, pieces=pieces
+        mesh.points, mesh.lines, R, outlines, at_points, arms=arms, rigid=rigid, closed=closed, pieces=pieces
     )
 
 
 def surface_places(model: Model, points: ArrayLike, directions: ArrayLike, eye: ArrayLike) -> Floats:
     """Return the places where arrows from members' axes leave the surface, shape (n, 3) [m].
+
+    Points of imported parts are on the surface already.
 
     Parameters
     ----------
@@ -82,10 +127,15 @@ def surface_places(model: Model, points: ArrayLike, directions: ArrayLike, eye: 
     eye : array_like (3,)
         Direction to the viewer: arrows along a member lie on the visible side.
     """
-    frame, mesh = frame_of(model), model.mesh
-    R = frame.rotations(mesh)
     out = np.array(points, dtype=float, ndmin=2)
+    on_parts, mesh = _points_of_parts(model, out) >= 0, model.mesh
+    if on_parts.all():
+        return out
+    frame = frame_of(model)
+    R = frame.rotations(mesh)
     for k, direction in enumerate(np.array(directions, dtype=float, ndmin=2)):
+        if on_parts[k]:
+            continue
         member, position, _ = mesh.nearest_on_members(out[k])
         axes = R[mesh.locate(member, position).line]
         section = frame.members[member].section
@@ -102,7 +152,7 @@ def surface_places(model: Model, points: ArrayLike, directions: ArrayLike, eye: 
 def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArray[Any]:
     """Return the displacement vectors of a model at places on or beside its members, shape (n, 3) [m].
 
-    A place beside a member moves with the member's nearest cross-section.
+    A place beside a member moves with the member's nearest cross-section, a point of a part by itself.
 
     Parameters
     ----------
@@ -115,27 +165,49 @@ def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArr
     mesh, points, motion = model.mesh, np.array(points, dtype=float, ndmin=2), np.asarray(motion).reshape(-1)
     if not len(points):
         return np.empty((0, 3), dtype=motion.dtype)
-    where = [mesh.locate(member, position) for member, position, _ in map(mesh.nearest_on_members, points)]
-    dofs, N = frame_of(model).interpolate(mesh, where)
-    u = np.einsum("nij,nj->ni", N, motion[dofs])
-    arm = points - np.array([mesh.point_at(location) for location in where])
-    return u[:, :3] + np.cross(u[:, 3:], arm)
+    at = _points_of_parts(model, points)
+    out = np.zeros((len(points), 3), dtype=motion.dtype)
+    out[at >= 0] = motion[6 * at[at >= 0][:, None] + np.arange(3)]
+    others = points[at < 0]
+    if len(others):
+        where = [mesh.locate(member, s) for member, s, _ in map(mesh.nearest_on_members, others)]
+        dofs, N = frame_of(model).interpolate(mesh, where)
+        u = np.einsum("nij,nj->ni", N, motion[dofs])
+        arm = others - np.array([mesh.point_at(location) for location in where])
+        out[at < 0] = u[:, :3] + np.cross(u[:, 3:], arm)
+    return out
+
+
+def _points_of_parts(model: Model, places: Floats) -> NDArray[np.int64]:
+    """Return the points of the mesh that belong to no member and lie at places, -1 where there is none."""
+    out, mesh = np.full(len(places), -1), model.mesh
+    free = np.setdiff1d(np.arange(mesh.n_points), mesh.lines)
+    if not free.size:
+        return out
+    away = np.linalg.norm(places[:, None] - mesh.points[free], axis=2)
+    near = away.argmin(axis=1)
+    found = away[np.arange(len(places)), near] <= 1e-9 * max(drawn_size(model), 1e-300)
+    out[found] = free[near[found]]
+    return out
 
 
 def member_families(model: Model) -> dict[str, str]:
-    """Return the family that each member is coloured by.
+    """Return the family that each member and drawn part is coloured by.
 
-    Its group or own name, else its name without number, else its section: the first with at most eight
-    families. Members split from one set always share a colour.
+    A part is a family of its own. A member's is its group or name, else its name without number, else its
+    section: the first with at most eight families. Members split from one set always share a colour.
     """
     mesh = model.mesh
     family = {name: name for name in mesh.members}
     for group, names in mesh.groups.items():
         family.update(dict.fromkeys(names, group))
     stems = {name: re.sub(r"[\s_.:-]*\d+[a-zA-Z]?$", "", group) or group for name, group in family.items()}
-    frame = frame_of(model)
-    labels = {name: frame.members[name].section.label or "section by its constants" for name in mesh.members}
-    return next((f for f in (family, stems) if len(set(f.values())) <= 8), labels)
+    parts = {part.name: f"part {part.name}" for part in drawn_parts(model)}
+    chosen = next((f for f in (family, stems) if len(set(f.values())) <= 8), None)
+    if chosen is None:
+        frame = frame_of(model)
+        chosen = {n: frame.members[n].section.label or "section by its constants" for n in mesh.members}
+    return chosen | parts
 
 
 def _corner_lengths(model: Model, R: Floats) -> Floats:

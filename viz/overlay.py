@@ -101,8 +101,8 @@ def draw_comparison(ax: Any, view: View, measured: Arrows, computed: Floats, dpi
 
 
 def draw_marks(ax: Any, view: View, marks: Sequence[Mark], dpi: int) -> None:
-    """Draw markers, one beside another at one place, and rings."""
-    drawn: list[tuple[float, float]] = []
+    """Draw markers, unlike ones at one place next to each other, and rings."""
+    drawn: list[tuple[float, float, str]] = []
     for mark in marks:
         place, shape, colour, size, _ = mark
         x, y = (float(v) for v in view.project(place)[0])
@@ -115,16 +115,18 @@ def draw_marks(ax: Any, view: View, marks: Sequence[Mark], dpi: int) -> None:
         turn = mark.turn(view)
         if shape in "^v":  # the tip of a support is at its point
             x, y = x + step / 2 * np.sin(turn), y + step / 2 * np.cos(turn)
-        while any(abs(x - u) < 0.8 * step and abs(y - v) < 0.8 * step for u, v in drawn):
-            x += step  # beside the marker of another effect at the same place
-        drawn.append((x, y))
+        look = shape + colour
+        others = [(u, v) for u, v, other in drawn if other != look]  # one that is alike may be covered
+        while any(abs(x - u) < 0.8 * step and abs(y - v) < 0.8 * step for u, v in others):
+            x += step
+        drawn.append((x, y, look))
         if turn:  # a triangle alone would look alike after a third of a turn
             across, down = np.array([np.cos(turn), -np.sin(turn)]), np.array([np.sin(turn), np.cos(turn)])
             ground = np.array([x, y]) + 0.62 * step * down + np.outer([-0.8, 0.8], step * across)
             ax.plot(*ground.T, color=colour, linewidth=1.3, solid_capstyle="butt")
         form = MarkerStyle(shape).rotated(rad=turn)
-        look = {"markeredgecolor": "white", "markeredgewidth": 0.7}
-        ax.plot(x, y, marker=form, color=colour, markersize=size, **look)
+        edge = {"markeredgecolor": "white", "markeredgewidth": 0.7}
+        ax.plot(x, y, marker=form, color=colour, markersize=size, **edge)
 
 
 def draw_triad(ax: Any, view: View, dpi: int) -> tuple[float, float, float, float]:

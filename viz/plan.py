@@ -15,7 +15,7 @@ from fem.model import Effect
 from updating.diagnosis.evidence.places import place_of
 from updating.plan.plan import Outlook, Plan
 from viz import style
-from viz.models import model_surface
+from viz.models import drawn_names, drawn_size, model_surface
 from viz.overlay import Mark
 from viz.scene import Scene
 
@@ -87,8 +87,7 @@ def _in_two_columns(pictures: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 
 def _draw(plan: Plan, some: Sequence[Outlook], path: Path, title: str) -> Path:
-    mesh = plan.model.mesh
-    surface, size = model_surface(plan.model), mesh.size
+    surface, size = model_surface(plan.model), drawn_size(plan.model)
     looks = [next(k for k, good in enumerate((o.named, o.located, o.seen, True)) if good) for o in some]
     points: dict[tuple[int, ...], tuple[int, NDArray[np.float64]]] = {}
     members: dict[str, int] = {}
@@ -104,7 +103,7 @@ def _draw(plan: Plan, some: Sequence[Outlook], path: Path, title: str) -> Path:
                 points[key] = look, at
     scene = Scene(surface.rest, title=title)
     plain = to_rgb("#e4e7eb")
-    rgb = [to_rgb(LOOKS[members[m]][1]) if m in members else plain for m in mesh.member_of_line()]
+    rgb = [to_rgb(LOOKS[members[m]][1]) if m in members else plain for m in drawn_names(plan.model)]
     scene.add_surface(surface, surface.rest, rgb=np.array(rgb)[surface.line])
     scene.marks += [Mark(at, "o", LOOKS[look][1], 8.0) for look, at in points.values()]
     scene.legend += [

@@ -22,7 +22,14 @@ from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import in_order, merge_names, shorten
 from viz.meshes import polydata, wire_mesh
-from viz.models import displacement_at, member_families, model_surface, surface_places
+from viz.models import (
+    displacement_at,
+    drawn_names,
+    drawn_size,
+    member_families,
+    model_surface,
+    surface_places,
+)
 from viz.overlay import (
     Bar,
     Label,
@@ -69,11 +76,11 @@ def render_model(
     Path
         The file.
     """
-    surface, size = model_surface(model), model.mesh.size
+    surface, size = model_surface(model), drawn_size(model)
     families = member_families(model)
     names = in_order(families)
     colour = {name: style.MEMBERS[i % len(style.MEMBERS)] for i, name in enumerate(names)}
-    member = model.mesh.member_of_line()
+    member = drawn_names(model)
     rgb = np.array([to_rgb(colour[families[name]]) for name in member])[surface.line]
     scene = Scene(surface.rest, title=title)
     scene.add_surface(surface, surface.rest, rgb=rgb)
@@ -118,7 +125,7 @@ def render_mode(
     shape = modes.shapes[:, index]
     phase = shape_phase(shape)
     motion = real_shape(shape)
-    surface, size = model_surface(model, motion), model.mesh.size
+    surface, size = model_surface(model, motion), drawn_size(model)
     scale = amplification(surface, size)
     scene = Scene(surface.rest, surface.deformed(scale), title=title or mode_title(modes, index))
     scene.add_ghost(surface)
@@ -186,12 +193,12 @@ def render_misfit(
             "names are given; every sensor needs one of each"
         )
         raise ValueError(msg)
-    surface, size = model_surface(model), model.mesh.size
+    surface, size = model_surface(model), drawn_size(model)
     scene = Scene(surface.rest, title=title)
     bars = [Bar(style.misfit_map(), _colour_limits(misfit, limits), label)]
     rgb = np.tile(to_rgb("#e4e7eb"), (len(surface.triangles), 1))
     if members:
-        values = np.array([members.get(name, np.nan) for name in model.mesh.member_of_line()], dtype=float)[
+        values = np.array([members.get(name, np.nan) for name in drawn_names(model)], dtype=float)[
             surface.line
         ]
         every = np.array([*members.values(), *(v for _, v in joints)])
@@ -245,7 +252,7 @@ def render_faults(
     surface, mesh = model_surface(drawn), drawn.mesh
     motions = next((f.motions for f in faults if f.motions.shape[1] > motion), np.zeros((0, 0)))
     ghost = model_surface(drawn, motions[:, motion]) if motions.size else surface
-    moved = ghost.deformed(amplification(ghost, mesh.size, 0.15))
+    moved = ghost.deformed(amplification(ghost, drawn_size(drawn), 0.15))
     kinds = list(dict.fromkeys(fault.kind for fault in faults))
     words = ", ".join(f"{sum(f.kind == kind for f in faults)} x {kind}" for kind in kinds) or "no fault"
     if motions.shape[1] > 1:

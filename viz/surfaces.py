@@ -1,4 +1,4 @@
-"""Surfaces of frames and their deformation, as arrays: nothing here needs a screen.
+"""Surfaces of structures and their deformation, as arrays: nothing here needs a screen.
 
 Each line of a frame is drawn as its section swept along its axis. The axis of a vibrating line follows the
 cubic Hermite polynomials of its end displacements and rotations, so that bending looks smooth with few
@@ -6,7 +6,7 @@ elements, and each cross-section moves as a rigid body.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from viz.triangles import Floats, Ints, Outlines, anticlockwise, triangulate
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """The surface of a frame, at rest and moving.
+    """The surface of a structure, at rest and moving.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Surface:
     edges : ndarray of int (n_edges, 2)
         Vertices of the sharp edges, to be drawn as lines.
     line : ndarray of int (n_triangles,)
-        Index of the line that each triangle belongs to.
+        Index of the line that each triangle belongs to; parts are numbered after the lines.
     """
 
     centre: Floats
@@ -70,6 +70,16 @@ class Surface:
     def with_motion(self, translation: Floats, rotation: Floats) -> "Surface":
         """Return the surface with another motion."""
         return replace(self, translation=translation, rotation=rotation)
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """Return several surfaces as one."""
+    start = np.cumsum([0, *(len(s.centre) for s in surfaces)])
+    moved = [
+        replace(s, triangles=s.triangles + first, edges=s.edges + first)
+        for s, first in zip(surfaces, start[:-1], strict=True)
+    ]
+    return Surface(*(np.concatenate([getattr(s, f.name) for s in moved]) for f in fields(Surface)))
 
 
 def hermite(xi: ArrayLike, length: float, ends: ArrayLike, rotations: ArrayLike) -> tuple[Floats, Floats]:

@@ -123,7 +123,8 @@ def study_text(name: str) -> str:
         rows += [
             f'  {{ name = "{n}", nodes = [{solid.at(place)}] }},' for n, place in {**sensors, **hit}.items()
         ]
-        parts += ["[[superelements]]", f'name = "{part}"', f'file = "{part}.sti"', 'units = "mm-t-s"']
+        parts += ["[[superelements]]", f'name = "{part}"', f'file = "{part}.sti"', f'mesh = "{part}.inp"']
+        parts += ['units = "mm-t-s"']
         parts += ["attach = [", *rows, "]", ""]
     k = ", ".join(f"k{d} = {v:g}" for d, v in zip(("x", "y", "z", "rx", "ry", "rz"), BOLT, strict=True))
     for b, (x, y) in BOLTS.items():

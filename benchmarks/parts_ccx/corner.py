@@ -125,6 +125,7 @@ def study_text(model: str) -> str:
             "[[superelements]]",
             'name = "corner"',
             'file = "corner.sti"',
+            'mesh = "corner.inp"',
             'units = "mm-t-s"',
             "attach = [",
         ]

@@ -1,49 +1,24 @@
 """A picture of both structures with an FRF of each: CalculiX, and the models with parts."""
 
 import json
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from matplotlib.image import imread
 from numpy.typing import NDArray
 
 from benchmarks.parts_ccx import bolts, corner
-from benchmarks.parts_ccx.calculix import SAME_PLACE, Solid
-from dovetail import load_study
+from dovetail import Study, load_study
 from fem import FRF
+from fem.effects.joint import Joint
+from viz.render import render_model
 
-SIDES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
-"""Corners of the six faces of a hexahedron."""
-GREY, BLUE, ORANGE, RED = "#9aa3ad", "#1f6fb4", "#d98c1f", "#c0392b"
-
-
-def outside(solid: Solid) -> NDArray[np.float64]:
-    """Return the corners of the faces that only one element has, shape (n, 4, 3) [mm]."""
-    faces: dict[tuple[int, ...], list[int]] = {}
-    for element in solid.elements:
-        for side in SIDES:
-            numbers = [int(element[k]) for k in side]
-            key = tuple(sorted(numbers))
-            if faces.pop(key, None) is None:
-                faces[key] = numbers
-    return np.array([solid.nodes[np.array(face) - 1] for face in faces.values()])
-
-
-def _draw_solid(ax: Any, solid: Solid, colour: str, alpha: float = 1.0) -> None:
-    ax.add_collection3d(
-        Poly3DCollection(outside(solid), facecolor=colour, edgecolor="#444444", linewidth=0.25, alpha=alpha)
-    )
-
-
-def _frame(ax: Any, low: NDArray[np.float64], high: NDArray[np.float64], zoom: float) -> None:
-    for axis, a, b in zip("xyz", low, high, strict=True):
-        getattr(ax, f"set_{axis}lim")(a, b)
-    ax.set_box_aspect(high - low, zoom=zoom)
-    ax.set_axis_off()
+BLUE, ORANGE = "#1f6fb4", "#d98c1f"
 
 
 def _curve(ax: Axes, frf: FRF, output: str, force: str, label: str, **style: Any) -> None:
@@ -56,15 +31,17 @@ def draw(folder: Path, picture: Path) -> None:
     figure = Figure(figsize=(11, 7.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.25))
     case = min(folder.glob("bolts-*-soft"))
-    _draw_plates(figure.add_subplot(grid[0, 0], projection="3d"), case)
     ax = figure.add_subplot(grid[0, 1])
     study, found = load_study(case / "study.toml"), load_study(case / "report" / "found.toml")
+    soft = f"bolt {json.loads((case / 'truth.json').read_text())['soft']}"
+    place = next(joint.location for joint in study.model.of_kind(Joint) if joint.name == soft)
+    _structure(figure.add_subplot(grid[0, 0]), study, [(place, soft)])
     output, force = "13z", "21z"
     _curve(ax, study.measurements[0].frf, output, force, "CalculiX with 1 % noise", color="k", lw=2.2)
     _curve(ax, study.frf(bolts.LINES), output, force, "study as drawn", color=ORANGE, lw=1, ls="--")
     _curve(ax, found.frf(bolts.LINES), output, force, "with the soft bolt found", color=BLUE, lw=1)
     ax.set_title(f"cover, sensor {output}, force {force}", fontsize=10)
-    _draw_corner(figure.add_subplot(grid[1, 0], projection="3d"))
+    _structure(figure.add_subplot(grid[1, 0]), load_study(folder / "corner" / "rigid.toml"))
     lower = figure.add_subplot(grid[1, 1])
     output, force = "4z", "21z"
     measured = load_study(folder / "corner" / "rigid.toml").measurements[0].frf
@@ -84,25 +61,8 @@ def draw(folder: Path, picture: Path) -> None:
     figure.savefig(picture, dpi=110)
 
 
-def _draw_plates(ax: Any, case: Path) -> None:
-    base, cover = bolts.plates()
-    _draw_solid(ax, base, GREY)
-    _draw_solid(ax, cover, BLUE, 0.35)
-    soft = json.loads((case / "truth.json").read_text())["soft"]
-    for name, (x, y) in bolts.BOLTS.items():
-        ax.plot([x, x], [y, y], [0, 40], color=RED if name == soft else "k", lw=3, zorder=10)
-        ax.text(x, y, 46, name, color=RED if name == soft else "k", fontsize=9, zorder=11)
-    _frame(ax, np.array([0.0, 0.0, -40.0]), np.array([528.0, 168.0, 70.0]), 1.05)
-    ax.view_init(32, -62)
-    ax.set_title("two plates, four bolts; the red one is soft along x and y", fontsize=10)
-
-
-def _draw_corner(ax: Any) -> None:
-    whole = corner.solids()
-    inside = (whole.nodes[whole.elements - 1] <= corner.CUT + SAME_PLACE).all(axis=(1, 2))
-    _draw_solid(ax, replace(whole, elements=whole.elements[~inside]), GREY)
-    _draw_solid(ax, replace(whole, elements=whole.elements[inside]), BLUE)
-    low, high = whole.nodes.min(axis=0), whole.nodes.max(axis=0)
-    _frame(ax, low, high, 1.1)
-    ax.view_init(24, 38)
-    ax.set_title("three bars on a solid corner (blue: superelement)", fontsize=10)
+def _structure(ax: Axes, study: Study, marks: Sequence[tuple[NDArray[np.float64], str]] = ()) -> None:
+    with TemporaryDirectory() as scratch:
+        file = render_model(study.model, Path(scratch) / "structure.png", highlights=marks)
+        ax.imshow(imread(file))
+    ax.set_axis_off()

@@ -96,7 +96,7 @@ def run(options: Options, progress: Progress) -> Answer:
             f"measurement {problem.data.noise_db:.2f} dB",
             _table(c),
             *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
-            *(f"set right: {words.fault_text(f)}" for f in faults),
+            *(f"corrected: {words.fault_text(f)}" for f in faults),
             *suspected,
             *noted(study.measured_notes),
         ],

@@ -34,7 +34,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         type=integer_up_to(1000),
         default=10,
         metavar="N",
-        help="number of modes besides rigid-body ones; overdamped ones count (default 10)",
+        help="number of modes, without rigid-body modes; overdamped ones count (default 10)",
     )
     add_rpm(p)
 

@@ -20,8 +20,10 @@ def found_lines(d: "Diagnosis") -> list[str]:
     out = []
     for f in d.findings:
         out.append(f"  {words.finding_text(f)}")
-        if f.twins:
-            out.append(f"    cannot be told from: {'; '.join(words.ranked_label(t) for t in f.twins)}")
+        if f.alternatives:
+            names = "; ".join(map(words.ranked_label, f.alternatives))
+            out.append(f"    cannot be distinguished from: {names}")
+        out += [f"    {words.extension_text(f, t)}" for t in f.extensions]
     sure = probability_text(d)
     out += [f"  {text}" for text in (sure, words.far_text(uncertain_parameters(d))) if text]
     out += [f"  Form: {words.departure_text(f)}" for f in d.departures]

@@ -60,7 +60,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         type=values_by_name,
         default={},
         metavar="CHANNEL=FACTOR,...",
-        help="factors to SI units, such as N/V; they go before the units that the file says",
+        help="factors to SI units, such as N/V; they override the units in the file",
     )
     p.add_argument(
         "--rename",
@@ -80,7 +80,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--hits",
         type=positive,
         metavar="S",
-        help="cut blocks of so many seconds after each hit of one hammer",
+        help="cut a block of this many seconds after each hit of one hammer",
     )
     p.add_argument(
         "--block", type=integer_up_to(1 << 26, 8), metavar="N", help="samples of a block (default: an eighth)"

@@ -46,7 +46,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         type=not_negative,
         default=0.05,
         metavar="X",
-        help="accuracy asked of the model, relative to each FRF; 0 takes it for exact (default 0.05)",
+        help="accuracy expected of the model, relative to each FRF; 0 means exact (default 0.05)",
     )
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
     p.add_argument(

@@ -61,7 +61,7 @@ def run(options: Options, progress: Progress) -> Answer:
             "",
             places.first(options.number),
             "",
-            *(f"set right: {words.fault_text(f)}" for f in faults),
+            *(f"corrected: {words.fault_text(f)}" for f in faults),
             where.note,
             *noted(study.measured_notes),
         ],

@@ -26,7 +26,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--number",
         type=integer_up_to(100_000),
         metavar="N",
-        help="number of modes besides rigid-body ones (default 10)",
+        help="number of modes, without rigid-body modes (default 10)",
     )
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
 

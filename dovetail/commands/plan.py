@@ -52,7 +52,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--separate",
         action="store_true",
-        help="find what tells twins apart in a second test: a known mass, or a released support",
+        help="find what separates twins best in a second test: a known mass, or a released support",
     )
     p.add_argument(
         "--mass",
@@ -89,7 +89,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from updating.plan.plan import with_averages
 
     if options.excitations is not None and options.choose is None:
-        msg = "--excitations chooses forces beside sensors; say how many sensors: --choose N"
+        msg = "--excitations chooses forces in addition to sensors; give the number of sensors: --choose N"
         raise StudyError(msg)
     study = loaded(options)
     if options.check or options.separate:
@@ -114,7 +114,7 @@ def run(options: Options, progress: Progress) -> Answer:
     fields, printed = planning.plan_dict(plan), planning.chosen_lines(chosen) if chosen else []
     printed += [f"{study.name}: {planning.title(plan)}", planning.headline(plan), "", kinds]
     for title, some in (
-        ("seen, but not told apart:", planning.twin_lines(plan)),
+        ("seen, but not distinguished:", planning.twin_lines(plan)),
         ("not seen in relevant size:", planning.blind_lines(plan)),
     ):
         printed += ["", title, *(f"  {line}" for line in some)] if some else []

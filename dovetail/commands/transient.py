@@ -65,7 +65,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
             action="append",
             default=[],
             metavar="PLACE:DIRECTION=VALUE",
-            help=f"initial {option} [{unit}] {words}, such as B:x=0.01; repeatable, besides [[initial]]",
+            help=f"initial {option} [{unit}] {words}, such as B:x=0.01; repeatable, adds to [[initial]]",
         )
     p.add_argument("--method", choices=METHODS, default="modal", help="default modal, which is exact")
     p.add_argument(

@@ -149,8 +149,9 @@ class CandidateList:
         if not best:
             return
         old = desk.ranked_beside is not desk.now.hypothesis
-        when = " beside an earlier hypothesis; rank again for the present one" if old else ""
-        ui.label(f"Residual level that each would leave, without a fit{when}:").classes("desk-note")
+        when = " for an earlier hypothesis; rank again for the present one" if old else ""
+        text = f"Prediction error that each candidate would leave, before refitting{when}:"
+        ui.label(text).classes("desk-note")
         for promise in best:
             effect = promise.effect
             with ui.element("div").classes("desk-row"):

@@ -270,7 +270,7 @@ class EffectList:
         alike = [t for t in twins(desk.ranking, name) if t[0].effect.name in desk.candidates][:N_TWINS]
         if not alike:
             return
-        ui.label("Alternatives that change the FRFs alike:").classes("desk-note")
+        ui.label("Alternatives with a similar change of the FRFs:").classes("desk-note")
         for promise, similarity in alike:
             other = promise.effect
             with ui.element("div").classes("desk-row"):

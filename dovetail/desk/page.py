@@ -42,7 +42,7 @@ NIGHT = {**DAY, "primary": "#56b4e9", "dark_page": "#161b22", "dark": "#0d1117"}
 """Colours of controls and notices, which text on them and beside them can be read with (WCAG AA)."""
 NUMBERS = {
     "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
-    "left": "left beyond the noise", "apart": "held-out channels",
+    "left": "error beyond the noise", "apart": "held-out channels",
 }  # fmt: skip
 ROLES = ("sensor", "excitation")
 """Marks of the model that choose the FRF shown."""
@@ -324,7 +324,7 @@ class Page:
         self.act(lambda: self.desk.take_fit(job))
         for fault in self.desk.now.hypothesis.faults:
             if fault not in faults:
-                ui.notify(f"set right: {fault_text(fault)}", multi_line=True)
+                ui.notify(f"corrected: {fault_text(fault)}", multi_line=True)
         few = len(self.desk.candidates) <= RANKED_UNASKED
         if few and not self.searches.busy and not self.desk.now.hypothesis.effects:
             self._rank(())

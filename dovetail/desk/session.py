@@ -114,7 +114,7 @@ class Desk:
             history = read_journal(self._journal, self.study.text, self.candidates)
             self.history, self.shown = history, self._evaluated(history)
             if len(self.history.states) > 1:
-                self.notes.append("The desk is where it was left; undo goes further back.")
+                self.notes.append("The desk continues where you stopped; undo goes further back.")
         except JournalError as reason:
             self.notes.append(f"{reason}; it is kept as {set_aside(self._journal).name}")
 

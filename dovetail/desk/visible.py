@@ -99,7 +99,7 @@ class PlanView:
         table = ui.table(rows=rows, columns=columns).props("dense flat wrap-cells")
         labelled(table, "Kinds of effects")
         for title, lines in (
-            ("Seen, but not told apart", planning.twin_lines(plan)),
+            ("Seen, but not distinguished", planning.twin_lines(plan)),
             ("Not seen in relevant size", planning.blind_lines(plan)),
         ):
             if lines:

@@ -20,9 +20,11 @@ from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
 from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
+from fem.elements.part_faces import PartFaces
 from fem.elements.part_ties import TIES, Attachment
 from fem.io.abaqus import read_node_sets
 from fem.io.matrices import read_matrices
+from fem.io.part_mesh import read_part_faces
 from fem.matrices import Matrices
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Effect
@@ -235,6 +237,8 @@ class ForeignPart:
         Loss factor [-].
     folder : Path
         Of the study; a large part that has been condensed is kept there.
+    faces : PartFaces or None
+        The outer surface, for pictures.
     """
 
     table: Table
@@ -247,6 +251,7 @@ class ForeignPart:
     held: bool
     eta: float
     folder: Path
+    faces: PartFaces | None
 
     def reduced(self, mesh: Mesh, highest: float, notes: list[str]) -> Superelement:
         """Return the part reduced to its points and modes; what looks odd is noted."""
@@ -258,7 +263,7 @@ class ForeignPart:
             known = stored(file, key, self.name, self.matrices, points)
             if known is not None:
                 notes.extend(known[1])
-                return replace(known[0], eta=self.eta)
+                return replace(known[0], eta=self.eta, faces=self.faces)
         with self.table.at(), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             out = Superelement.from_matrices(
@@ -271,6 +276,7 @@ class ForeignPart:
                 n_modes=self.n_modes,
                 max_frequency=top,
                 residual=self.n_modes is None,
+                faces=self.faces,
             )
         messages = [str(w.message) for w in caught]
         if key:
@@ -287,14 +293,15 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
         name = t.text("name", path.stem)
         if name == Frame.kind:
             t.refuse("name", f"'{name}' stands for the members; give the part another name")
-        units = t.get("units", "SI")
+        given = t.get("units", "SI")
+        units = given if isinstance(given, str) else tuple(given)
         sets, deck = t.text("node_sets", ""), t.text("deck", "")
         for key, other in (("deck", deck), ("node_sets", sets)):
             if other and not (folder / other).is_file():
                 t.refuse(key, f"there is no file '{folder / other}'")
         with t.at("file"):
             places = folder / deck if deck else None
-            part = read_matrices(path, units if isinstance(units, str) else tuple(units), deck=places)
+            part = read_matrices(path, units, deck=places)
         with t.at("node_sets"):
             known = read_node_sets(folder / sets) if sets else {}
         attachments: list[Attachment] = []
@@ -306,8 +313,12 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
             t.number("max_frequency", None, above=0, unit="Hz"),
         )
         held, eta = t.flag("held", False), t.number("eta", 0.0, least=0)
+        mesh, faces = t.text("mesh", ""), None
+        if mesh:
+            with t.at("mesh"):
+                faces = read_part_faces(folder / mesh, part, units, held=held)
         t.finish()
-        found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta, folder)
+        found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta, folder, faces)
         out.append(ForeignPart(t, name, part, *found))
     return tuple(out)
 

@@ -93,7 +93,7 @@ def _weak(comparison: LazyComparison, r: RawMeasurement, evidence: PhaseEvidence
     if to_model is not None and float(np.median(to_model.dissipation)) < -0.5:
         r.table.refuse(
             "file",
-            f"{found}, and beside the model's their imaginary parts have the other sign; give conjugate = "
+            f"{found}, and their imaginary parts have the opposite sign of the model's; give conjugate = "
             "true in [[measurements]], or check_phase = false if they are right",
         )
     return [f"{found}, but the difference is too small to be sure; try conjugate = true in [[measurements]]"]
@@ -118,8 +118,8 @@ def _refuse_reversed(
         r.table.refuse(
             "kind" if "kind" in r.table.values else "file",
             f"the FRFs of {r.name} are called {m.frf.kind}; their sign where force and sensor share a place, "
-            f'{names[0]}, and their size beside the model\'s are those of {like}; give kind = "{like}", or '
-            "check_phase = false if they are right",
+            f"{names[0]}, and their size compared with the model are those of {like}; give kind = "
+            f'"{like}", or check_phase = false if they are right',
         )
     suspicions.append(
         f"in {r.name} the structure gives power to the force at {', '.join(dict.fromkeys(names))}, where "
@@ -163,7 +163,7 @@ def _words(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> str:
         "is a quarter turn off"
     )
     if f.of == "sensor":
-        found += " (so is the motion beside a strong damper)"
+        found += " (so is the motion next to a strong damper)"
     return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
 
 

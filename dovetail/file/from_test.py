@@ -229,7 +229,7 @@ def _text(structure: Structure, measured: Path, folder: Path, kind: str | None) 
 # A study of a mesh and a test{change}.
 #
 #   dovetail check study.toml      what is wrong or missing
-#   dovetail compare study.toml    the model beside the measurement
+#   dovetail compare study.toml    the model compared with the measurement
 #
 # Units are SI: m, kg, s, N, Pa, Hz. docs/study-file.md says what may stand here.
 

@@ -192,9 +192,7 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
     connect, free = mesh.flag("connect", True), mesh.flag("free_points", False)
     if file:
         if points.values:
-            points.refuse(
-                "", "points and members have no ends of their own where [mesh] gives a file; leave one out"
-            )
+            points.refuse("", "[points] and [mesh] file both define the geometry; remove one of them")
         path = folder / file
         if not path.is_file():
             mesh.refuse("file", f"there is no file '{os.fspath(path)}'")

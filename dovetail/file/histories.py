@@ -102,7 +102,7 @@ class Columns:
         if not label:
             if density and self.per_radian:
                 msg = (
-                    f"{place} has no unit beside angular frequencies; state ({unit})^2/Hz or "
+                    f"{place} has no unit, and its frequencies are angular; state ({unit})^2/Hz or "
                     f"({unit})^2/(rad/s)"
                 )
                 raise StudyError(msg)

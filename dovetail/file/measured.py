@@ -225,7 +225,7 @@ def _repeats(
                 t.refuse(
                     "repeats",
                     f"the FRFs of {file} are nearer to those of the first file {turned}; their average would "
-                    "be wrong: correct the file, or give it as a measurement of its own",
+                    "be wrong: correct the file, or give it as a separate measurement",
                 )
         out.append(frfs)
     return out

@@ -204,10 +204,10 @@ def _raw_modes_of(t: Table, folder: Path, file_notes: list[str], more_keys: Sequ
         if not frequency.size or (frequency <= 0).any():
             t.refuse("frequency", f"{frequency.tolist()} is not allowed; positive numbers [Hz] are needed")
         if t.get("shape_std", None) is not None:
-            t.refuse("shape_std", "there are no shapes beside frequency; give file")
+            t.refuse("shape_std", "there are frequencies but no shapes; give file")
         if zeta is not None and (len(zeta) != len(frequency) or (zeta <= 0).any()):
             t.refuse(
-                "zeta", f"{len(zeta)} values stand beside {len(frequency)} frequencies; one each, above 0"
+                "zeta", f"{len(zeta)} values are given for {len(frequency)} frequencies; one each, above 0"
             )
         order = np.argsort(frequency, kind="stable")
         f, zeta = frequency[order], None if zeta is None else zeta[order]
@@ -236,7 +236,7 @@ def _raw_modes_of(t: Table, folder: Path, file_notes: list[str], more_keys: Sequ
             modes = read_modes(path)
             std = read_npz_mode_std(path)
     if not modes.labels and len(modes.shapes):
-        t.refuse("file", "its shapes have no labels, so that nothing says which row is which sensor")
+        t.refuse("file", "its shapes have no labels, so the sensor of each row is unknown")
     return RawModes(t, modes, nodes, Path(file).name, std)
 
 
@@ -271,7 +271,7 @@ def match_modes(raw: RawModes | None, test: ModalTest, notes: list[str]) -> Meas
         "driven": _named(t, "excitations", test.excitations, alone=test.alone and not modes.labels),
     }
     if more["numbers"] and len(more["numbers"]) != n:
-        t.refuse("numbers", f"{len(more['numbers'])} numbers stand beside {n} modes; one each is needed")
+        t.refuse("numbers", f"{len(more['numbers'])} numbers are given for {n} modes; one each is needed")
     if len(more["held_out"]) >= n > 0:
         t.refuse("held_out", "it names every mode; leave at least one for the fit")
     if not modes.labels:
@@ -335,7 +335,7 @@ def _std(t: Table, key: str, n: int, default: np.ndarray) -> np.ndarray:
         return default if value is None else np.full(n, t.number(key, above=0))
     each = t.vector(key, None, None, "-")
     if len(each) != n or (each <= 0).any():
-        t.refuse(key, f"{len(each)} values stand beside {n} modes; one, or one each, above 0")
+        t.refuse(key, f"{len(each)} values are given for {n} modes; one, or one each, above 0")
     return each
 
 

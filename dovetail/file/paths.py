@@ -24,6 +24,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("superelements", "file"): "the matrices of a part",
     ("superelements", "deck"): "the places of a part's nodes",
     ("superelements", "node_sets"): "the node sets of a part",
+    ("superelements", "mesh"): "the mesh of a part",
     ("damping", "file"): "the modes that give the damping",
     ("modes", "file"): "the measured modes",
     ("ambient", "file"): "the record of an ambient test",
@@ -147,7 +148,7 @@ def input_files(study: Path) -> tuple[InputFile, ...]:
                     stems = (f"{path.stem}.", f"{base}.", *(f"{file.stem}." for file in files.values()))
                     siblings = [p for p in path.parent.iterdir() if p.name.startswith(stems)]
                     out += [InputFile(p, what) for p in siblings if not p.name.endswith(CONDENSED)]
-            elif keys in (("mesh", "file"), ("superelements", "deck"), ("superelements", "node_sets")):
+            elif keys == ("mesh", "file") or keys[0] == "superelements":
                 out += [InputFile(p, f"included by {what}") for p in _included(path)]
     return tuple(out)
 

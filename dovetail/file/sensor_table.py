@@ -130,7 +130,7 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
             unused += [title] if title else []
             continue
         if key in found:
-            msg = f"{name}, column {title}: the column {found[key]} says the same"
+            msg = f"{name}, column {title}: the column {found[key]} has the same meaning"
             raise StudyError(msg)
         found[key] = title
         if unit and key in (*_PLACE, *_OFFSET):
@@ -183,7 +183,8 @@ def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str
         if missing is not None:
             raise source.error((row, missing), f"it is empty, and {source.columns[some[0]]} is not")
         if key in out:
-            raise source.error((row, key), f"'{out[key]}' stands beside {', '.join(group)}; give one of them")
+            others = ", ".join(group)
+            raise source.error((row, key), f"'{out[key]}' is given together with {others}; give one of them")
         out[key] = [out.pop(k) for k in group]
     return out
 

@@ -267,9 +267,9 @@ def _size_words(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None
     like = kind_by_model(frf, to_model, evidence)
     if like is not None:
         return (
-            f"are called {frf.kind}, and beside the model's they look like {like}, {factor:.3g} times the "
-            f'model\'s in the median: either kind = "{like}" is right, or the model is far too stiff at one '
-            "end of the band and too soft at the other"
+            f"are called {frf.kind}, and compared with the model they look like {like}, {factor:.3g} times "
+            f'the model\'s in the median: either kind = "{like}" is right, or the model is far too stiff at '
+            "one end of the band and too soft at the other"
         )
     if abs(level) < np.log10(LARGE_FACTOR):
         return ""

@@ -86,12 +86,12 @@ def _steps(d: Diagnosis, result: RunResult) -> list[Block]:
         rows.append([words.step_label(s.label), *map(cells.decimals, errors)])
     text = (
         "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-        f"{'also counts the phase, ' if d.problem.data.phase else ''}weighs outliers less, and has "
-        "small errors of single modes set right. "
+        f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
+        "and corrects small errors of single modes. "
     )
     if d.posterior:
         text += (
-            "Hypotheses are ranked by their evidence, each of up to four bands having an error level of its "
-            "own; held-out lines do not count."
+            "Hypotheses are ranked by their evidence, with a separate error level in each of up to four "
+            "bands. Held-out lines do not count."
         )
     return [TableBlock(head, rows, numbers=range(1, len(head))), Text(text)]

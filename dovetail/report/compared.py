@@ -56,8 +56,8 @@ def gates(result: RunResult) -> Section:
         [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in known.checks] if known else []
     )
     text = (
-        "Made before the search for effects. What fails is set right, counted as noise, or stays a warning "
-        "beside the verdict."
+        "Made before the search for effects. What fails is corrected, counted as noise, or reported as a "
+        "warning with the verdict."
     )
     blocks = [Text(text), TableBlock(["check", "outcome", "finding"], rows)] if known else []
     return Section("Checks of the measurement", blocks)
@@ -85,15 +85,13 @@ def _counted(data: FitData, model_error: float) -> str:
         if not mask[:, r, c].any()
     ]
     text = (
-        f"{100 * mask.mean():.0f} % of all; left out are FRFs that are zero by symmetry "
+        f"{100 * mask.mean():.0f} % of all; excluded are FRFs that are zero by symmetry "
         "and lines with too much noise"
     )
     if model_error > 0:
-        text += (
-            f", and readings that {100 * TRANSVERSE:.0f} % of the motion across their sensor may have made"
-        )
+        text += f", and readings that {100 * TRANSVERSE:.0f} % transverse sensitivity could have caused"
     if silent:
-        text += f". Left out as a whole: {', '.join(silent[:12])}" + (
+        text += f". Excluded entirely: {', '.join(silent[:12])}" + (
             f" and {len(silent) - 12} more" if len(silent) > 12 else ""
         )
     return text

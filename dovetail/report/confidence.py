@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report.probable import replaced_text
-from dovetail.report.words import effect_label, ranked_label
+from dovetail.report.words import effect_label, extension_text, ranked_label
 from dovetail.result import RunResult
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Finding, Ranked, Step
@@ -24,8 +24,9 @@ def mode_confidence(result: ModeRunResult) -> list[str]:
     if m.held_out.any():
         first_error, last_error = (100 * m.errors(f, True) for f in (first, last))
         out.append(
-            f"Modes that no fit has seen are {first_error:.2g} % off before, {last_error:.2g} % in the end. "
-            "A prediction that is met is worth more than a fit."
+            f"Modes that were not fitted are {first_error:.2g} % off before, {last_error:.2g} % with the "
+            "reported model. "
+            "A correct prediction is stronger evidence than a fit."
         )
     out += [f"{b.text[0].upper()}{b.text[1:]}. It counts in no error." for b in d.bad_readings]
     if len(d.credible) > 1:
@@ -47,22 +48,22 @@ def confidence(result: RunResult) -> list[str]:
     if d.findings:
         out = [
             f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
-            f"{last.fit_db:.2f} dB on the lines of the fit (factor "
+            f"{last.fit_db:.2f} dB on the fitted lines (factor "
             f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
-            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on lines that no fit has seen (factor "
+            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on held-out lines (factor "
             f"{ratio(base.held_out_db, last.held_out_db):.1f})."
         ]
     else:
         out = [
             f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
             "fit and "
-            f"{last.held_out_db:.2f} dB on lines that no fit has seen; the {start} model had "
+            f"{last.held_out_db:.2f} dB on held-out lines; the {start} model had "
             f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
         ]
     for label, (first, *_, end) in result.held_out_channels.items():
-        text = f"{first:.2f} dB {start}, {end:.2f} dB in the end"
-        nothing = "nothing of them can be compared"
-        out.append(f"FRFs of the {label}, which no fit has seen: {text if math.isfinite(end) else nothing}.")
+        text = f"{first:.2f} dB {start}, {end:.2f} dB for the reported model"
+        nothing = "none of them can be compared"
+        out.append(f"FRFs of the {label}, which were not fitted: {text if math.isfinite(end) else nothing}.")
     out.append(
         f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
         f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
@@ -86,21 +87,21 @@ def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
 
 
 MORE_PROBABLE = (
-    " The effect is more probable all the same: each band has an error level of its own, and parameters have "
-    "priors."
+    " The effect is nevertheless more probable, because each band has its own error level and parameters "
+    "have priors."
 )
 
 
 def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
     label = effect_label(finding.effect.kind, finding.effect.where)
     subject, it = (label[:1].upper() + label[1:], label) if len(d.findings) > 1 else ("It", "it")
-    if finding.twins:
-        listed = "; ".join(ranked_label(t) for t in finding.twins[:4]) + (
-            " …" if len(finding.twins) > 4 else ""
-        )
-        text = f"These data cannot tell {it} from {listed}."
+    others = finding.alternatives
+    if others:
+        listed = "; ".join(map(ranked_label, others[:4])) + (" …" if len(others) > 4 else "")
+        text = f"These data cannot distinguish {it} from {listed}."
     else:
-        text = replaced_text(d, subject, finding.effect.name)
+        text = replaced_text(d, subject, finding.effect)
+    text += "".join(f" The data are {extension_text(finding, t)}." for t in finding.extensions)
     rival = finding.rival
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
     if accepted is None:

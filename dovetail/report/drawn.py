@@ -21,8 +21,8 @@ WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
 
 STAIRCASE = (
-    "Root mean square error of the FRFs' amplitudes after each step, on the lines of the fit and on "
-    "lines held out from it. The grey floor is measurement noise and mesh error."
+    "Root mean square error of the FRF amplitudes after each step, on fitted and on held-out lines. The "
+    "noise floor is that of measurement noise and mesh error."
 )
 
 FRF_ERROR = (
@@ -94,7 +94,7 @@ def rivals(result: RunResult) -> dict[int, Ranked]:
     d = result.diagnosis
     out = {}
     for k, finding in enumerate(d.findings):
-        against = finding.rival or (finding.twins[0] if finding.twins else None)
+        against = finding.rival or next(iter(finding.alternatives), None)
         if against is not None and finding.decisive and k < len(d.rounds):
             out[k] = against
     return out
@@ -213,7 +213,7 @@ def pair_errors(result: RunResult, step: int) -> NDArray[np.float64]:
 
 
 def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
-    """Return FRFs worth a look and why: most gained, drive points, worst in the end."""
+    """Return FRFs worth a look and why: most gained, drive points, largest final error."""
     n_steps = len(result.comparisons)
     last = result.comparisons[n_steps - 1]
     before, after = (pair_errors(result, k) for k in (1 if n_steps > 2 else 0, n_steps - 1))
@@ -228,7 +228,7 @@ def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
     for which, why in (
         ([*sorted(by_input.values(), key=gained.index), *gained][: n - 3], "most gained"),
         (drive[:2], "drive point"),
-        (worst[:1], "worst in the end"),
+        (worst[:1], "largest final error"),
         (gained, ""),
     ):
         for p in which:

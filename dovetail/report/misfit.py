@@ -11,7 +11,7 @@ from dovetail.result import RunResult, least_frac
 def misfit(result: RunResult, shown: Shown) -> Section:
     """Return the error by sensor and by band, and places where a small change would help."""
     text = (
-        "The model with its uncertain parameters fitted and nothing added. One that lacks nothing is "
+        "The model with fitted uncertain parameters, before any effect is added. A complete model is "
         "equally good everywhere; a missing effect shows near it, or in the modes that strain it."
     )
     what = (
@@ -62,5 +62,5 @@ def _sensor_errors(result: RunResult) -> TableBlock:
         [first.outputs[i], *(cells.decimals(float(c[i])) for c in columns), cells.number(float(frac[i]), 3)]
         for i in order
     ]
-    head = ["sensor", "nominal [dB]", "fitted [dB]", "in the end [dB]", "least FRAC in the end [-]"]
+    head = ["sensor", "nominal [dB]", "fitted [dB]", "final [dB]", "lowest final FRAC [-]"]
     return TableBlock(head, rows, numbers=(1, 2, 3, 4))

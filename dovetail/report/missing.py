@@ -44,7 +44,7 @@ def missing(result: RunResult, shown: Shown) -> Section:
     for k, finding in enumerate(d.findings):
         if k < len(d.rounds):  # not of effects that were added by hand
             blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
-        for twin, proposals in zip(finding.twins, finding.proposals, strict=False):
+        for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
             blocks += _separated(finding, twin, proposals)
     text = (
         "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
@@ -63,18 +63,18 @@ def _absent(finding: Finding, found: EffectParameter) -> str:
 
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
-    known = [(accepted, "accepted"), *((t, "twin") for t in finding.twins)]
-    if accepted is not None:
-        known += [(r, "contains it") for r in ranked if r.contains(accepted) and r not in finding.twins][:2]
+    known = [(accepted, "accepted"), *((t, "twin") for t in finding.alternatives)]
+    extensions = [*finding.extensions, *(r for r in ranked if r.extends(finding.effect))]
+    known += [(r, "contains it") for r in dict.fromkeys(extensions)][:2]
     known.append((finding.rival, "best other"))
     twins = (
-        "Twins bring nearly the same reduction; which of them it is only knowledge of the structure can say."
-        if finding.twins
-        else "No candidate that does not contain it brings nearly the same reduction."
+        "Twins explain the data nearly as well; only knowledge of the structure can decide between them."
+        if finding.alternatives
+        else "No candidate without it explains the data nearly as well."
     )
     text = (
         f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that these "
-        "sensors cannot tell them apart."
+        "sensors cannot distinguish them."
     )
     return [
         Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
@@ -86,17 +86,17 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
 def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
     """Say which FRFs and bands prefer the effect to its rival."""
     heading = Heading("Deciding evidence")
-    against = finding.rival or (finding.twins[0] if finding.twins else None)
+    against = finding.rival or next(iter(finding.alternatives), None)
     if against is None:
         return [heading, Text("No other candidate was promising enough to be fitted and compared with it.")]
     if not finding.decisive:
         return []
     first = finding.decisive[0]
     lead = (
-        f"Were it {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
-        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz would be {first.second_db:.1f} dB off even with the "
-        f"best values of its parameters; it is {first.first_db:.1f} dB off. The pieces that speak most for "
-        "the effect, with the error with it and with its rival:"
+        f"With {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
+        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz is {first.second_db:.1f} dB off at its best "
+        f"parameters, and {first.first_db:.1f} dB off with the effect. The data that favour the effect most, "
+        "with its error and that of the rival:"
     )
     pieces = [(words.decisive_text(each), " ", Pick(each.output, each.input)) for each in finding.decisive]
     return [heading, Text(lead), Items(pieces), Group("off", [picture])]
@@ -127,11 +127,11 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
     head = ["measurement", "difference of the predictions [dB]", "odds to expect"]
     none = Text("No sensor, force or band that was tried would separate them.")
     text = (
-        "Odds are those of the likelihoods once the wrong one has been fitted again to all data, if "
-        "the new data are as good as the present ones. A sensor counts with the present forces, a "
-        "force with the present sensors."
+        "Odds are ratios of likelihoods, after the wrong hypothesis has been fitted again to all data and "
+        "if the new data are as good as the present ones. A new sensor counts with the present forces, a "
+        "new force with the present sensors."
     )
-    heading = Heading(f"To tell {effect} from {words.ranked_label(twin)}")
+    heading = Heading(f"To distinguish {effect} from {words.ranked_label(twin)}")
     return [heading, TableBlock(head, rows, numbers=(1, 2)) if rows else none, Text(text)]
 
 
@@ -153,13 +153,13 @@ def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
             if not d.more_than_noise
             else "Nothing that stands out from the error of beam theory."
         ),
-        FAULT: "Nothing, once the sensors below are set right.",
+        FAULT: "Nothing, once the sensors below are corrected.",
         UNEXPLAINED: (
             "Something, but none of the candidates. The model should not be trusted for its purpose "
             "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
-    looked = f"{looked_at} candidates were looked at: {', '.join(kinds)}.{gained}"
+    looked = f"{looked_at} candidates were examined: {', '.join(kinds)}.{gained}"
     tried = Text(looked if looked_at else "There were no candidates.")
     return [Text(text), *_excluded(result, shown), tried]
 
@@ -171,7 +171,7 @@ def _excluded(result: RunResult, shown: Shown) -> list[Block]:
     figure = shown.figure(
         "excluded",
         "The structure coloured by the sizes above; the list above the figure chooses the effect.",
-        "From what size on an effect would have been seen at each place; dark places show small ones. "
+        "Smallest size of an effect that would have been seen at each place. "
         "Where it may have several directions, the colour is that of the largest size. Point at a place "
         "for all of them.",
         tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
@@ -185,11 +185,11 @@ def search(result: RunResult, shown: Shown) -> Section:
     """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
     text = (
-        "Each round looks at every candidate on a grid of its parameters (of very many, at those on a "
-        "short list), fits the promising ones quickly, together with the uncertain parameters, and the "
-        "best of these fully. The most probable hypothesis is kept if its evidence, with the prior odds "
-        "against each place, is larger than that without it. Then the search is repeated with it. Those "
-        "that were fitted fully are listed."
+        "Each round evaluates all candidates, or a short list of very many, on a grid of their parameters. "
+        "It fits the promising ones briefly, together with the uncertain parameters, and the best of these "
+        "fully. The most probable hypothesis is kept if its evidence, with the prior odds against each "
+        "place, is larger than that without it. The search is then repeated with it. The table has the "
+        "fully fitted candidates."
     )
     rounds = [k for k, ranked in enumerate(d.rounds) if ranked]  # not those in the model before the search
     blocks: list[Block] = [Text(text)] if rounds else []
@@ -205,7 +205,9 @@ def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:
     alt = (
         f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has the numbers."
     )
-    roles = {t.name: "twin" for t in finding.twins} | {finding.effect.name: "accepted"} if finding else {}
+    roles = {} if finding is None else {t.name: "twin" for t in finding.alternatives}
+    if finding is not None:
+        roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}
     known = [(r, roles.get(r.name, "")) for r in ranked]
     table = cells.ranking(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
     title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"

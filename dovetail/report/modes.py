@@ -96,7 +96,8 @@ def _baseline(result: ModeRunResult) -> Section:
     causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
     text = (
         "The calibrated model does not explain the first state. Something may be missing in both states. "
-        "What has changed was looked for beside each of these causes, and probabilities are sums over them."
+        "The change was searched for with each of these causes in the model, and probabilities are sums "
+        "over them."
     )
     caption = (
         "Frequencies of the calibrated model less the measured ones of the first state, in standard "
@@ -208,11 +209,11 @@ def _role(m: ModeTable, k: int) -> str:
 def _places(result: ModeRunResult) -> Section:
     rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
     text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
-    table = TableBlock(["place", "misfit left [-]"], rows, numbers=(1,), at_most=8)
+    table = TableBlock(["place", "remaining misfit [-]"], rows, numbers=(1,), at_most=8)
     return Section("Where", [text, table] if rows else ())
 
 
 def _next(result: ModeRunResult) -> Section:
     proposals = result.diagnosis.next_measurements
-    lead = "To tell the first two explanations apart:" if proposals else ""
+    lead = "To distinguish the first two explanations:" if proposals else ""
     return Section("What to measure next", [Text(lead), Items(proposals)])

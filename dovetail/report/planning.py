@@ -167,7 +167,7 @@ def twin_lines(plan: Plan) -> list[str]:
 def twin_text(outlook: Outlook, rival: Effect) -> str:
     """Return a relevant effect and what the test cannot tell it from."""
     one, other = (words.effect_label(e.kind, e.where) for e in (outlook.relevant, rival))
-    return f"{one}, {size_text(outlook.relevant)} = {other} (alike to {outlook.visible.alike:.3f})"
+    return f"{one}, {size_text(outlook.relevant)} = {other} (similar to {outlook.visible.alike:.3f})"
 
 
 def blind_lines(plan: Plan) -> list[str]:
@@ -250,7 +250,7 @@ def table_of_twins(found: Sequence[Separation]) -> Table:
         Column("its twin", [words.effect_label(s.rival.kind, s.rival.where) for s in found]),
         *columns_of(("alike", "with a second test"), np.array([s.alike for s in found]), show=".3f"),
         Column("after this change", [s.change for s in found]),
-        Column("told apart", ["yes" if s.ratio >= 1 else "no" for s in found]),
+        Column("distinguished", ["yes" if s.ratio >= 1 else "no" for s in found]),
     )
 
 

@@ -16,8 +16,8 @@ Posterior = Sequence[tuple[Collection[str], float]]
 
 
 def included(posterior: Posterior, names: Collection[str]) -> float:
-    """Return the probability of all hypotheses that have these effects, with or without others [-]."""
-    return float(sum(p for known, p in posterior if set(names) <= set(known)))
+    """Return the probability of all hypotheses that have one of these effects, with or without others [-]."""
+    return float(sum(p for known, p in posterior if set(names) & set(known)))
 
 
 def exactly(posterior: Posterior, names: Collection[str]) -> float | None:
@@ -26,9 +26,9 @@ def exactly(posterior: Posterior, names: Collection[str]) -> float | None:
     return sum(each) if each else None
 
 
-def without(posterior: Posterior, name: str) -> tuple[Collection[str], float] | None:
-    """Return the most probable hypothesis that has not this effect, if it is as probable as a twin may be."""
-    others = [(known, p) for known, p in posterior if name not in known]
+def without(posterior: Posterior, names: Collection[str]) -> tuple[Collection[str], float] | None:
+    """Return the most probable hypothesis without any of these effects, if a twin may be as improbable."""
+    others = [(known, p) for known, p in posterior if not set(names) & set(known)]
     least = math.exp(-TWIN_NATS) * max((p for _, p in posterior), default=0.0)
     best = max(others, key=lambda other: other[1], default=((), 0.0))
     return best if best[1] > least else None
@@ -39,7 +39,7 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
 
     Empty where the search gives no probabilities.
     """
-    posterior, found = _known(d)
+    posterior, found, candidates = _known(d)
     exact = exactly(posterior, [e.name for e in found])
     if exact is None:
         return ""
@@ -49,12 +49,12 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
     if not found:
         besides = _besides_text(d) if isinstance(d, Diagnosis) else ""
         return f"Probability among all hypotheses: {percent(exact)}{besides}"
-    shares = [percent(included(posterior, [e.name])) for e in found]
+    shares = [percent(included(posterior, with_extensions(e, candidates))) for e in found]
     if len(found) == 1:
         text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
     else:
         each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
-        text = f"Probability of each effect: {'; '.join(each)}; of exactly these: {percent(exact)}"
+        text = f"Probability of each effect: {'; '.join(each)}; of exactly these effects: {percent(exact)}"
     if isinstance(d, ModeDiagnosis):  # the reason of a diagnosis by FRFs tells of the place
         here = next(p for known, p in posterior if set(known) == {e.name for e in found})
         if here < exact:
@@ -71,7 +71,7 @@ def _besides_text(d: Diagnosis) -> str:
     if not found < set(names):
         return ""
     more = label_of(d, [n for n in names if n not in found])
-    return f"; with {more} besides: {percent(p)}, too close to tell, so the simpler answer is reported"
+    return f"; with {more} in addition: {percent(p)}, too close to decide, so the simpler answer is reported"
 
 
 def reported(d: Diagnosis) -> int:
@@ -92,9 +92,14 @@ def vague_text(d: Diagnosis) -> str:
     return "; ".join(text[0].upper() + text[1:] for text in vague)
 
 
-def replaced_text(d: Diagnosis, subject: str, name: str) -> str:
+def with_extensions(effect: Effect, candidates: Iterable[Effect]) -> list[str]:
+    """Return the names of an effect and of all candidates that do the same and more."""
+    return [effect.name, *(e.name for e in candidates if e.covers(effect))]
+
+
+def replaced_text(d: Diagnosis, subject: str, effect: Effect) -> str:
     """Return which answer could replace an effect that has no twin alone, or that none could."""
-    other = without(d.posterior, name)
+    other = without(d.posterior, with_extensions(effect, d.candidates))
     if other is None:
         return f"{subject} has no twin: no answer without it is nearly as probable."
     label, p = label_of(d, other[0]), percent(other[1])
@@ -133,9 +138,9 @@ def label_of(d: Diagnosis, names: Iterable[str]) -> str:
     return " and ".join(known.get(n, n) for n in names) or "nothing missing"
 
 
-def _known(d: Diagnosis | ModeDiagnosis) -> tuple[Posterior, Sequence[Effect]]:
-    """Return the posterior of a diagnosis, and the effects that it has found."""
+def _known(d: Diagnosis | ModeDiagnosis) -> tuple[Posterior, Sequence[Effect], Sequence[Effect]]:
+    """Return the posterior of a diagnosis, the effects that it has found, and those that it knows."""
     if isinstance(d, Diagnosis):
-        return d.posterior, [f.effect for f in d.findings]
+        return d.posterior, [f.effect for f in d.findings], d.candidates
     named = [([x.name for x in e.effects] if e.known else [UNKNOWN], e.probability) for e in d.explanations]
-    return named, d.found
+    return named, d.found, [x for e in d.explanations for x in e.effects]

@@ -35,7 +35,7 @@ def frfs(result: RunResult, shown: Shown) -> Section:
     )
     caption += f" Of the lines every {every}th is drawn." if every > 1 else ""
     names = [name for name in shown.album.pictures if name.startswith("frf-") and name != "frf-error"]
-    text = "Sensors and forces are set right as in the table of faults." if result.diagnosis.faults else ""
+    text = "Sensors and forces are corrected as in the table of faults." if result.diagnosis.faults else ""
     blocks = [
         Text(text),
         shown.figure("frf-error", FRF_ERROR.partition(";")[0] + ".", FRF_ERROR, ["frf-error"]),
@@ -84,7 +84,7 @@ def _measured_modes(result: RunResult) -> list[Block]:
         return []
     shaped = any(np.isfinite(mac).any() for mac in m.mac.values())
     head = ["measured [Hz]", "std [%]", *(f"{step} [%]" for step in m.computed)]
-    head += ["MAC in the end"] if shaped else []
+    head += ["final MAC"] if shaped else []
     last = list(m.computed)[-1]
     rows = [
         [
@@ -161,7 +161,7 @@ def faults(result: RunResult) -> Section:
         "signs and levels of the forces agree."
     )
     some = (
-        "These sensors and forces were set right before effects were searched for. A gain is the factor of "
+        "These sensors and forces were corrected before the search for effects. A gain is the factor of "
         "the reading: measured = gain × true value."
     )
     rows = [[f.sensor, words.FAULT_NAMES[f.kind], words.fault_value(f), words.fault_remedy(f)] for f in known]

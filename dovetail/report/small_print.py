@@ -57,7 +57,7 @@ def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODU
     ]
     study, table = result.study, TableBlock(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
     blocks = [
-        Items(study.assumptions) or Text("The study says everything; nothing was assumed."),
+        Items(study.assumptions) or Text("The study states everything; nothing was assumed."),
         Details("Thresholds of the search", [table]),
         Details("The study file", [Text(study.text, "pre")]),
     ]
@@ -120,7 +120,7 @@ def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], 
         ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
     ]
     files = f"result.json (for programs), {files}"
-    return Section("About this run", [Facts([*run, *facts, ("files beside this one", files)])])
+    return Section("About this run", [Facts([*run, *facts, ("files next to this one", files)])])
 
 
 def _mesh(study: Study) -> tuple[str, str]:

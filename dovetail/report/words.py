@@ -146,6 +146,13 @@ def parameters_text(parameters: Sequence[EffectParameter]) -> str:
     return ", ".join(parameter_text(p) for p in parameters)
 
 
+def extension_text(finding: Finding, twin: Ranked) -> str:
+    """Return which candidate does the same as a found effect and more, with its further parameters."""
+    known = {p.name for p in finding.parameters}
+    more = parameters_text([p for p in twin.parameters if p.name not in known])
+    return f"also consistent with {ranked_label(twin)}, whose {more} these data do not require"
+
+
 def finding_text(finding: Finding) -> str:
     """Return an effect with its values and the model's, on one line."""
     known = {p.name: p for p in finding.effect.parameters()}
@@ -283,10 +290,10 @@ def headline(result: RunResult) -> str:
     change = d.baseline is not None
     faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
     if d.verdict == EFFECT:
-        text = _since(" ".join(map(sentence, d.findings)), change)
+        text = _since(sentences(d.findings), change)
         if d.steps[-1].level > d.limit:
             text += " That explains the misfit only in part."
-        return f"{text} Besides, {faults}." if faults else text
+        return f"{text} In addition, {faults}." if faults else text
     if d.verdict == NOTHING and change:
         return "Nothing has changed that these data can show."
     if d.verdict == NOTHING and not d.more_than_noise:
@@ -309,7 +316,7 @@ def mode_headline(result: ModeRunResult) -> str:
     d = result.diagnosis
     change = d.baseline is not None
     if d.verdict == EFFECT and d.sure:
-        return _since(" ".join(map(sentence, mode_findings(d))), change)
+        return _since(sentences(mode_findings(d)), change)
     if d.verdict == EFFECT:
         what = "Something has changed" if change else "The model lacks something"
         return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
@@ -328,23 +335,37 @@ def mode_values(d: ModeDiagnosis) -> list[str]:
     return lines if d.sure or not lines else ["The most probable explanation:", *lines]
 
 
-def sentence(finding: Finding) -> str:
-    """Return a finding as a plain sentence about the structure, the effect's own statement where it has one.
+def sentences(findings: Sequence[Finding]) -> str:
+    """Return findings as plain sentences, one for all directions of the same thing."""
+    groups: dict[tuple[str, str, bool], list[Finding]] = {}
+    for f in findings:
+        thing, comma, _ = place(f.effect.where).rpartition(", ")
+        one = (f.effect.statement, thing, _change(f) > 0) if comma else (f.effect.name, "", True)
+        groups.setdefault(one, []).append(f)
+    return " ".join(map(sentence, groups.values()))
+
+
+def sentence(findings: Sequence[Finding]) -> str:
+    """Return findings of one kind at one thing as a plain sentence, the effect's statement where it has one.
 
     Fields of a statement: ``where`` (place and direction), ``thing`` (the place alone), ``direction``,
     ``member`` and ``at`` of a place along a member, and ``label``; by the sign of the change ``stiffer``,
     ``heavier`` and ``tension``; by the number of places ``are``, ``act`` and ``give``.
     """
+    finding = findings[0]
     where = place(finding.effect.where)
     thing, comma, direction = where.rpartition(", ")
     thing, direction = (thing, direction) if comma else (where, "")
+    if len(findings) > 1:
+        direction = " and ".join(place(f.effect.where).rpartition(", ")[2] for f in findings)
+        where = f"{thing}, {direction}"
     member, _, at = where.partition(" at ")
     change = _change(finding)
     more = change > 0
     several = "supports" in thing or "joints" in thing
     statement = finding.effect.statement or "the model lacks {label}"
     text = statement.format(
-        label=effect_label(finding.effect.kind, finding.effect.where),
+        label=" and ".join(effect_label(f.effect.kind, f.effect.where) for f in findings),
         where=where,
         thing=thing,
         direction=direction,
@@ -357,10 +378,10 @@ def sentence(finding: Finding) -> str:
         act="act" if several else "acts",
         give="give" if several else "gives",
     )
-    n = len(finding.twins)
+    n = sum(len(f.alternatives) for f in findings)
     if n:
-        others = "another effect" if n == 1 else f"one of {n} others"
-        text += f", or it is {others} that these data cannot tell from it"
+        others = "another effect" if n == 1 else f"one of {n} other effects"
+        text += f", or it is {others} that these data cannot distinguish from it"
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -410,19 +431,17 @@ def advice(result: RunResult) -> list[str]:
             "deviations may be wrong."
         )
     if result.study.kinds is not None or result.study.exclude:
-        out.append("The study leaves some kinds of candidates out; let the program try them all.")
+        out.append("The study excludes some kinds of candidates; let the program try all of them.")
     else:
         out += [text[0].upper() + text[1:] + "." for text in unstated_text(result.study.model)]
     return [
         *out,
         "Check geometry, sections, supports and joints of the model against the structure: candidates change "
         "stiffness, mass and damping where the model has something, not dimensions.",
-        "Sensors on both sides of joints and near supports, and a second excitation in another "
-        "direction, tell more "
-        "candidates apart.",
+        "Sensors on both sides of joints and near supports, and a second excitation in another direction, "
+        "distinguish more candidates.",
         "Measure at two force levels: a difference shows that the structure is not linear, which no "
-        "candidate can "
-        "explain.",
+        "candidate can explain.",
     ]
 
 

@@ -93,7 +93,7 @@ def read_records(file: Path, settings: Mapping[str, Any]) -> list[Record]:
         known = have if isinstance(have, dict) else {}
         different = sorted(k for k in {*known, *want} if known.get(k) != want.get(k))
         msg = (
-            f"{file} was begun with other settings ({', '.join(different)} differ"
+            f"{file} was started with other settings ({', '.join(different)} differ"
             f"{'' if len(different) > 1 else 's'}); choose another folder"
         )
         raise FolderError(msg)

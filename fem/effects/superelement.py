@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.declarations import Role
+from fem.elements.part_faces import PartFaces
 from fem.elements.part_reduction import (
     DENSE,
     check_definite,
@@ -60,6 +61,8 @@ class Superelement(Effect):
         Median over the attachments of the distance of their nodes from their point [m].
     part : Matrices
         The part itself, with its nodes and their places.
+    faces : PartFaces or None
+        Its outer surface, for pictures (:func:`fem.io.part_mesh.read_part_faces`).
     stiffness, mass : float
         Relative changes of K and M [-].
     eta : float
@@ -81,6 +84,7 @@ class Superelement(Effect):
     part: Matrices
     order: int = 1
     reach: float = 0.0
+    faces: PartFaces | None = None
     stiffness: Any = 0.0
     mass: Any = 0.0
     eta: Any = 0.0
@@ -98,6 +102,7 @@ class Superelement(Effect):
         held: bool = False,
         eta: float = 0.0,
         residual: bool = False,
+        faces: PartFaces | None = None,
     ) -> Self:
         """Reduce a part and tie it to points of a mesh.
 
@@ -127,6 +132,8 @@ class Superelement(Effect):
         residual : bool
             Whether static responses to the inertia of the constraint modes are added, up to six for each
             attachment; the error then goes with the sixth power of the frequency rather than the second.
+        faces : PartFaces, optional
+            Its outer surface, which pictures show.
 
         Raises
         ------
@@ -191,6 +198,7 @@ class Superelement(Effect):
             part=matrices,
             order=3 if residual else 1,
             reach=float(np.median([a.reach(matrices, mesh) for a in attachments])),
+            faces=faces,
             eta=eta,
         )
 

@@ -20,6 +20,7 @@ from fem.io.frf_files import READERS, read_frfs, reader_of
 from fem.io.frf_reading import Asked
 from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
 from fem.io.meshfile import read_mesh, write_mesh
+from fem.io.part_mesh import read_part_faces
 from fem.io.uff import UffFile, read_uff, write_uff
 from fem.io.uff_format import UffError, label_of, parse_label
 from fem.matrices import Matrices, MatricesError
@@ -49,6 +50,7 @@ __all__ = [
     "read_npz",
     "read_npz_mode_std",
     "read_npz_modes",
+    "read_part_faces",
     "read_uff",
     "write_csv",
     "write_fields",

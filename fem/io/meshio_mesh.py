@@ -48,19 +48,30 @@ def quiet() -> Iterator[io.StringIO]:
 
 def read_by_meshio(file: Path, sets: str | None) -> RawMesh:
     """Read the lines of a file, with its cell sets or the numbers of a cell array as sets."""
+    found, log = load(file)
+    raw = _raw_of(found, file.name, sets)
+    raw.notes += _in_plain_words(log)
+    return raw
+
+
+def load(file: Path) -> tuple[Any, str]:
+    """Return the mesh of a file as meshio gives it, and the lines that meshio printed.
+
+    Raises
+    ------
+    MeshError
+        If meshio cannot read the file.
+    """
     with quiet() as log:
         import meshio
 
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                found: Any = meshio.read(file)
+                return meshio.read(file), log.getvalue()
         except (Exception, SystemExit) as reason:
             msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({_why(file, reason, log)})"
             raise MeshError(msg) from reason
-    raw = _raw_of(found, file.name, sets)
-    raw.notes += _in_plain_words(log.getvalue())
-    return raw
 
 
 def _why(file: Path, reason: BaseException, log: io.StringIO) -> str:

@@ -207,7 +207,7 @@ def test_study(tmp_path, capsys, old, new, words):
     ("extra", "words"),
     [
         ("[mesh]\nelement_size = 0", ["mesh.element_size: 0 is not allowed"]),
-        ('[mesh]\nfile = "none.msh"', ["points and members"]),
+        ('[mesh]\nfile = "none.msh"', ["both define the geometry"]),
         ("[mesh]\nscale = 0.001", ["mesh.scale", "belongs to a mesh file"]),
         ("[damping]\nmodal = 2.0", ["damping.modal", "between 0 and 1"]),
         ("[damping]\nmodal = {frequency = [1, 2], ratio = [0.1]}", ["damping.modal"]),

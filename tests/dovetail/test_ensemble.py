@@ -139,7 +139,7 @@ def test_a_run_continues_with_more_samples_and_refuses_another_model(tmp_path):
     once = run_ensemble(model_of(study), 100, 2, tmp_path / "once", ThisProcess())
     np.testing.assert_array_equal(once.levels.value, more.levels.value)
     assert once.checks == more.checks
-    with pytest.raises(FolderError, match="begun with other settings"):
+    with pytest.raises(FolderError, match="started with other settings"):
         run_ensemble(model_of(study_of(tmp_path, E=0.05)), 60, 1, folder, ThisProcess())
 
 

@@ -122,7 +122,7 @@ def test_the_whole_model_comes_back(found, tmp_path, option, suffix):
         ([], "no file is asked for; give --nastran FILE, --abaqus FILE, --ansys FILE or --uff FILE"),
         (
             ["--nastran", "out.bdf"],
-            "it has no [[effects]], and no result.json with fitted values is beside it",
+            "it has no [[effects]], and no result.json with fitted values is next to it",
         ),
         (["--uff", "out.txt"], "--uff out.txt is written as .uff or .unv, not '.txt'"),
     ],

@@ -145,7 +145,7 @@ def test_spectra_are_converted(study):
         ("psd", "frequency [Hz],base x [g]", "none of a density of acceleration"),
         ("psd", "frequency [Hz],base x [g/sqrt(Hz)]", "has the unit 'g/sqrt(Hz)'"),
         ("psd", "frequency [s],base x", "none of frequency"),
-        ("psd", "frequency [rad/s],base x", "has no unit beside angular frequencies"),
+        ("psd", "frequency [rad/s],base x", "has no unit, and its frequencies are angular"),
         ("spectrum", "period [s],x [cm/s]", "has the unit 'cm/s'"),
         ("spectrum", "period [Hz],x", "none of period"),
     ],

@@ -113,7 +113,7 @@ def test_too_few_lines_to_be_sure_are_judged_beside_the_model(load, computed):
     some = slice(None, None, 8)
     changes = {"frequency": computed.frequency[some]}
     assert load(computed.H[some], **changes).warnings == ()
-    with pytest.raises(StudyError, match=r"imaginary parts have the other sign; give conjugate = true"):
+    with pytest.raises(StudyError, match=r"imaginary parts have the opposite sign of the model's; give conjugate = true"):
         load(computed.H[some].conj(), **changes)
     (text,) = load(computed.H[some].conj(), text=STUDY.replace("210e9", "70e9"), **changes).warnings[:1]
     assert "too small to be sure" in text

@@ -21,6 +21,7 @@ from dovetail.report.pictures import Album
 from dovetail.report.shown import Shown
 from dovetail.result import excluded_dict
 from fem.declarations import Relevant
+from fem.model import ModelError
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
 from updating.plan.choose import Chosen
@@ -99,6 +100,14 @@ def test_a_study_with_data_is_judged_by_them_unless_noise_is_given(file):
     # held-out channels are none that the data are judged by
     assert [s.name for s in by_data.measurement.sensors] == ["K", "T", "A"]
     np.testing.assert_array_equal(by_plan.measurement.frf.frequency, study.measurements[0].frf.frequency)
+
+
+def test_a_plan_may_be_limited_to_a_kind(file):
+    study = load_study(file)
+    found = study.plan(noise=0.01, left_db=0.1, kinds="point_mass")
+    assert {o.relevant.kind for o in found.plan.relevant} == {"point_mass"}
+    with pytest.raises(ModelError, match="no kind of effect 'point_maas'; did you mean 'point_mass'"):
+        study.plan(kinds=["point_maas"])
 
 
 def test_relevant_sizes_of_the_study_are_those_of_its_plan(tmp_path):

@@ -26,8 +26,9 @@ from dovetail.result import Uncertain, diagnosis_dict, result_dict
 from fem.effects import effect_classes
 from fem.model import Parameter
 from tests.frames import cross_beam, portal, write_study
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.departures import Departure
-from updating.diagnosis.findings import EffectParameter
+from updating.diagnosis.findings import EffectParameter, Finding
 from updating.inference.belief import FORM_SECTION, FORM_ZONE
 from updating.quality.corrections import Fault
 
@@ -121,7 +122,7 @@ def test_what_the_user_wrote_is_escaped(text):
 def test_the_effect_is_told_with_its_numbers(text):
     assert re.search(r"Member arm carries a mass at 0\.(29|30)\d m that the model lacks", text)
     assert re.search(r"mass 0\.2[45]\d* ± 0\.\d+\u00a0kg", text)
-    assert "FRFs of the excitation K, which no fit has seen" in text
+    assert "FRFs of the excitation K, which were not fitted" in text
     assert "instead of rigid" not in text
 
 
@@ -157,8 +158,43 @@ def test_twins_are_named_in_the_headline(found, album):
     twins = (rival, replace(rival, name="another"))
     twofold = replace(found, diagnosis=replace(d, findings=(replace(finding, twins=twins),)))
     page = report_html(twofold, album)
-    assert "or it is one of 2 others that these data cannot tell from it" in page
+    assert "or it is one of 2 other effects that these data cannot distinguish from it" in page
     assert page.count(">twin<") >= 2
+
+
+def soft_bolt(result, direction):
+    """Return a finding of a soft joint, whose law with a loss factor fits as well, and all that covers it."""
+    known = {e.name: e for e in propose(cross_beam())}
+    soft, law = (known[f"{kind}:bolt.{direction}"] for kind in ("joint_stiffness", "joint_complex_stiffness"))
+    values = (EffectParameter("stiffness", 2e6, "N/m", 1e5),)
+    more = (*values, EffectParameter("loss_factor", 0.02, "-", 0.03))
+    fit = SimpleNamespace(effects=(law,))
+    first = result.diagnosis.rounds[0][0]
+    twin = replace(first, name=law.name, kind=law.kind, where=law.where, parameters=more, result=fit)
+    return Finding(soft, values, (twin,)), law
+
+
+def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other_effect(found):
+    pairs = [soft_bolt(found, direction) for direction in "xy"]
+    findings, laws = zip(*pairs, strict=True)
+    assert words.sentences(findings) == "Joint bolt is softer along x and along y than in the model."
+    one, other = (f.effect.name for f in findings)
+    posterior = (
+        ((one, other), 0.87),
+        ((laws[0].name, other), 0.07),
+        ((one, laws[1].name), 0.05),
+        ((one,), 0.01),
+    )
+    d = replace(found.diagnosis, findings=findings, candidates=laws, posterior=posterior)
+    text = "\n".join(found_lines(d))
+    assert "cannot be distinguished" not in text
+    assert (
+        "also consistent with joint complex stiffness: joint bolt, along x, whose loss factor 0.020 ± 0.030"
+        in text
+    )
+    assert re.search(r"along x above 99\s%; .*along y 99\s%; of exactly these effects: 87\s%", text)
+    law = findings[0].twins[0]
+    assert (findings[0].alternatives, findings[0].extensions) == ((), (law,))
 
 
 def test_a_value_below_its_deviation_is_said_in_words(found):
@@ -182,9 +218,9 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     text = probability_text(d)
     assert "alone: 36\u00a0%" in text
     label = probable.effect_label(other.kind, other.where)
-    assert f"with {label} besides: 64\u00a0%, too close to tell" in text
+    assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
     assert probable.reported(d) == 1
-    assert "too close to tell" not in probability_text(found.diagnosis)
+    assert "too close to decide" not in probability_text(found.diagnosis)
 
 
 def test_an_effect_counts_in_every_answer_that_has_it(found, album):
@@ -218,7 +254,7 @@ def test_each_of_several_effects_has_its_own_probability(found):
         posterior=(((a, b), 0.5), ((a,), 0.3), ((b,), 0.1), ((), 0.1)),
     )  # fmt: skip
     text = probable.probability_text(d)
-    assert text.endswith("; of exactly these: 50\u00a0%")
+    assert text.endswith("; of exactly these effects: 50\u00a0%")
     assert re.findall(r"(\d+)\u00a0%", text) == ["80", "60", "50"]
     far = replace(d, findings=(), verdict="unexplained", posterior=(((), 0.03), (("unknown",), 0.97)))
     assert probable.probability_text(far) == (
@@ -441,7 +477,7 @@ def test_a_finding_is_reported_as_the_effect_states_it(name):
     absent = first.absent if np.isfinite(first.absent) else 1e6
     for change, sentence in zip((0.1, -0.1), SENTENCES[name], strict=True):
         parameters = [SimpleNamespace(name=first.name, value=absent + change)]
-        assert words.sentence(SimpleNamespace(effect=effect, parameters=parameters, twins=())) == sentence
+        assert words.sentence([Finding(effect, parameters, ())]) == sentence
 
 
 def test_every_statement_has_fields_that_a_report_knows():

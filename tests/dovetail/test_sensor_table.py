@@ -99,7 +99,7 @@ def test_a_file_beside_tables_and_excitations_in_a_file(tmp_path):
         ),
         (
             "name,point,direction,Direction\na,tip,x,y\n",
-            r"column Direction: the column direction says the same",
+            r"column Direction: the column direction has the same meaning",
         ),
         (
             "name,point,direction,conjugate\na,tip,x,maybe\n",

@@ -100,6 +100,7 @@ ALLOWED = {
     "dovetail/commands/spectrum.py": ("refuses a rotor that turns", {"Spin"}),
     "dovetail/commands/compare.py": ("an example in its help", {"point_mass"}),
     "dovetail/identify.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
+    "viz/models.py": ("draws the surfaces of imported parts", {"Superelement"}),
 }  # fmt: skip
 """Files that name concrete effects, each with the reason and the classes or kinds that it names."""
 

@@ -90,6 +90,15 @@ def test_unknown_pairs_are_refused(measured):
         curves.plot_frf(measured, {}, [("X9", "F1")])
 
 
+def test_the_dark_curve_has_a_label_of_choice_in_every_panel():
+    models = {"nominal": resonance(44.0)}
+    figure = curves.plot_frf(resonance(40.0), models, [("U1z", "F1"), ("U2z", "F1")], label="computed")
+    drawn = [line.get_label() for ax in figure.axes for line in ax.get_lines()]
+    assert drawn.count("computed") == 2
+    assert drawn.count("nominal") == 2
+    assert "measured" not in drawn
+
+
 def test_models_keep_their_colours_in_every_figure(measured):
     both = curves.plot_frf(measured, {"nominal": measured, "fitted": measured}, [("U1z", "F1")])
     one = curves.plot_frf_error(measured, {"fitted": resonance(41.0)})

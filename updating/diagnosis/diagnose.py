@@ -297,10 +297,11 @@ def _findings(
         twins = _twins(done, best, effect)
         final = next(e for e in last.effects if e.name == effect.name)
         known = {r.name: r for r in ranked}
-        others = (r for r in ranked[1:] if r.name not in twins and not r.contains(ranked[0]))
+        others = (r for r in ranked[1:] if r.name not in twins and not r.extends(effect))
         rival = next(others, None)
-        same = tuple(known[t] for t in twins if t in known)
-        against = rival or (same[0] if same else None)
+        same = sorted((known[t] for t in twins if t in known), key=lambda t: t.extends(effect))
+        alternatives = [t for t in same if not t.extends(effect)]
+        against = rival or next(iter(alternatives), None)
         decisive: tuple[Decisive, ...] = ()
         if against is not None and done.search.budget.checked:
             both = _with_forces(problem, done, [*h.effects, *against.result.effects])
@@ -309,10 +310,10 @@ def _findings(
             next_measurements(
                 _with_forces(problem, done, [*h.effects, *t.result.effects]), step.result, t.result
             )
-            for t in same[:MOST_SEPARATED]
+            for t in alternatives[:MOST_SEPARATED]
             if not any(e.amplitude_dependent for e in (*h.effects, *t.result.effects))
         )
-        findings.append(Finding(final, parameters_of(final, last), same, rival, decisive, proposals))
+        findings.append(Finding(final, parameters_of(final, last), tuple(same), rival, decisive, proposals))
     return findings, rounds
 
 

@@ -60,10 +60,9 @@ class Ranked:
     score: float
     result: FitResult
 
-    def contains(self, other: "Ranked") -> bool:
-        """Return whether it does the same as another candidate at its place, and more."""
-        effects, others = ([e for e in r.result.effects if e.name == r.name] for r in (self, other))
-        return any(a.covers(b) for a in effects for b in others)
+    def extends(self, effect: Effect) -> bool:
+        """Return whether it does the same as an effect at its place, and more."""
+        return any(e.covers(effect) for e in self.result.effects if e.name == self.name)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""
@@ -82,13 +81,14 @@ class Finding:
         Ready to be added to the model.
     parameters : tuple of EffectParameter
     twins : tuple of Ranked
-        Candidates that explain the data nearly as well.
+        Candidates that explain the data nearly as well: other effects, then those that contain this one.
     rival : Ranked or None
         The best candidate that is no twin and does not contain the effect.
     decisive : tuple of Decisive
-        The pieces of the data that speak most for the effect against the rival (without one, the first twin).
+        The pieces of the data that speak most for the effect against the rival, or without one against the
+        first of the :attr:`alternatives`.
     proposals : tuple of tuple of Proposal
-        For each of the first ``MOST_SEPARATED`` twins, the measurements that would separate the two.
+        For each of the first ``MOST_SEPARATED`` alternatives, the measurements that would separate the two.
     """
 
     effect: Effect
@@ -98,10 +98,20 @@ class Finding:
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
 
+    @property
+    def alternatives(self) -> tuple[Ranked, ...]:
+        """Twins that are other effects."""
+        return tuple(t for t in self.twins if not t.extends(self.effect))
+
+    @property
+    def extensions(self) -> tuple[Ranked, ...]:
+        """Twins that do the same as the effect and have further parameters, which the data do not require."""
+        return tuple(t for t in self.twins if t.extends(self.effect))
+
     def __repr__(self) -> str:
         """Return the effect with its values, and effects indistinguishable from it, on one line."""
         values = ", ".join(f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}" for p in self.parameters)
-        twins = f"; {counted(len(self.twins), 'effect')} alike" if self.twins else ""
+        twins = f"; {counted(len(self.alternatives), 'effect')} alike" if self.alternatives else ""
         return summary(self, f"{self.effect.name} at {self.effect.where}: {values}{twins}")
 
 

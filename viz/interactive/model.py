@@ -27,7 +27,7 @@ from viz.interactive.solids import (
 from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
 from viz.layout import in_order, merge_names, shorten
 from viz.markers import COLOURS
-from viz.models import member_families, model_surface, surface_places
+from viz.models import drawn_names, drawn_size, member_families, model_surface, surface_places
 from viz.shapes import arrows, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats
@@ -53,7 +53,7 @@ def model_figure(
     """Return a structure to turn and zoom, with its members' sections extruded.
 
     ``customdata`` has the names of members, sensors, excitations and places for clicks. The traces'
-    ``meta["role"]`` is ``member``, ``sensor``, ``excitation``, ``effect``, or the role of a place.
+    ``meta["role"]`` is ``member``, ``part``, ``sensor``, ``excitation``, ``effect``, or the role of a place.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def model_figure(
     ValueError
         If the model has no frame with sections.
     """
-    surface, size = model_surface(model, pieces=1), model.mesh.size
+    surface, size = model_surface(model, pieces=1), drawn_size(model)
     shares = [*(members or {}).values(), *(v for _, v in joints)]
     top = max((v for v in shares if np.isfinite(v)), default=0.0)
     traces = [
@@ -96,7 +96,7 @@ def model_figure(
             drawn, ends = _instrument_traces(model, group, word, 0.06 * size, eye, errors, limits)
             traces += drawn
             bounds.append(ends)
-            names += _instrument_names(group, ends, model.mesh.size, -12 if word == "excitation" else 11)
+            names += _instrument_names(group, ends, size, -12 if word == "excitation" else 11)
     traces += _effect_traces(model)
     marks, notes = place_traces(places)
     named = names if len(sensors) + len(excitations) <= MOST_NAMED else []
@@ -112,7 +112,7 @@ def _member_traces(
     model: Model, surface: Surface, values: Mapping[str, float] | None, label: str, top: float
 ) -> list[dict[str, Any]]:
     """Return the members by family, or all in the colours of their values."""
-    owner = np.array(model.mesh.member_of_line())
+    owner = np.array(drawn_names(model))
     vertex = line_of_vertex(surface)
     if values:
         known = np.array([values.get(str(m), np.nan) for m in owner], dtype=float)
@@ -121,14 +121,16 @@ def _member_traces(
     names = in_order(families)
     family = np.array([families[str(m)] for m in owner])
     out = []
+    n_lines = model.mesh.n_lines
     for n, name in enumerate(names):
         used, triangles = part_of(surface, (family == name)[surface.line])
         members = owner[vertex[used]].tolist()
+        role = "member" if (vertex[used] < n_lines).all() else "part"
         out.append(
             solid(
                 surface.rest[used], triangles, color=style.MEMBERS[n % len(style.MEMBERS)],
                 name=plain(shorten(name, 40)), showlegend=len(names) > 1, customdata=members,
-                hoverinfo="text", hovertext=[f"member {plain(m)}" for m in members], meta={"role": "member"},
+                hoverinfo="text", hovertext=[f"{role} {plain(m)}" for m in members], meta={"role": role},
             )
         )  # fmt: skip
     return out

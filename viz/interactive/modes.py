@@ -13,7 +13,7 @@ from fem.model import Model
 from viz import style
 from viz.interactive.solids import edge_rows, scene, solid, wires
 from viz.interactive.theme import binary, colour_scale, coordinates, layout, plain, single
-from viz.models import displacement_at, model_surface
+from viz.models import displacement_at, drawn_size, model_surface
 from viz.shapes import amplification, match_scale, real_shape
 from viz.surfaces import Surface
 from viz.triangles import Floats
@@ -148,7 +148,7 @@ def mode_motion(
     shape = modes.shapes[:, index]
     motion = real_shape(shape)
     surface = model_surface(model, motion, pieces=_pieces(model))
-    scale = amplification(surface, model.mesh.size)
+    scale = amplification(surface, drawn_size(model))
     tails = moved = expected = np.empty((0, 3))
     if measured is not None:
         points, vectors = np.array(measured[0], dtype=float, ndmin=2), np.array(measured[1], ndmin=2)

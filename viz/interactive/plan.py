@@ -17,7 +17,7 @@ from updating.plan.visibility import size_of
 from viz import style
 from viz.interactive.solids import line_of_vertex, points_trace, scene, solid, wires
 from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
-from viz.models import model_surface
+from viz.models import drawn_names, model_surface
 from viz.surfaces import Surface
 
 N_TICKS, APART = 5, 0.1
@@ -219,7 +219,7 @@ class _Kind:
             m: BLIND if spot.blind else rgb_text(cmap(norm(np.log(spot.worst))))
             for m, spot in self.members.items()
         }
-        owner = [str(m) for m in model.mesh.member_of_line()]
+        owner = [str(m) for m in drawn_names(model)]
         hover = {m: "<br>".join(spot.lines) for m, spot in self.members.items()}
         return [
             solid(
