@@ -133,9 +133,9 @@ def _result(study: Study) -> dict[str, Any]:
 
 
 def _effects(study: Study, result: Mapping[str, Any]) -> tuple[dict[str, str], set[str]]:
-    """Return the values of a study's [[effects]] in words by name, with standard deviations from a result.
+    """Return the values of a study's [[effects]] in words by name, with standard deviations of a result.
 
-    The second are the names of effects that differ from none by no more than their standard deviations.
+    The second value has the names of effects whose parameters are all zero within a standard deviation.
     """
     std = {
         (e["name"], p["name"]): p["std"]

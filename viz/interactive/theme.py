@@ -26,7 +26,7 @@ CONFIG = {
 the data to its makers' server."""
 
 BAR = {"type": "bar", "orientation": "h", "textposition": "outside", "cliponaxis": False, "hoverinfo": "text"}
-"""A trace of horizontal bars, each with a text behind it and one for who points at it."""
+"""A trace of horizontal bars with texts at their ends and texts on hover."""
 
 TOOL_BAR = 30
 """Height of plotly's tool bar at the upper edge; legends, bars and cells begin below it [pixel]."""
@@ -146,7 +146,7 @@ def axis(title: str = "", **more: Any) -> dict[str, Any]:
 
 
 def named_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, Any]:
-    """Return an axis with a place for each name, text as plotly reads it."""
+    """Return an axis with one tick for each name; names are text as plotly reads it."""
     places = {"tickvals": list(range(len(names))), "ticktext": list(names), "showgrid": False, "ticks": ""}
     return axis(title, **places | more)
 
@@ -157,7 +157,7 @@ def rows_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, A
 
 
 def heat_map(values: NDArray[Any], title: str, cmap: Any, low: float, high: float) -> dict[str, Any]:
-    """Return a map of values (rows, columns) as a trace, with the title of its bar of colours."""
+    """Return values (rows, columns) as the trace of a heat map; ``title`` names its colour bar."""
     n, m = values.shape
     return {
         "type": "heatmap",
@@ -217,7 +217,7 @@ def colour_scale(cmap: Any, n: int = 12) -> list[tuple[float, str]]:
 
 
 def coordinates(points: NDArray[Any]) -> dict[str, Any]:
-    """Return points (n, 3) as the coordinates of a trace in space."""
+    """Return points (n, 3) as the x, y and z of a three-dimensional trace."""
     return dict(zip("xyz", single(points).T, strict=True))
 
 
