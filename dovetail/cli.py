@@ -47,10 +47,37 @@ from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
 COMMANDS = (
-    new, check, plan, modes, complex_modes, campbell, unbalance, frf, frf_estimate, ensemble, base, static,
-    buckling, transient, spectrum, psd, open_desk, run, report, export, compare, candidates, locate, diagnose,
-    history, identify_modes, match, update, identify_joint, fleet,
-)  # fmt: skip
+    new,
+    check,
+    plan,
+    modes,
+    complex_modes,
+    campbell,
+    unbalance,
+    frf,
+    frf_estimate,
+    ensemble,
+    base,
+    static,
+    buckling,
+    transient,
+    spectrum,
+    psd,
+    open_desk,
+    run,
+    report,
+    export,
+    compare,
+    candidates,
+    locate,
+    diagnose,
+    history,
+    identify_modes,
+    match,
+    update,
+    identify_joint,
+    fleet,
+)
 """In the order of the help; each has HELP, EXAMPLE and run, which returns an `Answer`; RESULTS are its
 files and add_arguments adds its other options, if there are some."""
 

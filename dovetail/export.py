@@ -50,25 +50,6 @@ class Fitted:
     sure: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """An effect of a study.
-
-    Attributes
-    ----------
-    name : str
-        Of the effect.
-    text : str
-        Values with standard deviations and units.
-    sure : bool
-        Whether a value is farther from none than its standard deviation.
-    """
-
-    name: str
-    text: str
-    sure: bool = True
-
-
 def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
@@ -80,7 +61,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         If cards for what was found are asked for, and the study has no effects and no fitted values.
     """
     result = _result(study)
-    found, nominal = _effects(study, result), _nominal(study.model, result)
+    (found, none), nominal = _effects(study, result), _nominal(study.model, result)
     head = f"{study.path.name}, study {study.name}; dovetail {program_version()}"
     if whole:
         return _titled(deck_of(study.model, study.name), found), (f"model of {head}", *_lines(found))
@@ -95,7 +76,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         if isinstance(e, OF_THE_TEST)
         else "uncertain form that is zero within its standard deviation"
         for e in study.model.effects
-        if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in found and not found[e.name].sure)
+        if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in none)
     }
     model = study.model.without_effect(*out)
     fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
@@ -107,7 +88,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
         {ref: each.nominal for ref, each in moved.items()}
     )
-    found = {name: each for name, each in found.items() if name not in out}
+    found = {name: text for name, text in found.items() if name not in out}
     deck = _titled(changed_deck(deck_of(model, study.name), deck_of(before, study.name)), found)
     notes = [
         f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
@@ -125,15 +106,15 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     return replace(deck, notes=(*notes, *deck.notes)), lines
 
 
-def _lines(found: Mapping[str, Found]) -> list[str]:
-    return [f"{f.name}: {f.text}" for f in found.values()]
+def _lines(found: Mapping[str, str]) -> list[str]:
+    return [f"{name}: {text}" for name, text in found.items()]
 
 
-def _titled(deck: ModelDeck, found: Mapping[str, Found]) -> ModelDeck:
+def _titled(deck: ModelDeck, found: Mapping[str, str]) -> ModelDeck:
     """Return a deck whose cards are commented with the values of the effects that they are of."""
 
     def named(item: Any) -> Any:
-        texts = [f.text for f in found.values() if f.name in item.name.split(" with ")]
+        texts = [text for name, text in found.items() if name in item.name.split(" with ")]
         return replace(item, name=": ".join([item.name, *texts]))
 
     keys = ("bodies", "connections", "links", "equations", "matrices")
@@ -151,8 +132,11 @@ def _result(study: Study) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
-    """Return the [[effects]] of a study, with standard deviations where a result has them."""
+def _effects(study: Study, result: Mapping[str, Any]) -> tuple[dict[str, str], set[str]]:
+    """Return the values of a study's [[effects]] in words by name, with standard deviations of a result.
+
+    The second value has the names of effects whose parameters are all zero within a standard deviation.
+    """
     std = {
         (e["name"], p["name"]): p["std"]
         for e in result.get("effects", [])
@@ -160,7 +144,7 @@ def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
         if p["std"]
     }
     std |= {tuple(u["name"].rsplit(".", 1)): u["std"] for u in result.get("uncertain", []) if u["std"]}
-    out = {}
+    out, none = {}, set[str]()
     for table in tomllib.loads(study.text).get("effects", []):
         name, candidate = table.get("name", f"known {table['candidate']}"), table["candidate"]
         effect = study.model.effect(name)
@@ -169,11 +153,10 @@ def _effects(study: Study, result: Mapping[str, Any]) -> dict[str, Found]:
             for p in effect.parameters()
         ]
         values = map(words.parameter_text, given, effect.parameters())
-        sure = any(
-            not abs(g.value - p.absent) <= g.std for g, p in zip(given, effect.parameters(), strict=True)
-        )
-        out[name] = Found(name, f"{effect.where}: {', '.join(values)}", sure)
-    return out
+        out[name] = f"{effect.where}: {', '.join(values)}"
+        if all(abs(g.value - p.absent) <= g.std for g, p in zip(given, effect.parameters(), strict=True)):
+            none.add(name)
+    return out, none
 
 
 def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitted]:

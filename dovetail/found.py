@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,35 +32,6 @@ from updating.measurement.measurement import Measurement
 from updating.quality.corrections import Fault
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reported:
-    """A model with its fit, as a study file is to hold it.
-
-    Attributes
-    ----------
-    study : Study
-    problem : FitProblem
-    result : FitResult
-        Values of uncertain parameters and damping.
-    model : Model
-        The full model with them and with all effects.
-    effects : tuple of Effect
-        Those that the study's own model has not.
-    faults : tuple of Fault
-        Of the measurement.
-    changes : tuple of Effect
-        Those that have come since the baseline.
-    """
-
-    study: Study
-    problem: FitProblem
-    result: FitResult
-    model: Model
-    effects: tuple[Effect, ...]
-    faults: tuple[Fault, ...]
-    changes: tuple[Effect, ...] = ()
-
-
 def found_text(result: RunResult, folder: Path) -> str:
     """Return the study with the reported model in it, as a file in a folder.
 
@@ -76,38 +47,54 @@ def found_text(result: RunResult, folder: Path) -> str:
     """
     d = result.diagnosis
     effects, found = (*patches(result), *form(result)), tuple(f.effect for f in d.findings)
-    reported = Reported(result.study, d.problem, d.steps[-1].result, d.model, (*effects, *found), d.faults)
+    fit = result.study, folder / FRFS, d.problem, d.steps[-1].result, d.model
     if d.baseline is not None:  # faults of the second state alone are not those of the baseline
-        reported = replace(reported, effects=effects, faults=d.baseline.faults, changes=found)
-    return reported_text(reported, folder, FRFS)
+        return fitted_text(*fit, effects, d.baseline.faults, found)
+    return fitted_text(*fit, (*effects, *found), d.faults)
 
 
-def reported_text(reported: Reported, folder: Path, compared: str) -> str:
-    """Return a study with a fitted model in it, as a file in a folder.
+def fitted_text(
+    study: Study,
+    compared: Path,
+    problem: FitProblem,
+    result: FitResult,
+    model: Model,
+    effects: Sequence[Effect],
+    faults: Sequence[Fault],
+    changes: Sequence[Effect] = (),
+) -> str:
+    """Return a study with a fitted model in it.
 
     Parameters
     ----------
-    reported : Reported
-    folder : Path
-        Where the text will lie.
-    compared : str
-        File in it that holds the choice of values that were compared.
+    study : Study
+    compared : Path
+        File with the choice of values that were compared; the text will lie in the same folder.
+    problem : FitProblem
+    result : FitResult
+        Values of uncertain parameters and damping.
+    model : Model
+        The full model with them and with all effects.
+    effects : sequence of Effect
+        Effects that the study's model does not have.
+    faults : sequence of Fault
+        Of the measurement.
+    changes : sequence of Effect
+        Effects that have come since the baseline.
     """
-    study, model = reported.study, reported.model
     text = text_with_model(
         _headed(study),
-        folder,
-        fitted_values(reported),
-        fitted_damping(reported.problem, reported.result, model),
-        [e.rebased(model) for e in reported.effects],
-        reported.faults,
-        [e.rebased(model) for e in reported.changes],
+        compared.parent,
+        _fitted_values(study, result, model),
+        fitted_damping(problem, result, model),
+        [e.rebased(model) for e in effects],
+        faults,
+        [e.rebased(model) for e in changes],
     )
-    measured = study.measurements or study.amplitudes
-    if not measured:
+    if not study.measurements and not study.amplitudes:
         return text
-    text = with_values(text, {("measurements", 0, "compared"): compared})
-    return with_test(text, test_of(reported.problem, reported.result))
+    text = with_values(text, {("measurements", 0, "compared"): compared.name})
+    return with_test(text, test_of(problem, result))
 
 
 def test_of(problem: FitProblem, result: FitResult) -> Measurement:
@@ -200,13 +187,13 @@ def values_in(study: Study, model: Model) -> dict[ParameterRef, float]:
     return values | rebased_values(model, study.model.effects)
 
 
-def fitted_values(reported: Reported) -> dict[ParameterRef, float]:
+def _fitted_values(study: Study, result: FitResult, model: Model) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
-    if reported.study.baseline_frfs is not None:
-        return values_in(reported.study, reported.model)
-    known = reported.study.model.values()
-    values = {ref: float(v) for ref, v in reported.result.values.items() if ref in known}
-    return values | rebased_values(reported.model, reported.study.model.effects)
+    if study.baseline_frfs is not None:
+        return values_in(study, model)
+    known = study.model.values()
+    values = {ref: float(v) for ref, v in result.values.items() if ref in known}
+    return values | rebased_values(model, study.model.effects)
 
 
 def patches(result: RunResult) -> tuple[Spread, ...]:

@@ -55,7 +55,9 @@ def partners_dict(m: ModePartners) -> dict[str, Any]:
     return {
         "modes": [
             {
-                "measured_Hz": m.measured[k], "std": m.std[k], "held_out": bool(m.held_out[k]),
+                "measured_Hz": m.measured[k],
+                "std": m.std[k],
+                "held_out": bool(m.held_out[k]),
                 "computed_Hz": {step: f[k] for step, f in m.computed.items()},
                 "mac": {step: mac[k] for step, mac in m.mac.items()},
             }
@@ -64,7 +66,7 @@ def partners_dict(m: ModePartners) -> dict[str, Any]:
         "error": {
             step: {"fit": m.error(step, False), "held_out": m.error(step, True)} for step in m.computed
         },
-    }  # fmt: skip
+    }
 
 
 def partner_lines(m: ModePartners) -> list[str]:

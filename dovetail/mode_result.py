@@ -90,11 +90,19 @@ def mode_diagnosis_dict(d: ModeDiagnosis) -> dict[str, Any]:
     """Return a diagnosis from modes in plain types."""
     m = d.modes
     columns = {
-        "measured_Hz": m.measured, "std": m.std, "nominal_Hz": m.nominal, "fitted_Hz": m.fitted,
-        "found_Hz": m.found, "zeta": m.zeta, "zeta_found": m.zeta_found, "mac_nominal": m.mac_nominal,
-        "mac_found": m.mac_found, "held_out": m.held_out, "found_std": m.found_std,
+        "measured_Hz": m.measured,
+        "std": m.std,
+        "nominal_Hz": m.nominal,
+        "fitted_Hz": m.fitted,
+        "found_Hz": m.found,
+        "zeta": m.zeta,
+        "zeta_found": m.zeta_found,
+        "mac_nominal": m.mac_nominal,
+        "mac_found": m.mac_found,
+        "held_out": m.held_out,
+        "found_std": m.found_std,
         "bad_probability": m.bad,
-    }  # fmt: skip
+    }
     return {
         "verdict": d.verdict,
         "reason": d.reason,
@@ -149,7 +157,9 @@ def _explanation(e: Explanation) -> dict[str, Any]:
         "probability": e.probability,
         "effects": [
             {
-                "kind": x.kind, "where": x.where, "name": x.name,
+                "kind": x.kind,
+                "where": x.where,
+                "name": x.name,
                 "parameters": [
                     {"name": p.name, "value": p.value, "unit": p.unit, "std": None if p.at_bound else p.std}
                     for p in parameters
@@ -157,7 +167,7 @@ def _explanation(e: Explanation) -> dict[str, Any]:
             }
             for x, parameters in zip(e.effects, e.parameters, strict=True)
         ],
-    }  # fmt: skip
+    }
 
 
 def mode_result_dict(done: ModeRunResult) -> dict[str, Any]:

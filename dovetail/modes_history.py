@@ -111,9 +111,12 @@ def history_dict(study: Study, history: tuple[StateChange, ...]) -> dict[str, An
         "baseline_Hz": study.baseline.modes.frequency,
         "states": [
             {
-                "name": s.name, "shift": s.shift, "shift_std": s.std, "answer": s.answer,
+                "name": s.name,
+                "shift": s.shift,
+                "shift_std": s.std,
+                "answer": s.answer,
                 **mode_diagnosis_dict(s.diagnosis),
             }
             for s in history
         ],
-    }  # fmt: skip
+    }

@@ -1,7 +1,8 @@
 """Studies with measured modes alone: their diagnosis, and what is written of it."""
 
+import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,10 @@ import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
 from dovetail.file.contents import Study
-from dovetail.file.measured_modes import MeasuredModes
+from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.paths import input_files
+from dovetail.file.table import StudyError
 from dovetail.found import mode_found_text
-from dovetail.identified import as_measured, modes_in
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.report.probable import probability_text
 from dovetail.report.table import Column, Table
@@ -28,7 +29,9 @@ from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import Measurement
+from updating.measurement.measurement import Measurement, at_one_place, shapes_like_motions
+from updating.modal.identification import identify_modes
+from updating.modal.identified_modes import IdentifiedModes
 
 Progress = Callable[[str, float], None]
 NAMES = (REPORT, JSON, PICTURES, FOUND)
@@ -85,12 +88,19 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
     """Return the measured modes of a study as data of fits."""
     m = modes.modes
     return ModeTargets.of(
-        m.frequency, modes.frequency_std,
-        zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float), zeta_std=modes.zeta_std,
-        shapes=m.shapes if modes.has_shapes else None, shape_std=modes.shape_std, sensors=modes.sensors,
-        numbers=[n - 1 for n in modes.numbers] or None, plane=modes.plane,
-        held_out=[n - 1 for n in modes.held_out], name=modes.name, driven=modes.driven,
-    )  # fmt: skip
+        m.frequency,
+        modes.frequency_std,
+        zeta=None if m.zeta is None else np.asarray(m.zeta, dtype=float),
+        zeta_std=modes.zeta_std,
+        shapes=m.shapes if modes.has_shapes else None,
+        shape_std=modes.shape_std,
+        sensors=modes.sensors,
+        numbers=[n - 1 for n in modes.numbers] or None,
+        plane=modes.plane,
+        held_out=[n - 1 for n in modes.held_out],
+        name=modes.name,
+        driven=modes.driven,
+    )
 
 
 def diagnose_study_modes(
@@ -103,9 +113,12 @@ def diagnose_study_modes(
     study = by_modes(study)
     assert study.modes is not None
     more: dict[str, Any] = {
-        "damping_std": study.damping_std, "kinds": study.kinds, "exclude": study.exclude,
-        "model_error": study.model_error, "progress": say,
-    }  # fmt: skip
+        "damping_std": study.damping_std,
+        "kinds": study.kinds,
+        "exclude": study.exclude,
+        "model_error": study.model_error,
+        "progress": say,
+    }
     after = targets_of(study.modes)
     if study.baseline is None:
         return diagnose_modes(study.model, after, study.nuisances, **more)
@@ -201,7 +214,7 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
     proposals = [f"  {text}" for text in d.next_measurements]
     return [
         f"{name}: {d.verdict}; {d.reason}",
-        *_doubts(d),
+        *filter(None, (probability_text(d), far_text(mode_uncertain(d)))),
         "",
         explanations,
         *([f"{'':11}  and {rest} more that share the rest of 90 %"] if rest > 0 else []),
@@ -212,11 +225,6 @@ def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
     ]
 
 
-def _doubts(d: ModeDiagnosis) -> list[str]:
-    """Return how probable the answer is, and what speaks for caution."""
-    return [text for text in (probability_text(d), far_text(mode_uncertain(d))) if text]
-
-
 def _remark(m: ModeTable, k: int) -> str:
     """Return what a row of the table of modes ends with."""
     if not m.belongs[k]:
@@ -224,3 +232,58 @@ def _remark(m: ModeTable, k: int) -> str:
     if not m.held_out[k]:
         return ""
     return "predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")
+
+
+def modes_in(
+    data: Measurement, band: tuple[float, float] | None, limits: ShapeLimits
+) -> tuple[IdentifiedModes, tuple[str, ...]]:
+    """Return the modes in a measurement's FRFs, and the warnings of the identification.
+
+    Parameters
+    ----------
+    data : Measurement
+    band : (float, float) or None
+        Lowest and highest frequency; all unless given [Hz].
+    limits : ShapeLimits
+        How complex shapes may be.
+
+    Raises
+    ------
+    IdentificationError
+        For data that do not allow it.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = identify_modes(data.frf, band=band, driving=_driving(data), **asdict(limits))
+    return found, tuple(dict.fromkeys(str(w.message) for w in caught))
+
+
+def as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
+    """Return identified modes as measured ones, with their standard deviations.
+
+    Raises
+    ------
+    StudyError
+        If there is none.
+    """
+    if not found.modes.n_modes:
+        msg = (
+            f"no mode could be identified from the FRFs of {data.name}; give [modes], or "
+            'set to = "frf" in [update]'
+        )
+        raise StudyError(msg)
+    f_std, shape_std = found.relative_std()
+    shapes, sensors = shapes_like_motions(found.modes.shapes, data.sensors)
+    modes = replace(found.modes, shapes=shapes)
+    return MeasuredModes(modes, sensors, f_std, shape_std, f"FRFs of {data.name}")
+
+
+def _driving(m: Measurement) -> list[tuple[str, str]] | None:
+    """Return responses and forces at one place and in one direction; None where labels may tell."""
+    pairs = [
+        (s.name, e.name)
+        for s in m.sensors
+        for e in m.excitations
+        if at_one_place(s, e, 1e-9) > 0 and s.direction @ e.direction > 1 - 1e-9
+    ]
+    return pairs or None

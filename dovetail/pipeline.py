@@ -231,9 +231,11 @@ def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Pl
 def fit_settings(study: Study) -> dict[str, Any]:
     """Return what a study says about damping, band, lines and the model's error, as diagnoses take it."""
     return {
-        "damping_std": study.damping_std, "band": study.band, "n_lines": study.n_lines or N_FIT_LINES,
+        "damping_std": study.damping_std,
+        "band": study.band,
+        "n_lines": study.n_lines or N_FIT_LINES,
         "model_error": study.model_error,
-    }  # fmt: skip
+    }
 
 
 def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:

@@ -67,9 +67,13 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
     study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(
-        study.model, study.sensors, study.excitations, frequency,
-        USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
-    )  # fmt: skip
+        study.model,
+        study.sensors,
+        study.excitations,
+        frequency,
+        USUAL_NOISE if noise is None else noise,
+        errors=study.channel_errors,
+    )
     left = None if left_db is None else left_db / DB_PER_NEPER
     return plan_test(study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=say, **how)
 
@@ -114,11 +118,20 @@ def choose_channels(
             raise StudyError(msg)
     how = _settings(study)
     return choose(
-        study.model, possible, study.excitations if n_excitations is None else possible, _lines(study),
-        n_sensors, n_excitations, study.nuisances, sizes=study.relevant,
-        noise=USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
-        left=None if left_db is None else left_db / DB_PER_NEPER, progress=progress, **how,
-    )  # fmt: skip
+        study.model,
+        possible,
+        study.excitations if n_excitations is None else possible,
+        _lines(study),
+        n_sensors,
+        n_excitations,
+        study.nuisances,
+        sizes=study.relevant,
+        noise=USUAL_NOISE if noise is None else noise,
+        errors=study.channel_errors,
+        left=None if left_db is None else left_db / DB_PER_NEPER,
+        progress=progress,
+        **how,
+    )
 
 
 def with_channels(study: Study, chosen: Chosen) -> Study:
@@ -157,9 +170,13 @@ def separate_twins(
     model = situated(study.model, study.kinds)
     known = MASS_SHARE * members_mass(study.model) if mass is None else mass
     return perturbed(
-        plan, [*with_masses(model, known), *without_supports(model)], study.nuisances,
-        plan.twins[:MOST_TWINS], progress=progress, **fit_settings(study),
-    )  # fmt: skip
+        plan,
+        [*with_masses(model, known), *without_supports(model)],
+        study.nuisances,
+        plan.twins[:MOST_TWINS],
+        progress=progress,
+        **fit_settings(study),
+    )
 
 
 def require_planned(study: Study, noise: float | None, left_db: float | None) -> None:

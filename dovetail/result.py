@@ -16,7 +16,7 @@ from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, parameters_of
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, parameters_of
 from updating.diagnosis.fitted_modes import ModePair
 from updating.diagnosis.localisation import Localisation
 from updating.inference.belief import FAR_STD
@@ -45,17 +45,24 @@ CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
 ALONG_AXIS = 0.999
 """Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
-    "u": "stiffness (logarithm)", "plane": "stiffness in its plane (logarithm)", "mass": "mass (relative)",
+    "u": "stiffness (logarithm)",
+    "plane": "stiffness in its plane (logarithm)",
+    "mass": "mass (relative)",
     "inertia": "rotary inertia (relative)",
-    "A": "mass per length (relative)", "Iy": "Iy (relative)", "Iz": "Iz (relative)", "J": "J (relative)",
+    "A": "mass per length (relative)",
+    "Iy": "Iy (relative)",
+    "Iz": "Iz (relative)",
+    "J": "J (relative)",
     "shear": "shear flexibility (relative)",
-}  # fmt: skip
+}
 ADDED = {"mass": "mass", "across": "stiffness across the force"}
 """What an instrument adds, by the parameter of its form."""
 _QUANTITIES = {
-    "rho": "density", "k": "shear coefficients",
-    "ky": "shear coefficient along y", "kz": "shear coefficient along z",
-}  # fmt: skip
+    "rho": "density",
+    "k": "shear coefficients",
+    "ky": "shear coefficient along y",
+    "kz": "shear coefficient along z",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +312,10 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "reason": d.reason,
         "effects": [_finding(f) for f in d.findings],
         "faults": [fault_dict(f) for f in d.faults],
-        "error_db": [_step(s) for s in d.steps],
+        "error_db": [
+            {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}
+            for s in d.steps
+        ],
         "noise_floor_db": d.noise_floor_db,
         "noise_db": d.noise_db,
         "discretisation_db": d.discretisation_db,
@@ -365,8 +375,11 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         },
         "modes": [
             {
-                "nominal_Hz": m.nominal, "fitted_Hz": m.fitted, "nominal_damping": m.nominal_zeta,
-                "fitted_damping": m.fitted_zeta, "mac": m.mac,
+                "nominal_Hz": m.nominal,
+                "fitted_Hz": m.fitted,
+                "nominal_damping": m.nominal_zeta,
+                "fitted_damping": m.fitted_zeta,
+                "mac": m.mac,
             }
             for m in result.modes
         ],
@@ -377,7 +390,7 @@ def result_dict(result: RunResult) -> dict[str, Any]:
         "measured_notes": list(study.measured_notes),
         "notes": list(result.notes),
         "warnings": list(study.warnings),
-    }  # fmt: skip
+    }
 
 
 def localisation_dict(where: Localisation) -> dict[str, Any]:
@@ -468,7 +481,3 @@ def _ranked(r: Ranked) -> dict[str, Any]:
 def _parameter(p: EffectParameter) -> dict[str, Any]:
     std = None if p.at_bound else p.std
     return {"name": p.name, "value": p.value, "unit": p.unit, "std": std, "at_bound": p.at_bound}
-
-
-def _step(s: Step) -> dict[str, Any]:
-    return {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}

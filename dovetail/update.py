@@ -1,6 +1,5 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,11 +9,10 @@ from dovetail.file.config import Study, read_study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
 from dovetail.found import test_of, text_with_model, values_in, with_test
-from dovetail.identified import as_measured, modes_in
-from dovetail.modes_pipeline import mode_problem_and_model, targets_of
+from dovetail.modes_pipeline import as_measured, mode_problem_and_model, modes_in, targets_of
 from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
 from fem.analysis.modes import solve_modes
-from fem.model import Effect, Model, ParameterRef
+from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.inference.fit import FitProblem
@@ -156,9 +154,13 @@ def update_study(study: Study) -> StudyUpdate:
     asked = {ref for u in plan.unknowns for ref in u.refs}
     others = tuple(n for n in plan.nuisances if not asked.intersection(n.refs))
     adapted = replace(
-        study, baseline=None, baseline_frfs=None, model=study.model.with_effect(*plan.effects),
-        nuisances=(*plan.unknowns, *others), damping_std=study.damping_std if plan.damping else 0.0,
-    )  # fmt: skip
+        study,
+        baseline=None,
+        baseline_frfs=None,
+        model=study.model.with_effect(*plan.effects),
+        nuisances=(*plan.unknowns, *others),
+        damping_std=study.damping_std if plan.damping else 0.0,
+    )
     data = None
     if "frf" in to:
         data = without_held_out(study, measured(study, phases=False)[0])
@@ -216,11 +218,8 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
     )
     if isinstance(updated.problem, FitProblem):
         there = with_test(there, test_of(updated.problem, updated.fitted))
-    return there, tuple(_omitted(here, study, updated, values | _values_of(effects), damping is not None))
-
-
-def _values_of(effects: Sequence[Effect]) -> dict[ParameterRef, float]:
-    return {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
+    values |= {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
+    return there, tuple(_omitted(here, study, updated, values, damping is not None))
 
 
 def _omitted(

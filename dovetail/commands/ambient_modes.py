@@ -170,6 +170,8 @@ def _quality(found: AmbientModes | MergedModes) -> dict[str, Values]:
     if isinstance(found, MergedModes):
         numbers = [{str(s + 1): mode + 1 for s, mode in each.items()} for each in found.members]
         return {
-            "set_ups": numbers, "frequency_scatter": found.scatter, "mac_of_set_ups": found.agreement,
-        }  # fmt: skip
+            "set_ups": numbers,
+            "frequency_scatter": found.scatter,
+            "mac_of_set_ups": found.agreement,
+        }
     return {"mpc": found.mpc, "mpd_deg": found.mpd, "spectra_mac": found.spectra_mac}

@@ -8,8 +8,7 @@ import numpy as np
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
-from dovetail.commands.bands import columns_of_bands
-from dovetail.commands.common import Options, check_places, loaded, noted
+from dovetail.commands.common import Options, check_places, columns_of_bands, loaded, noted
 from dovetail.disk.output import Progress
 from dovetail.report.table import Column, Table
 

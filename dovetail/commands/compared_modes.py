@@ -79,9 +79,10 @@ def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult
 
     names, effects = {e.name for e in study.added}, study.added
     base = replace(
-        study, model=study.model.without_effect(*names),
+        study,
+        model=study.model.without_effect(*names),
         changes=tuple(name for name in study.changes if name not in names),
-    )  # fmt: skip
+    )
     problem = mode_problem(base)
     progress("fitting the uncertain parameters" + (" and the added effects" if effects else ""), 0.3)
     return fit_given(problem, effects)

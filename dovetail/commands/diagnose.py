@@ -51,8 +51,11 @@ def run(options: Options, progress: Progress) -> Answer:
     excluded = planning.table_of_excluded(beyond) if beyond else None
     rounds = [table_of_candidates(ranked, k) for k, ranked in enumerate(found.rounds)]
     lines: list[str | Table] = [
-        f"{study.name}: {found.verdict}; {found.reason}", *found_lines(found), "", staircase(found),
-    ]  # fmt: skip
+        f"{study.name}: {found.verdict}; {found.reason}",
+        *found_lines(found),
+        "",
+        staircase(found),
+    ]
     lines += ["", *partner_lines(partners)] if partners else []
     lines += ["", planning.EXCLUDED, excluded] if excluded else []
     for k, (ranked, table) in enumerate(zip(found.rounds, rounds, strict=True)):

@@ -38,31 +38,44 @@ STILL_RINGING = 0.05
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
-        "records", type=Path, nargs="+", metavar="FILE",
+        "records",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
         help="time data: .wav, .tdms, .csv, .txt, .npz, .mat, .h5 or .uff; records of hits are joined",
-    )  # fmt: skip
+    )
     p.add_argument(
-        "--force", "--reference", nargs="+", metavar="CHANNEL",
+        "--force",
+        "--reference",
+        nargs="+",
+        metavar="CHANNEL",
         help="channels of forces (default: those in a unit of force), or of the motions that "
         "transmissibilities refer to",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--response", nargs="+", metavar="CHANNEL", help="channels of responses (default: the rest)"
     )
     p.add_argument(
-        "--scale", type=values_by_name, default={}, metavar="CHANNEL=FACTOR,...",
+        "--scale",
+        type=values_by_name,
+        default={},
+        metavar="CHANNEL=FACTOR,...",
         help="factors to SI units, such as N/V; they override the units in the file",
-    )  # fmt: skip
+    )
     p.add_argument(
-        "--rename", type=labels_by_name, default={}, metavar="CHANNEL=LABEL,...",
+        "--rename",
+        type=labels_by_name,
+        default={},
+        metavar="CHANNEL=LABEL,...",
         help="labels of channels in the FRFs, such as ch1=12Z+",
-    )  # fmt: skip
+    )
     p.add_argument("--sample-rate", type=positive, metavar="HZ", help="of files that do not say it")
     p.add_argument(
-        "--kind", choices=[*map(str, FRFKind), TRANSMISSIBILITY],
+        "--kind",
+        choices=[*map(str, FRFKind), TRANSMISSIBILITY],
         help="kind of FRF (default: that of the units, else accelerance); a transmissibility is a motion for "
         "another one",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--hits",
         type=positive,
@@ -76,9 +89,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--overlap", type=number_up_to(0.99), default=0.5, help="of blocks, 0 to 0.99 (default 0.5)"
     )
     p.add_argument(
-        "--window", choices=["hann", "rectangular", "flattop", "exponential"],
+        "--window",
+        choices=["hann", "rectangular", "flattop", "exponential"],
         help="of the blocks (default: hann, of hits rectangular)",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--force-length", type=positive, metavar="S", help="set forces to zero so long after a hit begins"
     )
@@ -275,11 +289,20 @@ def _estimate(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # its messages say the same
         estimate = estimate_frf(
-            force, response, rate, block=options.block, overlap=options.overlap, window=window,
-            force_length=options.force_length, estimator=options.estimator, kind=first.kind,
-            outputs=first.outputs, inputs=first.inputs,
-            band=None if options.band is None else tuple(options.band), hits=options.hits is not None,
-        )  # fmt: skip
+            force,
+            response,
+            rate,
+            block=options.block,
+            overlap=options.overlap,
+            window=window,
+            force_length=options.force_length,
+            estimator=options.estimator,
+            kind=first.kind,
+            outputs=first.outputs,
+            inputs=first.inputs,
+            band=None if options.band is None else tuple(options.band),
+            hits=options.hits is not None,
+        )
     if first.of_motion:
         estimate = replace(estimate, frf=replace(estimate.frf, base=estimate.frf.inputs))
     warn(estimate.messages)
@@ -321,20 +344,42 @@ def _write(path: Path, estimate: "EstimatedFRF") -> None:
     if path.suffix.lower() == ".npz":
         with replacing(path) as scratch, scratch.open("wb") as file:
             np.savez_compressed(
-                file, frequency=frf.frequency, H=frf.H, kind=np.array(kind),
-                outputs=np.array(frf.outputs, dtype=str), inputs=np.array(frf.inputs, dtype=str),
-                coherence=estimate.coherence, averages=np.array(averages), std=estimate.std,
-                added_decay=np.array(estimate.added_decay), base=np.array(frf.base, dtype=str),
-            )  # fmt: skip
+                file,
+                frequency=frf.frequency,
+                H=frf.H,
+                kind=np.array(kind),
+                outputs=np.array(frf.outputs, dtype=str),
+                inputs=np.array(frf.inputs, dtype=str),
+                coherence=estimate.coherence,
+                averages=np.array(averages),
+                std=estimate.std,
+                added_decay=np.array(estimate.added_decay),
+                base=np.array(frf.base, dtype=str),
+            )
         return
     coherences = [
         Function(
-            6, output, force, "", "", frf.frequency, estimate.coherence[:, i, j], 18, 0, 0, "Hz", "", "", (),
-            0, 0, "",
+            function_type=6,  # coherence
+            response=output,
+            reference=force,
+            response_name="",
+            reference_name="",
+            x=frf.frequency,
+            values=estimate.coherence[:, i, j],
+            x_type=18,  # frequency
+            ordinate_type=0,
+            denominator_type=0,
+            x_unit="Hz",
+            unit="",
+            denominator_unit="",
+            title=(),
+            load_case=0,
+            version=0,
+            place="",
         )
         for i, output in enumerate(frf.outputs)
         for j, force in enumerate(frf.inputs)
-    ]  # fmt: skip
+    ]
     write_uff(path, frf, functions=coherences)
 
 

@@ -27,9 +27,12 @@ def run(options: Options, progress: Progress) -> Answer:
         assert study.baseline is not None
         changes = [[(_place(e), s.probability) for e in s.diagnosis.found] for s in history]
         figure = plot_history(
-            [s.name for s in history], study.baseline.modes.frequency, [s.shift for s in history],
-            [s.std for s in history], changes,
-        )  # fmt: skip
+            [s.name for s in history],
+            study.baseline.modes.frequency,
+            [s.shift for s in history],
+            [s.std for s in history],
+            changes,
+        )
         with replacing(options.picture) as scratch:
             save(figure, scratch)
     printed = [*history_lines(study, history), *noted(study.measured_notes)]

@@ -61,8 +61,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> Answer:
     """Fit a joint by output error; show it line by line in addition; write the joint into a study."""
-    from dovetail.identify import read_task
-    from dovetail.propose import write_proposal
+    from dovetail.identify import read_task, write_proposal
     from dovetail.report.joint import draw_joint, joint_result, joint_words
     from joint import IdentificationError
     from joint.assembly import identify, summarise

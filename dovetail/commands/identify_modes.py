@@ -31,9 +31,10 @@ RESULTS = Results(
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
-        "--ambient", action="store_true",
+        "--ambient",
+        action="store_true",
         help="use the time data of [ambient] (default: if there are no [[measurements]])",
-    )  # fmt: skip
+    )
     p.add_argument("--measurement", metavar="NAME", help="which measurement (default: the first)")
     p.add_argument(
         "--band",

@@ -38,9 +38,13 @@ def run(options: Options, progress: Progress) -> Answer:
     names, points = _test_points(options.geometry)
     progress("matching")
     found, mesh = match_members(
-        points, study.model.mesh, options.tolerance,
-        axes="same" if options.same_axes else "any", unit=options.unit, alternative=options.alternative,
-    )  # fmt: skip
+        points,
+        study.model.mesh,
+        options.tolerance,
+        axes="same" if options.same_axes else "any",
+        unit=options.unit,
+        alternative=options.alternative,
+    )
     if options.picture is not None:
         from viz.correlation import plot_geometry_match
         from viz.style import save

@@ -27,10 +27,14 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
     p.add_argument(
-        "--from", dest="test", type=Path, nargs="+", metavar="FILE",
+        "--from",
+        dest="test",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
         help="make the study of a Nastran, Abaqus or ANSYS deck or a mesh, with the FRFs and geometry of a "
         "test (.uff) if given; sensors are put on members",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--units",
         default="SI",
@@ -97,16 +101,23 @@ def _from_test(options: Options, progress: Progress) -> Answer:
     _refuse_existing(options, folder, (STUDY, MESH, SENSORS, EXCITATIONS))
     progress("reading")
     structure = read_structure(
-        mesh, folder, scale=options.mesh_scale, units=_units(options.units),
+        mesh,
+        folder,
+        scale=options.mesh_scale,
+        units=_units(options.units),
         mesh_will_do=measured is not None,
-    )  # fmt: skip
+    )
     if measured is None:
         draft = Draft({STUDY: study_text(structure, mesh.name), **structure.files}, structure.notes)
     else:
         draft = draft_study(
-            measured, structure, folder, kind=options.kind, points=_geometry(options),
+            measured,
+            structure,
+            folder,
+            kind=options.kind,
+            points=_geometry(options),
             placing=Placing(options.tolerance, options.unit, options.same_axes, options.alternative),
-        )  # fmt: skip
+        )
     with result_folder(folder, options.force) as scratch:
         for name, text in draft.files.items():
             (scratch / name).write_text(text, encoding="utf-8")

@@ -152,8 +152,11 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         **({} if u.samples is None else {"samples": _quantiles(u)}),
         "path": [
             {
-                "stage": s.stage, "values": s.values, "frequency_error": s.errors.frequency,
-                "mac": s.errors.mac, "frf_db": s.errors.frf_db,
+                "stage": s.stage,
+                "values": s.values,
+                "frequency_error": s.errors.frequency,
+                "mac": s.errors.mac,
+                "frf_db": s.errors.frf_db,
             }
             for s in u.path
         ],
@@ -162,4 +165,4 @@ def _update_dict(result: StudyUpdate, unsaid: tuple[str, ...]) -> dict[str, Any]
         "warnings": result.study.warnings,
         "mesh_notes": result.study.model.mesh.notes,
         "measured_notes": result.study.measured_notes,
-    }  # fmt: skip
+    }

@@ -107,14 +107,19 @@ def _parameter_table(result: StudyUpdate) -> TableBlock:
 
 def _bootstrap_table(found: Bootstrap) -> TableBlock:
     """Return the standard deviations of the refits and the linearised ones."""
+    std, bias, error, q = found.std, found.bias, found.bias_error, found.quantiles.value
     rows = [
-        (p.name, p.unit, f"{p.value:.5g}", f"{p.std:.3g}" if np.isfinite(p.std) else "-", f"{std:.3g}",
-         f"{bias:.2g} ± {error:.2g}", *(f"{v:.5g}" for v in q))
-        for p, std, bias, error, q in zip(
-            found.updated.parameters, found.std, found.bias, found.bias_error, found.quantiles.value.T,
-            strict=True,
+        (
+            p.name,
+            p.unit,
+            f"{p.value:.5g}",
+            f"{p.std:.3g}" if np.isfinite(p.std) else "-",
+            f"{std[k]:.3g}",
+            f"{bias[k]:.2g} ± {error[k]:.2g}",
+            *(f"{v:.5g}" for v in q[:, k]),
         )
-    ]  # fmt: skip
+        for k, p in enumerate(found.updated.parameters)
+    ]
     head = ["parameter", "unit", "value", "linearised std", f"std of {found.n} refits", "bias"]
     return TableBlock([*head, "5 %", "median", "95 %"], rows, numbers=range(2, 9), at_most=60)
 
@@ -124,10 +129,16 @@ def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
     return (
-        p.name, p.unit, f"{p.start:.5g}", f"{p.lower:.4g} to {p.upper:.4g}", prior, f"{p.value:.5g}",
+        p.name,
+        p.unit,
+        f"{p.start:.5g}",
+        f"{p.lower:.4g} to {p.upper:.4g}",
+        prior,
+        f"{p.value:.5g}",
         f"{p.std:.2g}" if np.isfinite(p.std) else "-",
-        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-", p.change + mark,
-    )  # fmt: skip
+        f"{low:.5g} to {high:.5g}" if np.isfinite(p.std) else "-",
+        p.change + mark,
+    )
 
 
 def _most_correlated(result: StudyUpdate, i: int) -> str:

@@ -115,10 +115,13 @@ class CandidateList:
                 kinds: dict[str, list[str]] = {}
                 for name in names if whole else ():
                     kinds.setdefault(desk.candidates[name].kind, []).append(name)
-                nodes.append({
-                    "id": f"place {where}", "label": f"{where} ({len(names)})",
-                    "children": [self._kind_node(where, k, n, added) for k, n in sorted(kinds.items())],
-                })  # fmt: skip
+                nodes.append(
+                    {
+                        "id": f"place {where}",
+                        "label": f"{where} ({len(names)})",
+                        "children": [self._kind_node(where, k, n, added) for k, n in sorted(kinds.items())],
+                    }
+                )
         self._tree.props["nodes"] = nodes
         self._tree.update()
         if spot:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dovetail.desk.saving import model_of
 from dovetail.file.measured_modes import MeasuredModes
-from dovetail.identified import as_measured, modes_in
+from dovetail.modes_pipeline import as_measured, modes_in
 from dovetail.pipeline import Progress
 from dovetail.study import Study
 from fem.analysis.modes import Modes

@@ -204,9 +204,11 @@ class EffectList:
         self._fields[name, p.name] = left
         field.on("blur", emptied)
         slider.on(
-            "input", lambda e: self._move((name, p.name, value_at(e.args))), throttle=THROTTLE,
+            "input",
+            lambda e: self._move((name, p.name, value_at(e.args))),
+            throttle=THROTTLE,
             js_handler=DRAGGED.format(value=scale.javascript, lower=_js(p.lower), upper=_js(p.upper)),
-        )  # fmt: skip
+        )
         slider.on("change", lambda e: self._release((name, p.name, value_at(e.args))), js_handler=POSITION)
         slider.on("keydown", js_handler=STEP)
         field.on_value_change(entered)
@@ -274,9 +276,11 @@ class EffectList:
             with ui.element("div").classes("desk-row"):
                 ui.label(f"{effect_label(other.kind, other.where)} ({similarity:.2f})").classes("desk-note")
                 button(
-                    "Take instead", lambda o=other: self._act(lambda: desk.replace(name, o)), "swap_horiz",
+                    "Take instead",
+                    lambda o=other: self._act(lambda: desk.replace(name, o)),
+                    "swap_horiz",
                     label=f"{other.name} in place of {name}",
-                )  # fmt: skip
+                )
 
 
 def _js(value: float) -> str:

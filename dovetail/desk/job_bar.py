@@ -8,6 +8,7 @@ from nicegui import ui
 from dovetail.desk.jobs import Job
 from dovetail.desk.widgets import button, labelled
 from dovetail.report.words import directions
+from dovetail.units.work import duration
 
 Start = Callable[[Callable[[], Job], Callable[[Job], None]], None]
 """Starts a job, unless one is running, and calls the second argument with it when it has a result."""
@@ -74,10 +75,6 @@ class JobBar:
     def _show(self, job: Job) -> None:
         self._row.set_visibility(True)
         left = job.remaining
-        rest = "" if left is None else f", about {_duration(left)} left"
+        rest = "" if left is None else f", about {duration(left)} left"
         self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {directions(job.text) or 'begins'}")
         self._bar.set_value(round(job.fraction, 3))
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -13,7 +13,7 @@ from dovetail.disk.output import Output, check_outputs, result_folder
 from dovetail.file.config import Study, load_study
 from dovetail.file.paths import input_files
 from dovetail.file.toml import with_values
-from dovetail.found import Reported, reported_text
+from dovetail.found import fitted_text
 from dovetail.pipeline import Progress, analysed, fit_problem, formed_fit_problem, write
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
@@ -58,8 +58,7 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     model = model_of(study, live, h)
     form = {e.name for e in form_of(live, h)}
     effects = (*(e for e in model.effects if e.name in form), *result.effects)
-    reported = Reported(study, live.problem, result, model, effects, h.faults)
-    text = reported_text(reported, path.parent, compared.name)
+    text = fitted_text(study, compared, live.problem, result, model, effects, h.faults)
     if h.held_out != held_out_of(study):
         text = with_values(text, {("fit", "held_out"): sorted(h.held_out)})
     frf = data.measurement.frf
@@ -162,8 +161,19 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
     mesh_db, mesh_level = discretisation_error(problem)
     floor = float(np.hypot(problem.data.noise_level, mesh_level))
     return Diagnosis(
-        EFFECT if h.effects else NOTHING, "effects were added by hand", findings, h.faults, tuple(steps), (),
-        problem.data.noise_db, mesh_db, basis_error(problem, found, N_CHECKED),
-        max(problem.model_error, floor), floor, problem, fitted_model(problem.reduced.model, found),
-        (BY_HAND,), seconds,
-    )  # fmt: skip
+        verdict=EFFECT if h.effects else NOTHING,
+        reason="effects were added by hand",
+        findings=findings,
+        faults=h.faults,
+        steps=tuple(steps),
+        rounds=(),
+        noise_db=problem.data.noise_db,
+        discretisation_db=mesh_db,
+        basis_db=basis_error(problem, found, N_CHECKED),
+        limit=max(problem.model_error, floor),
+        noise_limit=floor,
+        problem=problem,
+        model=fitted_model(problem.reduced.model, found),
+        notes=(BY_HAND,),
+        seconds=seconds,
+    )

@@ -92,6 +92,14 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
     app.on_startup(Thread(target=when_it_answers, daemon=True).start)
     # a browser that draws in software may take seconds before it connects, and would have to load again
     ui.run(
-        host=HOST, port=port, reload=False, show=False, show_welcome_message=False, tailwind=False,
-        uvicorn_logging_level="error", reconnect_timeout=PATIENCE, favicon="📐", language="en-US",
-    )  # fmt: skip
+        host=HOST,
+        port=port,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        tailwind=False,
+        uvicorn_logging_level="error",
+        reconnect_timeout=PATIENCE,
+        favicon="📐",
+        language="en-US",
+    )

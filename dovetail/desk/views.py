@@ -176,25 +176,35 @@ def _change(s: Sensitivity) -> str:
 
 VIEWS = {
     "Amplitude and phase": View(
-        "Amplitude and phase of one FRF, measured and computed", _amplitude,
+        "Amplitude and phase of one FRF, measured and computed",
+        _amplitude,
         lambda shown, chosen: figures.curve_changes(shown, chosen.pair),
-        over_frequency=True, needs_phase=False,
+        over_frequency=True,
+        needs_phase=False,
     ),
     "Nyquist": View(
-        "Imaginary over real part of one FRF, measured and computed", _nyquist, _nyquist_changes,
+        "Imaginary over real part of one FRF, measured and computed",
+        _nyquist,
+        _nyquist_changes,
         of_band=True,
     ),
     "CMIF": View(
-        "Complex mode indication function of all FRFs, measured and computed", _cmif, _cmif_changes,
-        one_frf=False, over_frequency=True,
+        "Complex mode indication function of all FRFs, measured and computed",
+        _cmif,
+        _cmif_changes,
+        one_frf=False,
+        over_frequency=True,
     ),
     "FRAC": View(
-        "FRAC of every sensor for the chosen excitation; click a row for its FRF", _frac, _frac_changes,
+        "FRAC of every sensor for the chosen excitation; click a row for its FRF",
+        _frac,
+        _frac_changes,
         one_frf=False,
     ),
     "Sensitivity": View(
-        "Change of the chosen FRF by each parameter, per standard deviation of its prior", _sensitivity,
+        "Change of the chosen FRF by each parameter, per standard deviation of its prior",
+        _sensitivity,
         needs_phase=False,
     ),
-}  # fmt: skip
+}
 """All views by the name in the list."""

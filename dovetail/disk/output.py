@@ -6,6 +6,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -379,28 +380,26 @@ class Progress:
 
     def __init__(self, quiet: bool = False) -> None:
         self._show = not quiet and sys.stderr.isatty()
-        self._bar: Any = None
+        self._start = time.monotonic()
+        self._line = ""
 
     def __call__(self, text: str, done: float = 0, total: float | None = None) -> None:
         """Show a step."""
         if not self._show:
             return
-        from tqdm import tqdm
-
-        if self._bar is None:
-            self._bar = tqdm(
-                file=sys.stderr,
-                leave=False,
-                dynamic_ncols=True,
-                bar_format="{desc} {bar:30} {percentage:3.0f} % {elapsed}",
-            )
-        self._bar.set_description_str(text, refresh=False)
-        self._bar.total = total or 1
-        self._bar.n = min(done, self._bar.total)
-        self._bar.refresh()
+        share = min(done / (total or 1), 1.0)
+        minutes, seconds = divmod(int(time.monotonic() - self._start), 60)
+        end = f" {'#' * int(30 * share):30} {100 * share:3.0f} % {minutes:02d}:{seconds:02d}"
+        width = shutil.get_terminal_size().columns - 1  # a full line would wrap
+        self._draw((text[: max(0, width - len(end))] + end)[:width])
 
     def close(self) -> None:
         """Take the bar away."""
-        if self._bar is not None:
-            self._bar.close()
-            self._bar = None
+        if self._line:
+            self._draw("")
+            print(end="\r", file=sys.stderr, flush=True)
+
+    def _draw(self, line: str) -> None:
+        """Put a line over the last one; blanks, as old consoles of Windows have no escape sequences."""
+        print(f"\r{line:{len(self._line)}}", end="", file=sys.stderr, flush=True)
+        self._line = line

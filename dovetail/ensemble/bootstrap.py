@@ -171,26 +171,33 @@ def _digest(model: BootstrapModel) -> str:
 def as_dict(found: Bootstrap) -> dict[str, Any]:
     """Return the bootstrap for JSON, with the linearised standard deviations and correlations."""
     q, updated = found.quantiles, found.updated
-    rows = zip(
-        updated.parameters, found.std, found.std_error, found.bias, found.bias_error, q.value.T, q.error.T,
-        found.at_bound, strict=True,
-    )  # fmt: skip
+    columns = {
+        "std": found.std,
+        "std_error": found.std_error,
+        "bias": found.bias,
+        "bias_error": found.bias_error,
+        "quantiles": q.value.T,
+        "quantile_errors": q.error.T,
+        "at_bound": found.at_bound,
+    }
     return {
         "resamples": found.asked,
         "refits": found.n,
         "probabilities": PROBABILITIES,
         "parameters": [
             {
-                "name": p.name, "unit": p.unit, "value": p.value, "linearised_std": p.std, "std": std,
-                "std_error": std_error, "bias": bias, "bias_error": bias_error, "quantiles": value,
-                "quantile_errors": error, "at_bound": share,
+                "name": p.name,
+                "unit": p.unit,
+                "value": p.value,
+                "linearised_std": p.std,
+                **{key: column[k] for key, column in columns.items()},
             }
-            for p, std, std_error, bias, bias_error, value, error, share in rows
+            for k, p in enumerate(updated.parameters)
         ],
         "correlation": found.correlation,
         "linearised_correlation": updated.correlation,
         "failures": [{"refit": o.unit, "reason": o.failure} for o in found.failures],
-    }  # fmt: skip
+    }
 
 
 NAMED_RATIO = 1.25

@@ -134,7 +134,7 @@ def _bands(
     bands = Quantiles(value, error)
     return Ensemble(
         model, len(values), values, quantiles(frequency), bands, counted_frfs(middle), checks, failures
-    )  # fmt: skip
+    )
 
 
 def _joined(files: Iterable[Path], part: Callable[[Any], Floats]) -> Floats:

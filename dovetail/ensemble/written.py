@@ -85,9 +85,7 @@ def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
     title = f"{study.name}: {ensemble.n} samples{shown}"
     quantities = dict.fromkeys(quantity_of(model.kind, i) for i in study.excitations)
     unit = ", ".join(f"{word} [{unit}]" for word, unit in quantities)
-    save(
-        plot_bands(model.frequency, bands[:MOST_DRAWN], ensemble.frequency.value, unit, title), path
-    )  # fmt: skip
+    save(plot_bands(model.frequency, bands[:MOST_DRAWN], ensemble.frequency.value, unit, title), path)
 
 
 def measured_levels(ensemble: Ensemble, study: Study) -> Floats | None:

@@ -36,7 +36,7 @@ from dovetail.file.geometry import (
 )
 from dovetail.file.lines import key_lines
 from dovetail.file.loads import Loads, read_loads
-from dovetail.file.measured import RawMeasurement, read_files
+from dovetail.file.measured import RawMeasurement, read_band, read_files
 from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_out, top_frequency
 from dovetail.file.measured_modes import (
     MeasuredModes,
@@ -66,7 +66,13 @@ from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refus
 from dovetail.file.plausible import implausible, naming_implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
-from dovetail.file.settings import read_candidates, read_fit, read_frequency, read_relevant
+from dovetail.file.settings import (
+    MOST_LINES,
+    read_candidates,
+    read_frequency,
+    read_model_error,
+    read_relevant,
+)
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
 from dovetail.file.uncertain import read_uncertain, shear_std
@@ -338,10 +344,14 @@ class _Reader:
         groups = [[c.sensor for c in group] for group in (sensors, excitations)]
 
         fit = top.table("fit")
-        settings = read_fit(fit)
-        self.measured_notes += settings.notes
+        band, n_lines = read_band(fit), fit.integer("lines", None, 8, MOST_LINES)
+        model_error = read_model_error(fit)
+        if model_error == 0:
+            self.measured_notes.append(
+                "the form of sections and connections is taken as drawn, as [fit] says: it does not vary"
+            )
         held_out = self._held_out(fit, sensors, excitations)
-        measured_to = _highest(raw, raw_modes, settings.band)
+        measured_to = _highest(raw, raw_modes, band)
         frequency, highest = read_frequency(top, measured_to, notes)
         superelements = tuple(part.reduced(geometry.mesh, highest, notes) for part in parts.foreign)
         mesh, chosen = self._refined(geometry.mesh, parts, highest, notes)
@@ -390,12 +400,12 @@ class _Reader:
             damping_std=damping_std,
             kinds=kinds,
             exclude=exclude,
-            band=settings.band,
-            model_error=settings.model_error,
-            n_lines=settings.n_lines,
-            held_out=held_out.excitations,
-            held_out_sensors=held_out.sensors,
-            held_out_bands=held_out.bands,
+            band=band,
+            model_error=model_error,
+            n_lines=n_lines,
+            held_out=held_out[0],
+            held_out_sensors=held_out[1],
+            held_out_bands=held_out[2],
             frequency=frequency,
             max_frequency=highest,
             element_size=(float(mesh.lengths().min(initial=np.inf)), float(mesh.lengths().max(initial=0.0))),
@@ -533,7 +543,7 @@ class _Reader:
 
     def _held_out(self, fit: Table, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
         """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""
-        held_out = HeldOut()
+        held_out: HeldOut = (), (), ()
         if fit.get("held_out", ()) != []:  # as the desk saves a hypothesis that holds out nothing
             with self._if_all_was_read():
                 held_out = read_held_out(fit, sensors, excitations)

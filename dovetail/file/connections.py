@@ -267,10 +267,17 @@ class ForeignPart:
         with self.table.at(), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             out = Superelement.from_matrices(
-                self.name, self.matrices, mesh, self.attachments, held=self.held, eta=self.eta,
-                n_modes=self.n_modes, max_frequency=top,
-                residual=self.n_modes is None, faces=self.faces,
-            )  # fmt: skip
+                self.name,
+                self.matrices,
+                mesh,
+                self.attachments,
+                held=self.held,
+                eta=self.eta,
+                n_modes=self.n_modes,
+                max_frequency=top,
+                residual=self.n_modes is None,
+                faces=self.faces,
+            )
         messages = [str(w.message) for w in caught]
         if key:
             store(file, key, out, messages)

@@ -12,9 +12,16 @@ from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 
 UNITS = {
-    "sensor_sign": "-", "sensor_gain": "-", "sensor_delay": "s", "sensor_swap": "-", "sensor_tilt": "rad",
-    "sensor_position": "m", "excitation_sign": "-", "excitation_gain": "-", "excitation_delay": "s",
-}  # fmt: skip
+    "sensor_sign": "-",
+    "sensor_gain": "-",
+    "sensor_delay": "s",
+    "sensor_swap": "-",
+    "sensor_tilt": "rad",
+    "sensor_position": "m",
+    "excitation_sign": "-",
+    "excitation_gain": "-",
+    "excitation_delay": "s",
+}
 """Kinds of faults, and the units of their values."""
 
 

@@ -181,10 +181,15 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
     factor = 1.0 if stamped else _abscissa_factor(path.name, rows[0][0], quantity, head)
     x = _scaled(path.name, "the first column", factor, numbers[:, 0])
     return Columns(
-        path.name, quantity, x, tuple(headings[1:]), numbers[:, 1:],
-        tuple(split_heading(h).unit for h in headings[1:]), rows[0][0],
+        path.name,
+        quantity,
+        x,
+        tuple(headings[1:]),
+        numbers[:, 1:],
+        tuple(split_heading(h).unit for h in headings[1:]),
+        rows[0][0],
         conversion(head.unit, "rad/s") is not None,
-    )  # fmt: skip
+    )
 
 
 def _abscissa_factor(file: str, line: int, quantity: str, heading: Heading) -> float:

@@ -1,7 +1,8 @@
 """Read ``[[loads]]``, ``[[combinations]]``, ``[[envelopes]]`` and ``[[initial]]`` of a study file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -50,16 +51,6 @@ class Loads:
         return (*self.cases, *combined)
 
 
-@dataclass(slots=True)
-class _Case:
-    """A load case as far as it has been read."""
-
-    points: dict[tuple[int, str], float] = field(default_factory=dict)
-    members: list[MemberLoad] = field(default_factory=list)
-    gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    displacements: dict[Key, float] = field(default_factory=dict)
-
-
 def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loads:
     """Read the load cases, combinations, envelopes and initial motions of a study.
 
@@ -71,60 +62,52 @@ def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loa
     holders : sequence of Effect
         Supports and joints, whose held directions may be moved.
     """
-    cases: dict[str, _Case] = {}
+    cases: dict[str, LoadCase] = {}
     for t in top.tables("loads"):
-        _add(t, cases.setdefault(t.text("case", "load"), _Case()), geometry, holders)
+        name = t.text("case", "load")
+        cases[name] = _with_load(t, cases.get(name, LoadCase(name=name)), geometry, holders)
         t.finish()
     combinations = _combinations(top, tuple(cases))
     return Loads(
-        tuple(
-            LoadCase(
-                name=name,
-                points=c.points,
-                members=tuple(c.members),
-                gravity=c.gravity,
-                displacements=c.displacements,
-            )
-            for name, c in cases.items()
-        ),
+        tuple(cases.values()),
         combinations,
         _envelopes(top, (*cases, *combinations)),
         read_initial(top, geometry),
     )
 
 
-def _add(t: Table, case: _Case, geometry: Geometry, holders: Sequence[Effect]) -> None:
-    """Add one entry of ``[[loads]]`` to its case."""
+def _with_load(t: Table, case: LoadCase, geometry: Geometry, holders: Sequence[Effect]) -> LoadCase:
+    """Return a case with one more entry of ``[[loads]]``."""
     given = [key for key in KINDS if key in t]
     if len(given) != 1:
         found = f"{' and '.join(given)} are given" if given else "none is given"
         t.refuse("", f"an entry is one load, which one of {', '.join(KINDS)} names; {found}")
     kind = given[0]
     if kind == "point":
-        _point(t, case, geometry)
-    elif kind == "gravity":
-        case.gravity = case.gravity + t.vector("gravity", unit="m/s²")
-    elif kind == "settlement":
-        _settlement(t, case, holders)
-    elif kind == "force_per_length":
-        case.members += _line_loads(t, geometry)
-    else:
-        case.members += _strains(t, geometry, kind)
+        return replace(case, points=_sum(case.points, _point(t, geometry)))
+    if kind == "gravity":
+        return replace(case, gravity=np.asarray(case.gravity) + t.vector("gravity", unit="m/s²"))
+    if kind == "settlement":
+        return replace(case, displacements=_sum(case.displacements, _settlement(t, holders)))
+    more = _line_loads(t, geometry) if kind == "force_per_length" else _strains(t, geometry, kind)
+    return replace(case, members=(*case.members, *more))
 
 
-def _point(t: Table, case: _Case, geometry: Geometry) -> None:
+def _sum(known: Any, more: Mapping[Any, float]) -> dict[Any, float]:
+    """Return the sums of the values of two mappings."""
+    return {**known, **{key: known.get(key, 0.0) + value for key, value in more.items()}}
+
+
+def _point(t: Table, geometry: Geometry) -> dict[tuple[int, str], float]:
     """Read a force and a moment at a place."""
     if "force" not in t and "moment" not in t:
         t.refuse("", "a load at a point needs force [N], moment [N·m] or both, three components each")
     point = geometry.point(t)
     both = [*t.vector("force", np.zeros(3), unit="N"), *t.vector("moment", np.zeros(3), unit="N·m")]
-    for direction, value in zip(DIRECTIONS, both, strict=True):
-        if value:
-            key = point, direction
-            case.points[key] = case.points.get(key, 0.0) + float(value)
+    return {(point, d): float(value) for d, value in zip(DIRECTIONS, both, strict=True) if value}
 
 
-def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
+def _settlement(t: Table, holders: Sequence[Effect]) -> dict[Key, float]:
     """Read prescribed motions of a support or of a joint's rigid directions."""
     fixed = {
         e.name: tuple(e.fixed if isinstance(e, Support) else e.rigid)
@@ -134,7 +117,7 @@ def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
     name = t.text("support")
     if name not in fixed:
         t.refuse("support", f"there is no support or joint '{name}'; {suggest(name, fixed)}")
-    inner = t.table("settlement")
+    inner, out = t.table("settlement"), dict[Key, float]()
     for direction in DIRECTIONS:
         value = inner.number(direction, None, unit="rad" if direction[0] == "r" else "m")
         if value is None:
@@ -142,11 +125,11 @@ def _settlement(t: Table, case: _Case, holders: Sequence[Effect]) -> None:
         if direction not in fixed[name]:
             words = ", ".join(fixed[name]) or "no direction"
             inner.refuse(direction, f"'{name}' does not hold {direction}; it holds {words}")
-        key = name, direction
-        case.displacements[key] = case.displacements.get(key, 0.0) + value
+        out[name, direction] = value
     inner.finish()
     if not inner.values:
         t.refuse("settlement", "no direction is moved; give such as { z = -0.002 } [m, rad]")
+    return out
 
 
 def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:

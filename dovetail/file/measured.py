@@ -35,8 +35,12 @@ G0 = 9.80665
 Complexes = NDArray[np.complex128]
 
 FREQUENCY_UNITS: dict[str, float] = {
-    "Hz": 1.0, "kHz": 1e3, "rad/s": 1 / (2 * np.pi), "cpm": 1 / 60, "rpm": 1 / 60,
-}  # fmt: skip
+    "Hz": 1.0,
+    "kHz": 1e3,
+    "rad/s": 1 / (2 * np.pi),
+    "cpm": 1 / 60,
+    "rpm": 1 / 60,
+}
 """Units of a frequency axis, and their size [Hz]."""
 
 

@@ -1,7 +1,7 @@
 """Measured FRFs at the sensors and excitations of a study."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,9 +77,17 @@ def match(
         known = [None if x is None else at_values_of(x, r.frf, chosen) for x in (r.coherence, r.scatter)]
         with r.table.at("coherence"):
             measurement = Measurement(
-                frf, picked[0], picked[1], r.force_level, r.name, known[0], r.averages, known[1],
-                phase=r.phase, viscous=r.viscous,
-            )  # fmt: skip
+                frf,
+                picked[0],
+                picked[1],
+                r.force_level,
+                r.name,
+                known[0],
+                r.averages,
+                known[1],
+                phase=r.phase,
+                viscous=r.viscous,
+            )
         with r.table.at():
             measurement = set_right(measurement, faults) if faults else measurement
         if r.compared is not None:
@@ -177,20 +185,8 @@ def top_frequency(raw: Sequence[RawMeasurement], band: tuple[float, float] | Non
     return highest if band is None else min(highest, band[1])
 
 
-@dataclass(frozen=True, slots=True)
-class HeldOut:
-    """Parts of the measurement that are compared and not fitted.
-
-    Attributes
-    ----------
-    excitations, sensors : tuple of str
-    bands : tuple of (float, float)
-        [Hz].
-    """
-
-    excitations: tuple[str, ...] = ()
-    sensors: tuple[str, ...] = ()
-    bands: tuple[Band, ...] = ()
+HeldOut = tuple[tuple[str, ...], tuple[str, ...], tuple[Band, ...]]
+"""Excitations, sensors and bands [Hz] that are compared and not fitted."""
 
 
 def read_held_out(fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> HeldOut:
@@ -220,4 +216,4 @@ def read_held_out(fit: Table, sensors: Sequence[Channel], excitations: Sequence[
             )
         role, name = found[0]
         out[role].append(name)
-    return HeldOut(tuple(out["excitation"]), tuple(out["sensor"]), tuple(bands))
+    return tuple(out["excitation"]), tuple(out["sensor"]), tuple(bands)

@@ -253,19 +253,23 @@ def match_modes(raw: RawModes | None, test: ModalTest, notes: list[str]) -> Meas
     t, modes, sensors = raw.table, raw.modes, test.sensors
     elastic = modes.frequency > 0
     modes = Modes(
-        modes.frequency[elastic], modes.shapes[:, elastic],
-        None if modes.zeta is None else modes.zeta[elastic], modes.labels,
-    )  # fmt: skip
+        modes.frequency[elastic],
+        modes.shapes[:, elastic],
+        None if modes.zeta is None else modes.zeta[elastic],
+        modes.labels,
+    )
     n = modes.n_modes
     f_std, zeta_std, s_std = (
         _std(t, key, n, raw.std[key][elastic] if key in raw.std else np.full(n, default))
         for key, default in zip(MODE_STD, (1e-3, 0.1, 0.03), strict=True)
     )
     more = {
-        "zeta_std": zeta_std, "numbers": _numbers(t, "numbers", n, 1000),
-        "plane": _plane(t), "held_out": _numbers(t, "held_out", n, n),
+        "zeta_std": zeta_std,
+        "numbers": _numbers(t, "numbers", n, 1000),
+        "plane": _plane(t),
+        "held_out": _numbers(t, "held_out", n, n),
         "driven": _named(t, "excitations", test.excitations, alone=test.alone and not modes.labels),
-    }  # fmt: skip
+    }
     if more["numbers"] and len(more["numbers"]) != n:
         t.refuse("numbers", f"{len(more['numbers'])} numbers are given for {n} modes; one each is needed")
     if len(more["held_out"]) >= n > 0:
@@ -455,11 +459,16 @@ def _unknowns(
     refs = [tuple((e.name, w) for w in words) for e in effects]
     unknowns = [
         Unknown(
-            r, std=std, mean=mean, start=start, lower=lower, upper=upper,
+            r,
+            std=std,
+            mean=mean,
+            start=start,
+            lower=lower,
+            upper=upper,
             name=name or " ".join(r[0]).removeprefix("known "),
         )
         for r in (refs if each else [tuple(ref for r in refs for ref in r)])
-    ]  # fmt: skip
+    ]
     with t.at("parameter"):
         checked_unknowns(model.with_effect(*new), unknowns)
     return unknowns, new

@@ -16,10 +16,14 @@ LONGEST_CELL = 40
 """Characters of a cell that a message repeats."""
 _UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 _KEYS = {
-    "frequency": "frequency", "natural frequency": "frequency", "f": "frequency",
-    "zeta": "zeta", "damping": "zeta", "damping ratio": "zeta",
+    "frequency": "frequency",
+    "natural frequency": "frequency",
+    "f": "frequency",
+    "zeta": "zeta",
+    "damping": "zeta",
+    "damping ratio": "zeta",
     **{key: key for key in MODE_STD},
-}  # fmt: skip
+}
 """Columns that are no sensor's, by their heading in lower case without its unit."""
 
 

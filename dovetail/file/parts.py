@@ -1,8 +1,8 @@
 """Materials, sections, members, supports and masses of a study."""
 
 import re
-from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -179,17 +179,9 @@ def note_one_sided(members: Mapping[str, MemberProperties]) -> list[str]:
     ]
 
 
-@dataclass(slots=True)
-class MemberTables:
-    """Tables that may give a member's properties: its table, that of its group, ``[defaults]``."""
-
-    tables: list[Table]
-    member_table: Table
-
-    def holder(self, key: str) -> Table | None:
-        """Return the first table that has a key."""
-        found = [t for t in self.tables if key in t]
-        return found[0] if found else None
+def _with_key(tables: Sequence[Table], key: str) -> Table | None:
+    """Return the first table that has a key."""
+    return next((t for t in tables if key in t), None)
 
 
 def read_members(
@@ -213,10 +205,10 @@ def read_members(
     for name in mesh.members:
         member_table = tables.get(name, members)
         groups = [tables[g] for g, names in mesh.groups.items() if name in names and g in tables]
-        chain = MemberTables([*([tables[name]] if name in tables else []), *groups, defaults], member_table)
-        out[name] = _properties(chain, name, materials, sections)
+        chain = [*([tables[name]] if name in tables else []), *groups, defaults]
+        out[name] = _properties(chain, member_table, name, materials, sections)
         points = mesh.points[mesh.lines[mesh.members[name]]]
-        holder = chain.holder("orientation") or member_table
+        holder = _with_key(chain, "orientation") or member_table
         with holder.at("orientation"):
             local_axes(points[:, 1] - points[:, 0], out[name].orientation, name)
         zones, length = out[name].rigid1 + out[name].rigid2, mesh.member_length(name)
@@ -226,7 +218,7 @@ def read_members(
                 f"the rigid end zones of member '{name}' are {zones:g} m long together; it has {length:g} m",
             )
         sizes[name] = _element_size(chain)
-        layer = chain.holder("mass_per_length")
+        layer = _with_key(chain, "mass_per_length")
         mass = 0.0 if layer is None else layer.number("mass_per_length", least=0, unit="kg/m")
         if mass:
             layers.append(DistributedMass.over(mesh, name, out[name], mass))
@@ -236,16 +228,22 @@ def read_members(
 
 
 def _properties(
-    chain: MemberTables, name: str, materials: Mapping[str, Material], sections: Mapping[str, Section]
+    chain: Sequence[Table],
+    member_table: Table,
+    name: str,
+    materials: Mapping[str, Material],
+    sections: Mapping[str, Section],
 ) -> MemberProperties:
+    """Read a member's properties, each from the first table of its chain that has it."""
+
     def read(key: str, how: Any, default: Any) -> Any:
-        holder = chain.holder(key)
+        holder = _with_key(chain, key)
         return default if holder is None else how(holder)
 
     material = read("material", lambda t: _named(t, "material", materials), None)
     if material is None:
         if len(materials) != 1:
-            chain.member_table.refuse(
+            member_table.refuse(
                 "",
                 f"member '{name}' has no material; give it one, or one to [defaults]; "
                 f"{suggest('', materials)}",
@@ -254,14 +252,14 @@ def _properties(
     section = read("section", lambda t: _section(t, "section", sections), None)
     if section is None:
         if len(sections) != 1:
-            chain.member_table.refuse(
+            member_table.refuse(
                 "",
                 f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}",
             )
         (section,) = sections.values()
     zero = np.zeros(3)
     orientation = read("orientation", lambda t: t.direction("orientation"), None)
-    with chain.member_table.at():
+    with member_table.at():
         return MemberProperties(
             material,
             section,
@@ -305,8 +303,8 @@ def _section(t: Table, key: str, sections: Mapping[str, Section]) -> Section:
     return _named(t, key, sections, "section")
 
 
-def _element_size(chain: MemberTables) -> tuple[float | None, int | None]:
-    size, count = chain.holder("element_size"), chain.holder("elements")
+def _element_size(chain: Sequence[Table]) -> tuple[float | None, int | None]:
+    size, count = _with_key(chain, "element_size"), _with_key(chain, "elements")
     return (
         None if size is None else size.number("element_size", above=0, unit="m"),
         None if count is None else count.integer("elements"),

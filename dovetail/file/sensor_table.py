@@ -18,10 +18,15 @@ TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor", "quantity")
 FLAGS = ("conjugate",)
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
-    "directions": "direction", "channel": "label",
-    "position_1": "x", "position_2": "y", "position_3": "z",
-    "direction_1": "dx", "direction_2": "dy", "direction_3": "dz",
-}  # fmt: skip
+    "directions": "direction",
+    "channel": "label",
+    "position_1": "x",
+    "position_2": "y",
+    "position_3": "z",
+    "direction_1": "dx",
+    "direction_2": "dy",
+    "direction_3": "dz",
+}
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")
@@ -77,9 +82,8 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
         columns, units = _columns(path.name, head[1], notes)
     row_source = Rows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
     for row, cells in body:
-        values = _values(
-            row_source, row, dict(zip(columns, _picked(cells, head[1], columns), strict=True)), units
-        )
+        chosen = {key: cells[head[1].index(title)] for key, title in columns.items()}
+        values = _values(row_source, row, chosen, units)
         for one in _by_direction(row_source, row, values):
             yield Table(row_source, (row,), one)
 
@@ -94,8 +98,11 @@ def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], l
         raise StudyError(msg)
     mark = max(("\t", ";", ","), key=lines[0][1].count)
     rows = [(k, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for k, line in lines]
-    if mark != ",":
-        rows = [(k, [_with_point(cell) for cell in cells]) for k, cells in rows]
+    if mark != ",":  # decimal commas
+        rows = [
+            (k, [c.replace(",", ".") if _COMMA_NUMBER.fullmatch(c) else c for c in cells])
+            for k, cells in rows
+        ]
     width = len(rows[0][1])
     for k, cells in rows[1:]:
         if len(cells) != width and any(cells[width:]):
@@ -109,11 +116,6 @@ def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], l
         )
         raise StudyError(msg)
     return rows[0], [(k, (cells + [""] * width)[:width]) for k, cells in rows[1:]]
-
-
-def _with_point(cell: str) -> str:
-    """Return a number with decimal commas as one with points, and any other cell as it is."""
-    return cell.replace(",", ".") if _COMMA_NUMBER.fullmatch(cell) else cell
 
 
 def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str, str], dict[str, float]]:
@@ -153,10 +155,6 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
         msg = f"{name}: no heading is known ({', '.join(head[:8])}); allowed are {', '.join(COLUMNS)}"
         raise StudyError(msg)
     return found, units
-
-
-def _picked(cells: Sequence[str], head: Sequence[str], columns: Mapping[str, str]) -> list[str]:
-    return [cells[list(head).index(title)] for title in columns.values()]
 
 
 def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str, float]) -> dict[str, Any]:

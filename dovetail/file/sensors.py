@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from dovetail.file.geometry import TOUCH, Geometry
 from dovetail.file.sensor_table import sensor_tables
-from dovetail.file.strain_gauges import read_strain_gauge
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
+from updating.measurement.strain_gauge import StrainGauge
 
 Nodes = Mapping[int, NDArray[np.float64]]
 """Coordinates of the nodes of the measured files [m]."""
@@ -354,3 +354,38 @@ def channels_of_labels(
         sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
         out.append(Channel(sensor, top, label, node))
     return out
+
+
+def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
+    """Read a gauge along a member, as it is stated: no point of the mesh is put there.
+
+    Parameters
+    ----------
+    t : Table
+        With ``name``, ``offset``, and ``member`` and ``position``, or ``point`` and perhaps ``member``;
+        ``sign`` and ``gain`` are as for other sensors.
+    geometry : Geometry
+
+    Raises
+    ------
+    StudyError
+        For a key that is missing or wrong.
+    """
+    name, offset = t.text("name"), t.vector("offset", size=2)
+    sign, gain = t.number("sign", 1.0), t.number("gain", 1.0, above=0)
+    if abs(sign) != 1:
+        t.refuse("sign", f"{sign:g} is not allowed; 1 or -1 is needed")
+    if "point" in t:
+        if "position" in t:
+            t.refuse("position", "the gauge has a point; give point, or member and position")
+        xyz = geometry.coordinates(t)
+        member = geometry.member(t) if "member" in t else geometry.mesh.nearest_on_members(xyz)[0]
+    elif "member" in t:
+        xyz, member = geometry.on_member(t), geometry.member(t)
+    else:
+        t.refuse("", "the place of the gauge is missing: give member and position, or point")
+    mesh = geometry.mesh
+    k = int(np.argmin(np.linalg.norm(mesh.points[mesh.member_points(member)] - xyz, axis=1)))
+    a, b = mesh.points[mesh.lines[mesh.members[member][max(k - 1, 0)]]]
+    axis = sign * (b - a) / np.linalg.norm(b - a)
+    return StrainGauge(name, xyz, axis, member, gain, offset=(float(offset[0]), float(offset[1])))

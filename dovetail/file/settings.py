@@ -1,10 +1,9 @@
 """Read the settings of analyses: the tables ``[fit]``, ``[frequency]`` and ``[candidates]``."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
-from dovetail.file.measured import read_band
 from dovetail.file.table import Table, suggest
 from fem.declarations import Environment, Relevant
 from fem.effects import candidate_kinds
@@ -17,31 +16,7 @@ MOST_LINES = 1_000_000
 """Largest number of frequency lines; a larger one is taken for a mistake."""
 
 
-@dataclass(frozen=True, slots=True)
-class FitSettings:
-    """The settings of ``[fit]`` that need no measurement; :class:`dovetail.file.contents.Study` has them."""
-
-    band: tuple[float, float] | None
-    n_lines: int | None
-    model_error: float
-
-    @property
-    def notes(self) -> list[str]:
-        """Sentences that every output repeats."""
-        as_drawn = "the form of sections and connections is taken as drawn, as [fit] says: it does not vary"
-        return [as_drawn] if self.model_error == 0 else []
-
-
-def read_fit(fit: Table) -> FitSettings:
-    """Read ``[fit]`` except ``held_out``, which needs the sensors and excitations."""
-    return FitSettings(
-        read_band(fit),
-        fit.integer("lines", None, 8, MOST_LINES),
-        _model_error(fit),
-    )
-
-
-def _model_error(fit: Table) -> float:
+def read_model_error(fit: Table) -> float:
     """Return the level that beams may leave [nepers]; 0 where the study states that the form is right."""
     stated = fit.number("model_error", None, least=0.0, unit="neper")
     if fit.flag("form", True):

@@ -81,7 +81,7 @@ def diagnose_outliers(
                 typical = TypicalUnit.of(triaged)
                 failures = work_through(
                     pool, diagnose_unit, typical, units, keep, say, len(wanted) - len(units)
-                )  # fmt: skip
+                )
     return {Path(f): done[f] for f in wanted if f in done}, failures
 
 

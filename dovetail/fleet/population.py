@@ -145,9 +145,21 @@ def find_population(
         a = float(np.average(log_rest, weights=regular))
         b = float(np.sqrt(np.average((log_rest - a) ** 2, weights=regular)))
     return Population(
-        middle + back @ mean, back @ scatter @ back.T, (W * back).sum(axis=1), n,
-        common, spread, a, b, share, distance, rest, 1 - regular, odds, parameters,
-    )  # fmt: skip
+        mean=middle + back @ mean,
+        scatter=back @ scatter @ back.T,
+        determined=(W * back).sum(axis=1),
+        n_determined=n,
+        common=common,
+        spread=spread,
+        rest_mean=a,
+        rest_std=b,
+        share=share,
+        distance=distance,
+        rest=rest,
+        probability=1 - regular,
+        odds=odds,
+        by_parameters=parameters,
+    )
 
 
 def _determined(covariance: Floats, prior: Floats) -> tuple[Floats, Floats]:

@@ -91,8 +91,15 @@ class Comparison(correlation.Comparison):
         compared = correlation.compare(measured, computed, n_bands, data.mask)
         errors = Misfit(result.fit_db, result.held_out_db, compared.total_db, data.noise_db)
         inherited = {f.name: getattr(compared, f.name) for f in fields(compared)}
-        return cls(**inherited, name=name, label=label, measured=measured, computed=computed,
-                   held_out=bands_of_lines(data.frequency, data.held_out), misfit=errors)  # fmt: skip
+        return cls(
+            **inherited,
+            name=name,
+            label=label,
+            measured=measured,
+            computed=computed,
+            held_out=bands_of_lines(data.frequency, data.held_out),
+            misfit=errors,
+        )
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
         """Return the pairs of output and input with the largest errors, the largest first."""
@@ -170,9 +177,12 @@ class Comparison(correlation.Comparison):
         middle = (self.bands[1:] + self.bands[:-1]) / 2
         coordinates = {"band": middle, "output": list(self.outputs), "input": list(self.inputs)}
         array = imported("xarray").DataArray(
-            self.error_db, dims=("band", "output", "input"), coords=coordinates, name="error",
+            self.error_db,
+            dims=("band", "output", "input"),
+            coords=coordinates,
+            name="error",
             attrs={"units": "dB"},
-        )  # fmt: skip
+        )
         array["band"].attrs["units"] = "Hz"
         return array
 

@@ -47,9 +47,13 @@ class Diagnosis(diagnose.Diagnosis):
         twins = {found.index(t.name) for t in finding.twins if t.name in found} if finding else set()
         before = self.steps[min(round_, len(self.steps) - 1)]
         return ranking_figure(
-            [words.ranked_label(r) for r in ranked], [r.level * DB_PER_NEPER for r in ranked],
-            before.level * DB_PER_NEPER, names=found, twins=twins, accepted=accepted,
-        )  # fmt: skip
+            [words.ranked_label(r) for r in ranked],
+            [r.level * DB_PER_NEPER for r in ranked],
+            before.level * DB_PER_NEPER,
+            names=found,
+            twins=twins,
+            accepted=accepted,
+        )
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` with a row for each candidate of each round, errors in dB.

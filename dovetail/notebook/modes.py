@@ -78,9 +78,16 @@ class ModeComparison:
         """Compare a fit of a problem, or its nominal model, with the measured modes."""
         t, computed = problem.targets, problem.computed(result)
         return cls(
-            name, label, t.frequency, t.frequency_std, computed.frequency, t.zeta, computed.zeta,
-            computed.mac, t.held_out,
-        )  # fmt: skip
+            name,
+            label,
+            t.frequency,
+            t.frequency_std,
+            computed.frequency,
+            t.zeta,
+            computed.zeta,
+            computed.mac,
+            t.held_out,
+        )
 
     @property
     def error(self) -> float:
@@ -95,10 +102,14 @@ class ModeComparison:
     def rows(self) -> list[dict[str, Any]]:
         """Return the columns in plain types, mode by mode."""
         columns = {
-            "measured_Hz": self.measured, "std": self.std, "computed_Hz": self.computed,
-            "zeta": self.zeta, "zeta_computed": self.zeta_computed, "mac": self.mac,
+            "measured_Hz": self.measured,
+            "std": self.std,
+            "computed_Hz": self.computed,
+            "zeta": self.zeta,
+            "zeta_computed": self.zeta_computed,
+            "mac": self.mac,
             "held_out": self.held_out,
-        }  # fmt: skip
+        }
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def __repr__(self) -> str:

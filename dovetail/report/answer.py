@@ -83,7 +83,7 @@ def _steps(d: Diagnosis, result: RunResult) -> list[Block]:
     rows = []
     for k, s in enumerate(d.steps):
         errors = s.fit_db, s.held_out_db, s.level * DB_PER_NEPER, *(e[k] for e in channels.values())
-        rows.append([words.step_label(s.label), *map(cells.db, errors)])
+        rows.append([words.step_label(s.label), *map(cells.decimals, errors)])
     text = (
         "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
         f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "

@@ -19,9 +19,9 @@ RANKING = [
 """Headings of a table of candidates."""
 
 
-def db(value: float) -> str:
-    """Return an error with two decimals, a dash where there is none."""
-    return f"{value:.2f}" if math.isfinite(value) else "–"
+def decimals(value: float, digits: int = 2) -> str:
+    """Return a number with the given decimals, a dash where there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def number(value: float, digits: int) -> str:
@@ -50,7 +50,7 @@ def ranking(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> Table
     """Return a table of candidates, each with a tag or an empty one."""
     rows: list[list[Line]] = []
     for r, what in known:
-        errors = (db(e) for e in (r.level * DB_PER_NEPER, r.fit_db, r.held_out_db))
+        errors = (decimals(e) for e in (r.level * DB_PER_NEPER, r.fit_db, r.held_out_db))
         label = (words.ranked_label(r), " ", Mark(what) if what else "")
         rows.append([label, words.parameters_text(r.parameters), *errors, f"{r.similarity:.2f}"])
     return TableBlock(RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)

@@ -139,9 +139,13 @@ def _model(result: RunResult) -> Figure:
     m = result.diagnosis.problem.data.measurement
     _, step, _ = misfit_steps(result)[0]
     return model_figure(
-        result.study.model, m.sensors, m.excitations, errors=_sensor_errors(result, step),
-        places=marked_places(result), height=430,
-    )  # fmt: skip
+        result.study.model,
+        m.sensors,
+        m.excitations,
+        errors=_sensor_errors(result, step),
+        places=marked_places(result),
+        height=430,
+    )
 
 
 def _misfit(result: RunResult) -> Figure | None:
@@ -192,9 +196,15 @@ def _frf(result: RunResult, figures: Figures) -> Figure:
     coherence = d.problem.data.measurement.coherence
     pair = next(((o, i) for o, i, _ in telling_pairs(result, 4)), None)
     figure = figure_of_frfs(
-        d.measured, frfs, pair, deviations=compared.deviations, held_out=held_out_bands(result),
-        coherence=coherence, title="", height=560,
-    )  # fmt: skip
+        d.measured,
+        frfs,
+        pair,
+        deviations=compared.deviations,
+        held_out=held_out_bands(result),
+        coherence=coherence,
+        title="",
+        height=560,
+    )
     curves = frf_curves(d.measured, frfs, compared.deviations)
     labels = list(compared.frfs)
     errors = {label: pair_errors(result, step) for label, step in zip(labels, compared.steps, strict=True)}
@@ -278,9 +288,12 @@ def _modes(result: RunResult) -> Figure | None:
     _, without, fitted = modes_of(d)
     pair = most_changed(pair_modes(without, fitted, d.model.mesh.n_points)) if d.verdict == EFFECT else None
     return moving_modes(
-        d.model, fitted, list(range(fitted.n_rigid, fitted.n_modes)), measured_shapes(result, fitted),
+        d.model,
+        fitted,
+        list(range(fitted.n_rigid, fitted.n_modes)),
+        measured_shapes(result, fitted),
         first=pair.index if pair else -1,
-    )  # fmt: skip
+    )
 
 
 def moving_modes(

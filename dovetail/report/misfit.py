@@ -59,7 +59,7 @@ def _sensor_errors(result: RunResult) -> TableBlock:
     frac = least_frac(last)
     order = np.argsort(-np.nan_to_num(columns[1]), kind="stable")
     rows = [
-        [first.outputs[i], *(cells.db(float(c[i])) for c in columns), cells.number(float(frac[i]), 3)]
+        [first.outputs[i], *(cells.decimals(float(c[i])) for c in columns), cells.number(float(frac[i]), 3)]
         for i in order
     ]
     head = ["sensor", "nominal [dB]", "fitted [dB]", "final [dB]", "lowest final FRAC [-]"]

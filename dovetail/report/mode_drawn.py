@@ -26,9 +26,10 @@ from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.shapes import real_shape
 
 LADDER: dict[str, Any] = {
-    "ylabel": "error of natural frequencies [%]", "unit": "%",
+    "ylabel": "error of natural frequencies [%]",
+    "unit": "%",
     "names": ("of fitted modes", "of held-out modes"),
-}  # fmt: skip
+}
 """Words of the staircase."""
 STAIRCASE = (
     "Root mean square deviation of computed from measured natural frequencies after each step. The grey "
@@ -152,13 +153,11 @@ def make_mode_figures(result: ModeRunResult, drawn: ReportedModes) -> Figures:
     )
     out.add("probability", lambda: probability_figure(hypotheses_by_modes(d)))
     out.add("deviations", lambda: deviations_figure(m.measured, m.std, mode_steps(d), held_out=m.held_out))
-    out.add("mac", lambda: _mac(d, drawn))
+    if drawn.mac is not None:
+        mac = drawn.mac
+        out.add("mac", lambda: mac_figure(mac, *mac_names(d, drawn)))
     out.add("modes", lambda: _modes(result, drawn))
     return out
-
-
-def _mac(d: ModeDiagnosis, drawn: ReportedModes) -> Figure | None:
-    return None if drawn.mac is None else mac_figure(drawn.mac, *mac_names(d, drawn))
 
 
 def mac_names(d: ModeDiagnosis, drawn: ReportedModes) -> tuple[list[str], list[str]]:

@@ -177,7 +177,7 @@ def _modes(result: ModeRunResult, shown: Shown) -> Section:
     for k, f in enumerate(m.measured):
         row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in steps.values())]
         row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
-        row += [_mac_text(x[k]) for x in (m.mac_nominal, m.mac_found)] if shaped else []
+        row += [cells.decimals(x[k], 3) for x in (m.mac_nominal, m.mac_found)] if shaped else []
         rows.append([*row, _role(m, k)])
     sensors = (
         "Arrows show the measured shape, scaled to the mode. Rings show where the model puts their tips."
@@ -204,10 +204,6 @@ def _role(m: ModeTable, k: int) -> str:
     if not m.held_out[k]:
         return "fitted"
     return f"predicted: {m.predicted_text(k)}" if math.isfinite(m.found_std[k]) else "predicted"
-
-
-def _mac_text(value: float) -> str:
-    return f"{value:.3f}" if math.isfinite(value) else "–"
 
 
 def _places(result: ModeRunResult) -> Section:

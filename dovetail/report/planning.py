@@ -205,14 +205,17 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "kinds": [{name: getattr(row, name) for name in KindRow.__slots__} for row in kind_rows(plan)],
         "effects": [
             {
-                "kind": x.effect.kind, "where": x.effect.where, "seen": sized(x.seen),
-                "located": sized(x.located), "named": sized(x.named),
+                "kind": x.effect.kind,
+                "where": x.effect.where,
+                "seen": sized(x.seen),
+                "located": sized(x.located),
+                "named": sized(x.named),
                 "rival": {"kind": x.rival.kind, "where": x.rival.where},
                 "alike": x.alike,
             }
             for x in plan.visibility.effects
         ],
-    }  # fmt: skip
+    }
 
 
 def chosen_lines(chosen: Chosen) -> list[str]:
@@ -256,11 +259,13 @@ def separation_dicts(found: Sequence[Separation]) -> list[dict[str, Any]]:
     return [
         {
             "effect": {"kind": s.effect.kind, "where": s.effect.where},
-            "rival": {"kind": s.rival.kind, "where": s.rival.where}, "change": s.change,
-            "alike": s.alike, "told_apart": s.ratio >= 1,
+            "rival": {"kind": s.rival.kind, "where": s.rival.where},
+            "change": s.change,
+            "alike": s.alike,
+            "told_apart": s.ratio >= 1,
         }
         for s in found
-    ]  # fmt: skip
+    ]
 
 
 def table_of_check(checked: Sequence[Trial | FailedTrial]) -> Table:
@@ -317,15 +322,19 @@ def check_dicts(checked: Sequence[Trial | FailedTrial]) -> dict[str, Any]:
     return {
         "check": [
             {
-                **_drawn(t), "predicted": {"seen": t.chances[0], "named": t.chances[1]}, "seen": t.seen,
-                "named": t.named, "probability_of_nothing": t.nothing, "probability": t.right,
+                **_drawn(t),
+                "predicted": {"seen": t.chances[0], "named": t.chances[1]},
+                "seen": t.seen,
+                "named": t.named,
+                "probability_of_nothing": t.nothing,
+                "probability": t.right,
                 "found": t.best,
             }
             for t in checked
             if isinstance(t, Trial)
         ],
         "check_failures": [_drawn(t) | {"reason": _reason(t)} for t in checked if isinstance(t, FailedTrial)],
-    }  # fmt: skip
+    }
 
 
 def _drawn(trial: Trial | FailedTrial) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def modes(result: RunResult, shown: Shown) -> Section:
     """Return natural frequencies before and after, and the mode shapes."""
     rows = []
     for k, m in enumerate(result.modes, 1):
-        change, mac = cells.shift(m.nominal, m.fitted), f"{m.mac:.3f}" if math.isfinite(m.mac) else "–"
+        change, mac = cells.shift(m.nominal, m.fitted), cells.decimals(m.mac, 3)
         damping = (cells.number(100 * zeta, 3) for zeta in (m.nominal_zeta, m.fitted_zeta))
         rows.append([k, cells.number(m.nominal, 5), cells.number(m.fitted, 5), change, *damping, mac])
     head = ["elastic mode", "nominal [Hz]", "fitted [Hz]", "change [%]"]
@@ -88,12 +88,14 @@ def _measured_modes(result: RunResult) -> list[Block]:
     last = list(m.computed)[-1]
     rows = [
         [
-            f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in m.computed.values()),
+            f"{f:.5g}",
+            f"{100 * m.std[k]:.2g}",
+            *(cells.shift(f, g[k]) for g in m.computed.values()),
             *([cells.number(m.mac[last][k], 3)] if shaped else []),
             "predicted" if m.held_out[k] else "fitted",
         ]
         for k, f in enumerate(m.measured)
-    ]  # fmt: skip
+    ]
     errors = [
         [step, *(cells.number(100 * m.error(step, out), 2) for out in (False, True))] for step in m.computed
     ]

@@ -123,9 +123,13 @@ def _table(show: Any, title: str, block: TableBlock) -> None:
     columns = max(map(len, rows))
     slide = _slide(show, title)
     frame = slide.shapes.add_table(
-        len(rows), columns, util.Inches(MARGIN), util.Inches(TOP), util.Inches(WIDTH - 2 * MARGIN),
+        len(rows),
+        columns,
+        util.Inches(MARGIN),
+        util.Inches(TOP),
+        util.Inches(WIDTH - 2 * MARGIN),
         util.Inches(0.36 * len(rows)),
-    )  # fmt: skip
+    )
     frame.table.first_row = headed
     for r, row in enumerate(rows):
         for k, text in enumerate(row):

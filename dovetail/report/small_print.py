@@ -15,20 +15,29 @@ from dovetail.report.shown import Shown
 from dovetail.result import RunResult, program_version
 
 MODULES = (
-    "updating.inference.belief", "updating.diagnosis.evidence.search",
-    "updating.inference.preparation", "updating.inference.fit", "updating.inference.fit_data",
-    "updating.inference.fit_function", "updating.quality.fault_hypotheses",
-    "updating.quality.sensor_faults", "updating.quality.faults",
-)  # fmt: skip
+    "updating.inference.belief",
+    "updating.diagnosis.evidence.search",
+    "updating.inference.preparation",
+    "updating.inference.fit",
+    "updating.inference.fit_data",
+    "updating.inference.fit_function",
+    "updating.quality.fault_hypotheses",
+    "updating.quality.sensor_faults",
+    "updating.quality.faults",
+)
 """Modules whose constants decide the verdict; the report lists them."""
 
 
 MODULES_OF_MODES = (
-    "updating.inference.belief", "updating.diagnosis.evidence.search",
-    "updating.diagnosis.evidence.mode_ranking", "updating.diagnosis.mode_diagnosis",
-    "updating.diagnosis.states", "updating.inference.mode_preparation", "updating.inference.mode_fit",
+    "updating.inference.belief",
+    "updating.diagnosis.evidence.search",
+    "updating.diagnosis.evidence.mode_ranking",
+    "updating.diagnosis.mode_diagnosis",
+    "updating.diagnosis.states",
+    "updating.inference.mode_preparation",
+    "updating.inference.mode_fit",
     "updating.inference.mode_targets",
-)  # fmt: skip
+)
 """The same of a diagnosis from modes."""
 
 

@@ -169,9 +169,13 @@ def added_text(effect: Effect, fit: FitResult | None) -> str:
 _INSIDE = {"u": "", "plane": " in the plane of its members"}
 """What is stiffer or softer of a connection, by the parameter of its form: the logarithm of a factor."""
 _SECTION = {
-    "A": "mass per length", "Iy": "bending stiffness about y", "Iz": "bending stiffness about z",
-    "J": "torsional stiffness", "shear": "shear flexibility", "mass": "mass of the connection",
-}  # fmt: skip
+    "A": "mass per length",
+    "Iy": "bending stiffness about y",
+    "Iz": "bending stiffness about z",
+    "J": "torsional stiffness",
+    "shear": "shear flexibility",
+    "mass": "mass of the connection",
+}
 """What is higher or lower of a section or connection, by the parameter of its form."""
 
 
@@ -412,9 +416,7 @@ def evidence_text(evidence: float) -> str:
 
 def proposal_text(proposal: Proposal) -> str:
     """Return a measurement that would separate twins, in words."""
-    what = {
-        "sensor": "a sensor on ", "excitation": "a force on ", "band": "",
-    }[proposal.kind]  # fmt: skip
+    what = {"sensor": "a sensor on ", "excitation": "a force on ", "band": ""}[proposal.kind]
     return f"{what}{proposal.where}"
 
 

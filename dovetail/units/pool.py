@@ -33,7 +33,6 @@ class Pool(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
 class ThisProcess:
     """One unit after another, without other processes."""
 
@@ -71,7 +70,8 @@ class LocalProcesses:
                         yield from self._together(pool, (function, str(file)), waiting, running)
                 except BrokenProcessPool:
                     # one of these ended its process: each alone, to see which
-                    yield from _each_alone(function, str(file), deque(running.values()))
+                    for unit in running.values():
+                        yield _alone(function, str(file), unit)
 
     def _together(
         self,
@@ -104,17 +104,13 @@ def _outcome(future: Future[Outcome], unit: Unit) -> Outcome:
         return failed(unit, reason)
 
 
-def _each_alone(function: Function, file: str, units: deque[Unit]) -> Generator[Outcome]:
-    """Yield the outcomes of units, one after another in one process, or in the next where it ends."""
-    while units:
-        try:
-            with process_pool(1) as pool:
-                while units:
-                    outcome = _outcome(pool.submit(_call, function, file, units[0]), units[0])
-                    units.popleft()
-                    yield outcome
-        except BrokenProcessPool:
-            yield Outcome(units.popleft(), None, PROCESS_ENDED)
+def _alone(function: Function, file: str, unit: Unit) -> Outcome:
+    """Return the outcome of a unit in a process of its own."""
+    try:
+        with process_pool(1) as pool:
+            return _outcome(pool.submit(_call, function, file, unit), unit)
+    except BrokenProcessPool:
+        return Outcome(unit, None, PROCESS_ENDED)
 
 
 @lru_cache(1)

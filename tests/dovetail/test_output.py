@@ -124,6 +124,21 @@ def test_no_progress_where_nobody_looks(capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_progress_on_a_terminal_is_one_line_that_is_taken_away(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "60")
+    progress = Progress()
+    progress("fitting " + 60 * "x", 1, 4)
+    progress("done", 4, 4)
+    progress.close()
+    _, long, short, blank, last = capsys.readouterr().err.split("\r")
+    assert long == f"fitting xxxxxxxx {7 * '#':30}  25 % 00:00"
+    assert len(long) == 59
+    assert short == f"done {30 * '#'} 100 % 00:00".ljust(len(long))
+    assert blank == " " * len(short.rstrip())
+    assert last == ""
+
+
 # What is read is never written over
 
 

@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from benchmarks.joint_noise import ARMS, parts
 from dovetail.cli import main
 from dovetail.file.config import load_study
-from dovetail.identify import read_task
-from dovetail.propose import write_proposal
+from dovetail.identify import read_task, write_proposal
 from fem import Damping, assemble
 from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint

@@ -99,9 +99,8 @@ ALLOWED = {
     "dovetail/file/measured_modes.py": ("an example in an error message", {"member_stiffness"}),
     "dovetail/commands/spectrum.py": ("refuses a rotor that turns", {"Spin"}),
     "dovetail/commands/compare.py": ("an example in its help", {"point_mass"}),
-    "dovetail/identify.py": ("hands over the joint to identify", {"Joint"}),
+    "dovetail/identify.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
     "viz/models.py": ("draws the surfaces of imported parts", {"Superelement"}),
-    "dovetail/propose.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
 }  # fmt: skip
 """Files that name concrete effects, each with the reason and the classes or kinds that it names."""
 

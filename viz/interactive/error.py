@@ -1,7 +1,7 @@
 """Errors: a map of sensors and bands, the staircase of the steps, and bars of candidates and hypotheses."""
 
 import textwrap
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from plotly.graph_objects import Figure
 from fem.summary import percent
 from viz import style
 from viz.axes import digits_for, number
-from viz.interactive.theme import CELL, axis, colour_scale, layout, plain, single
+from viz.interactive.theme import BAR, CELL, axis, heat_map, layout, named_axis, plain, rows_axis, single
 from viz.layout import shorten
 
 MOST_LINES = 6
@@ -63,23 +63,19 @@ def error_map_figure(
         ]
         for s, row in zip(sensors, values, strict=True)
     ]
-    trace = {
-        "type": "heatmap", "z": single(values), "zmin": low, "zmax": high if high > low else low + 1,
-        "x": list(range(m)), "y": list(range(n)), "xgap": 1, "ygap": 1, "hoverongaps": True,
-        "colorscale": colour_scale(style.misfit_map()), "hoverinfo": "text", "hovertext": hover,
-        "customdata": [[[s, float(a), float(b)] for a, b in bands] for s in sensors],
-        "colorbar": {"title": {"text": "error [dB]", "side": "right"}, "thickness": 12, "outlinewidth": 0},
-    }  # fmt: skip
+    trace = heat_map(values, "error [dB]", style.misfit_map(), low, high if high > low else low + 1)
+    points = [[[s, float(a), float(b)] for a, b in bands] for s in sensors]
+    trace |= {"hoverongaps": True, "hovertext": hover, "customdata": points}
     if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1]:
         trace |= {"texttemplate": f"%{{z:.{digits}f}}", "textfont": {"size": 11}}
     look = layout(
-        104 + 21 * n if n <= 60 else 1400, title, legend=False, plot_bgcolor=CELL,
-        xaxis=axis("band [Hz]", tickvals=list(range(m)), ticktext=words, showgrid=False, ticks=""),
-        yaxis=axis(
-            "", tickvals=list(range(n)), ticktext=[plain(shorten(s, 24)) for s in sensors],
-            showgrid=False, ticks="", range=[n - 0.5, -0.5],
-        ),
-    )  # fmt: skip
+        104 + 21 * n if n <= 60 else 1400,
+        title,
+        legend=False,
+        plot_bgcolor=CELL,
+        xaxis=named_axis(words, "band [Hz]"),
+        yaxis=rows_axis([plain(shorten(s, 24)) for s in sensors]),
+    )
     return Figure([trace], look)
 
 
@@ -129,12 +125,17 @@ def staircase_figure(
     words = [_broken(step[0], 18 if n <= 3 else 12) for step in steps]
     traces = [
         {
-            "type": "scatter", "mode": "lines+markers+text", "x": list(range(n)), "y": values.tolist(),
-            "name": name, "line": {"color": colour, "dash": dash, "shape": "hvh", "width": 2.4},
+            "type": "scatter",
+            "mode": "lines+markers+text",
+            "x": list(range(n)),
+            "y": values.tolist(),
+            "name": name,
+            "line": {"color": colour, "dash": dash, "shape": "hvh", "width": 2.4},
             "marker": {"color": colour, "symbol": symbol, "size": 9},
             "text": [number(v, digits) if np.isfinite(v) else "" for v in values],
             "textposition": ["top center" if up else "bottom center" for up in over],
-            "textfont": {"color": style.INK, "size": 13}, "cliponaxis": False,
+            "textfont": {"color": style.INK, "size": 13},
+            "cliponaxis": False,
             "hoverinfo": "text",
             "hovertext": [
                 f"{label}<br>{number(v, digits)} {unit} {name}"
@@ -143,18 +144,18 @@ def staircase_figure(
             "customdata": [step[0] for step in steps],
         }
         for (name, values, colour, dash, symbol), over in zip(series, above, strict=False)
-    ]  # fmt: skip
+    ]
     every = np.concatenate([fit, held_out[np.isfinite(held_out)], [0.0]])
     top = float(np.nanmax(every)) if np.isfinite(every).any() else 1.0
     shapes, notes = _floor_line(floor_db, unit, digits)
     look = layout(
-        height, title, shapes=shapes, annotations=notes,
-        xaxis=axis(
-            "", tickvals=list(range(n)), ticktext=words, showgrid=False,
-            range=[-0.5, n - 0.5], tickangle=0,
-        ),
+        height,
+        title,
+        shapes=shapes,
+        annotations=notes,
+        xaxis=named_axis(words, ticks="outside", range=[-0.5, n - 0.5], tickangle=0),
         yaxis=axis(plain(ylabel), range=[0, 1.18 * top], rangemode="tozero"),
-    )  # fmt: skip
+    )
     return Figure(traces, look)
 
 
@@ -163,16 +164,22 @@ def _floor_line(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     if floor_db is None or not np.isfinite(floor_db):
         return [], []
-    common = {"xref": "paper", "x0": 0, "x1": 1, "layer": "below"}
+    common = {"xref": "paper", "x0": 0, "x1": 1, "y1": floor_db, "layer": "below"}
+    dotted = {"color": style.MUTED, "dash": "dot", "width": 1.5}
     shapes = [
-        {**common, "type": "rect", "y0": 0, "y1": floor_db, "fillcolor": style.NOISE, "line": {"width": 0}},
-        {**common, "type": "line", "y0": floor_db, "y1": floor_db,
-         "line": {"color": style.MUTED, "dash": "dot", "width": 1.5}},
-    ]  # fmt: skip
+        {**common, "type": "rect", "y0": 0, "fillcolor": style.NOISE, "line": {"width": 0}},
+        {**common, "type": "line", "y0": floor_db, "line": dotted},
+    ]
     note = {
-        "xref": "paper", "x": 0, "xanchor": "left", "y": floor_db, "yanchor": "bottom", "showarrow": False,
-        "text": f"noise floor {number(floor_db, digits)} {unit}", "font": {"size": 11, "color": style.MUTED},
-    }  # fmt: skip
+        "xref": "paper",
+        "x": 0,
+        "xanchor": "left",
+        "y": floor_db,
+        "yanchor": "bottom",
+        "showarrow": False,
+        "text": f"noise floor {number(floor_db, digits)} {unit}",
+        "font": {"size": 11, "color": style.MUTED},
+    }
     return shapes, [note]
 
 
@@ -197,7 +204,6 @@ def ranking_figure(
     names: Sequence[str] | None = None,
     twins: Collection[int] = (),
     accepted: int | None = None,
-    title: str = "",
     xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
 ) -> Figure:
@@ -218,7 +224,7 @@ def ranking_figure(
         Rows that these measurements cannot tell from the accepted one.
     accepted : int, optional
         Row of the candidate that was accepted.
-    title, xlabel : str
+    xlabel : str
     at_most : int
         Number of candidates shown.
 
@@ -242,27 +248,35 @@ def ranking_figure(
         if not rows:
             continue
         picked = [int(order[y]) for y in rows]
-        traces.append({
-            "type": "bar", "orientation": "h", "y": rows, "base": [baseline_db] * len(rows),
-            "x": [float(levels[k] - baseline_db) for k in picked], "name": word,
-            "marker": {"color": colour, "pattern": _hatch(pattern)},
-            "text": [number(float(levels[k]), 2) for k in picked], "textposition": "outside",
-            "cliponaxis": False, "hoverinfo": "text",
-            "hovertext": [f"{plain(labels[k])}<br>{levels[k]:.3f} dB, {word}" for k in picked],
-            "customdata": [names[k] for k in picked],
-        })  # fmt: skip
+        traces.append(
+            {
+                **BAR,
+                "y": rows,
+                "base": [baseline_db] * len(rows),
+                "x": [float(levels[k] - baseline_db) for k in picked],
+                "name": word,
+                "marker": {"color": colour, "pattern": _hatch(pattern)},
+                "text": [number(float(levels[k]), 2) for k in picked],
+                "hovertext": [f"{plain(labels[k])}<br>{levels[k]:.3f} dB, {word}" for k in picked],
+                "customdata": [names[k] for k in picked],
+            }
+        )
     ends = [*levels[order].tolist(), baseline_db]
     low, high = float(min(*ends, 0.0)), float(max(*ends, 0.0))
     pad = 0.08 * max(high - low, 1e-3)
     line, note = _upright(baseline_db, f"without: {number(baseline_db, 2)} dB", style.INK)
     more = f"; {hidden} worse ones are not shown" if hidden else ""
-    shown = [str(labels[k]) for k in order]
+    short = _short(str(labels[k]) for k in order)
     look = layout(
-        110 + 30 * len(order), title, barmode="overlay", bargap=0.3, shapes=[line],
-        annotations=[note], meta={"short": _short(shown)},
+        110 + 30 * len(order),
+        barmode="overlay",
+        bargap=0.3,
+        shapes=[line],
+        annotations=[note],
+        meta={"short": short},
         xaxis=axis(f"{plain(xlabel)}{more}", range=[low - pad, high + pad]),
-        yaxis=_names_axis(shown),
-    )  # fmt: skip
+        yaxis=rows_axis(short, showline=False),
+    )
     look["margin"]["t"] += 24  # for the note above the bars
     return Figure(traces, look)
 
@@ -278,17 +292,28 @@ _CANDIDATES = {
 def _upright(x: float, text: str, colour: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return a line over the full height, and its name above it on the left."""
     line = {
-        "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x,
+        "type": "line",
+        "yref": "paper",
+        "y0": 0,
+        "y1": 1,
+        "x0": x,
+        "x1": x,
         "line": {"color": colour, "width": 1.2, "dash": "solid"},
-    }  # fmt: skip
+    }
     note = {
-        "yref": "paper", "y": 1, "yanchor": "bottom", "x": x, "xanchor": "right", "showarrow": False,
-        "text": plain(text), "font": {"size": 11, "color": colour},
-    }  # fmt: skip
+        "yref": "paper",
+        "y": 1,
+        "yanchor": "bottom",
+        "x": x,
+        "xanchor": "right",
+        "showarrow": False,
+        "text": plain(text),
+        "font": {"size": 11, "color": colour},
+    }
     return line, note
 
 
-def _short(labels: Sequence[str]) -> list[str]:
+def _short(labels: Iterable[str]) -> list[str]:
     """Return names for a narrow page, of two lines, which lie above the bars."""
     return [_broken(shorten(s, 96), 50) for s in labels]
 
@@ -300,14 +325,6 @@ def _hatch(shape: str) -> dict[str, Any]:
 def _candidate_word(k: int, accepted: int | None, twins: Collection[int]) -> str:
     accepted_, twin, other = _CANDIDATES
     return accepted_ if k == accepted else twin if k in twins else other
-
-
-def _names_axis(labels: Sequence[str]) -> dict[str, Any]:
-    n = len(labels)
-    return axis(
-        "", tickvals=list(range(n)), ticktext=[_broken(shorten(s, 96), 50) for s in labels],
-        showgrid=False, range=[n - 0.5, -0.5], ticks="", showline=False,
-    )  # fmt: skip
 
 
 def probability_figure(
@@ -326,24 +343,30 @@ def probability_figure(
         The one that is reported, in another colour.
     """
     shown = list(hypotheses)[:at_most]
-    values, names = [float(p) for _, p in shown], [s for s, _ in shown]
+    values, short = [float(p) for _, p in shown], _short(s for s, _ in shown)
     trace = {
-        "type": "bar", "orientation": "h", "y": list(range(len(shown))), "x": values,
+        **BAR,
+        "y": list(range(len(shown))),
+        "x": values,
         "marker": {"color": [style.VERMILION if k == accepted else "#b9c3cd" for k in range(len(shown))]},
-        "text": [percent(p) for p in values], "textposition": "outside", "cliponaxis": False,
-        "hoverinfo": "text", "hovertext": [f"{plain(s)}: {percent(p)}" for s, p in shown],
+        "text": [percent(p) for p in values],
+        "hovertext": [f"{plain(s)}: {percent(p)}" for s, p in shown],
         "customdata": [s for s, _ in shown],
-    }  # fmt: skip
+    }
     hidden = len(hypotheses) - len(shown)
     more = f"; {hidden} less probable ones are not shown" if hidden else ""
     look = layout(
-        80 + 30 * len(shown), title, legend=False, bargap=0.35, showlegend=False,
-        meta={"short": _short(names)},
+        80 + 30 * len(shown),
+        title,
+        legend=False,
+        bargap=0.35,
+        showlegend=False,
+        meta={"short": short},
         xaxis=axis(
             f"probability{more}", range=[0, 1.25], tickvals=np.linspace(0, 1, 6).tolist(), tickformat=".0%"
         ),
-        yaxis=_names_axis(names),
-    )  # fmt: skip
+        yaxis=rows_axis(short, showline=False),
+    )
     return Figure([trace], look)
 
 
@@ -374,18 +397,30 @@ def error_bars_figure(
     for n, (label, values) in enumerate(errors.items()):
         known = np.asarray(values, dtype=float)
         colour, pattern = style.model_style(label, n)[0], _hatch(("", "/", "x", ".")[n % 4])
-        traces.append({
-            "type": "bar", "name": plain(label), "x": list(range(len(names))), "y": single(known),
-            "marker": {"color": colour, "pattern": pattern}, "hoverinfo": "text", "customdata": list(names),
-            "hovertext": [
-                f"{plain(s)}<br>{v:.2f} dB, {plain(label)}" for s, v in zip(names, known, strict=True)
-            ],
-        })  # fmt: skip
+        traces.append(
+            {
+                "type": "bar",
+                "name": plain(label),
+                "x": list(range(len(names))),
+                "y": single(known),
+                "marker": {"color": colour, "pattern": pattern},
+                "hoverinfo": "text",
+                "customdata": list(names),
+                "hovertext": [
+                    f"{plain(s)}<br>{v:.2f} dB, {plain(label)}" for s, v in zip(names, known, strict=True)
+                ],
+            }
+        )
     shapes, notes = _floor_line(floor_db)
     words = [plain(shorten(s, 16)) for s in names]
     look = layout(
-        height, title, barmode="group", bargap=0.25, shapes=shapes, annotations=notes,
-        xaxis=axis("", tickvals=list(range(len(names))), ticktext=words, showgrid=False),
+        height,
+        title,
+        barmode="group",
+        bargap=0.25,
+        shapes=shapes,
+        annotations=notes,
+        xaxis=named_axis(words, ticks="outside"),
         yaxis=axis(plain(ylabel), rangemode="tozero"),
-    )  # fmt: skip
+    )
     return Figure(traces, look)

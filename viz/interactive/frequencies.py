@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from plotly.graph_objects import Figure
 
 from viz import style
-from viz.interactive.theme import CELL, axis, colour_scale, key, layout, plain, single
+from viz.interactive.theme import CELL, axis, heat_map, key, layout, named_axis, plain, rows_axis, shaded
 
 SYMBOLS = ("circle", "square", "diamond", "cross")
 """Of models in the order nominal, fitted, with the effect, others."""
@@ -53,53 +53,61 @@ def deviations_figure(
     at = np.arange(f.size)
     traces = [
         {
-            "type": "scatter", "mode": "markers", "x": at.tolist(), "y": np.zeros(f.size).tolist(),
-            "name": "measured ± 2 std", "meta": {"series": "measured"}, "hoverinfo": "text",
+            "type": "scatter",
+            "mode": "markers",
+            "x": at.tolist(),
+            "y": np.zeros(f.size).tolist(),
+            "name": "measured ± 2 std",
+            "meta": {"series": "measured"},
+            "hoverinfo": "text",
             "marker": {"symbol": "line-ew-open", "size": 12, "color": style.MEASURED},
             "error_y": {"type": "data", "array": spread.tolist(), "color": style.MEASURED, "thickness": 1.2},
             "hovertext": [f"measured {x:.5g} Hz ± {s / 2:.2g} %" for x, s in zip(f, spread, strict=True)],
             "customdata": f.tolist(),
         }
-    ]  # fmt: skip
+    ]
     for n, (label, values) in enumerate(computed.items()):
         g = np.asarray(values, dtype=float)
         if g.shape != f.shape:
             msg = f"'{label}' has {g.size} frequencies for {f.size} measured modes"
             raise ValueError(msg)
-        off = 100 * (g / f - 1)
-        traces.append({
-            "type": "scatter", "mode": "markers", "x": (at + 0.12 * (n + 1)).tolist(), "y": off.tolist(),
-            "name": plain(label), "meta": {"series": label}, "hoverinfo": "text", "cliponaxis": False,
-            "marker": {
-                "symbol": SYMBOLS[n % len(SYMBOLS)], "size": 9, "color": style.model_style(label, n)[0],
-            },
-            "hovertext": [
-                f"measured {a:.5g} Hz<br>{plain(label)}: {b:.5g} Hz, {d:+.3g} %".replace("-", "−")
-                for a, b, d in zip(f, g, off, strict=True)
-            ],
-            "customdata": g.tolist(),
-        })  # fmt: skip
+        off, symbol = 100 * (g / f - 1), SYMBOLS[n % len(SYMBOLS)]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": (at + 0.12 * (n + 1)).tolist(),
+                "y": off.tolist(),
+                "name": plain(label),
+                "meta": {"series": label},
+                "hoverinfo": "text",
+                "cliponaxis": False,
+                "marker": {"symbol": symbol, "size": 9, "color": style.model_style(label, n)[0]},
+                "hovertext": [
+                    f"measured {a:.5g} Hz<br>{plain(label)}: {b:.5g} Hz, {d:+.3g} %".replace("-", "−")
+                    for a, b, d in zip(f, g, off, strict=True)
+                ],
+                "customdata": g.tolist(),
+            }
+        )
     predicted = np.zeros(f.size, bool) if held_out is None else np.asarray(held_out, dtype=bool)
     if predicted.any():
         traces.append(key("predicted, not fitted", style.HELD_OUT))
-    shapes = [
-        {
-            "type": "rect", "yref": "paper", "x0": int(k) - 0.4, "x1": int(k) + 0.6, "y0": 0, "y1": 1,
-            "fillcolor": style.HELD_OUT, "line": {"width": 0}, "layer": "below",
-        }
-        for k in np.flatnonzero(predicted)
-    ]  # fmt: skip
     step = -(-f.size // 20)
+    zero = {"zeroline": True, "zerolinecolor": style.MUTED, "zerolinewidth": 1}
     look = layout(
-        height, title, shapes=shapes,
+        height,
+        title,
+        shapes=shaded((int(k) - 0.4, int(k) + 0.6) for k in np.flatnonzero(predicted)),
         xaxis=axis(
-            "measured natural frequency [Hz]", tickvals=at[::step].tolist(), showgrid=False,
-            ticktext=[f"{x:.4g}" for x in f[::step]], range=[-0.6, f.size - 0.2],
+            "measured natural frequency [Hz]",
+            tickvals=at[::step].tolist(),
+            showgrid=False,
+            ticktext=[f"{x:.4g}" for x in f[::step]],
+            range=[-0.6, f.size - 0.2],
         ),
-        yaxis=axis(
-            "computed less measured [%]", zeroline=True, zerolinecolor=style.MUTED, zerolinewidth=1,
-        ),
-    )  # fmt: skip
+        yaxis=axis("computed less measured [%]", **zero),
+    )
     return Figure(traces, look)
 
 
@@ -126,27 +134,19 @@ def mac_figure(
     if (n, m) != (len(measured), len(computed)):
         msg = f"the MAC has shape {values.shape} for {len(measured)} measured and {len(computed)} modes"
         raise ValueError(msg)
-    trace = {
-        "type": "heatmap", "z": single(values), "zmin": 0.0, "zmax": 1.0, "xgap": 1, "ygap": 1,
-        "x": list(range(m)), "y": list(range(n)), "colorscale": colour_scale(style.agreement_map()),
-        "hoverinfo": "text",
-        "hovertext": [
-            [f"measured {plain(a)}, computed {plain(b)}: {v:.3f}" for b, v in zip(computed, row, strict=True)]
-            for a, row in zip(measured, values, strict=True)
-        ],
-        "colorbar": {"title": {"text": "MAC", "side": "right"}, "thickness": 12, "outlinewidth": 0},
-    }  # fmt: skip
+    trace = heat_map(values, "MAC", style.agreement_map(), 0.0, 1.0)
+    trace["hovertext"] = [
+        [f"measured {plain(a)}, computed {plain(b)}: {v:.3f}" for b, v in zip(computed, row, strict=True)]
+        for a, row in zip(measured, values, strict=True)
+    ]
     if max(n, m) <= MOST_NUMBERS:
         trace |= {"texttemplate": "%{z:.2f}", "textfont": {"size": 10}}
     look = layout(
-        124 + 24 * n, title, legend=False, plot_bgcolor=CELL,
-        xaxis=axis(
-            "computed [Hz]", tickvals=list(range(m)), ticktext=[plain(s) for s in computed], ticks="",
-            showgrid=False,
-        ),
-        yaxis=axis(
-            "measured [Hz]", tickvals=list(range(n)), ticktext=[plain(s) for s in measured], ticks="",
-            showgrid=False, range=[n - 0.5, -0.5],
-        ),
-    )  # fmt: skip
+        124 + 24 * n,
+        title,
+        legend=False,
+        plot_bgcolor=CELL,
+        xaxis=named_axis([plain(s) for s in computed], "computed [Hz]"),
+        yaxis=rows_axis([plain(s) for s in measured], "measured [Hz]"),
+    )
     return Figure([trace], look)

@@ -207,21 +207,49 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
         edge = {**common, "line": {"width": 0}, "hoverinfo": "skip", "yaxis": "y", "connectgaps": False}
         fill = {"fill": "tonexty", "fillcolor": f"rgba({r},{g},{b},0.22)"}
         out += [
-            {**edge, "y": single(magnitude - spread), "meta": _meta(curve, LOW), "showlegend": False,
-             "legendgroup": f"{name}, 95 %"},
-            {**edge, **fill, "y": single(magnitude + spread), "meta": _meta(curve, HIGH),
-             "name": f"{name}, 95 %", "showlegend": True, "legendgroup": f"{name}, 95 %"},
-        ]  # fmt: skip
+            {
+                **edge,
+                "y": single(magnitude - spread),
+                "meta": _meta(curve, LOW),
+                "showlegend": False,
+                "legendgroup": f"{name}, 95 %",
+            },
+            {
+                **edge,
+                **fill,
+                "y": single(magnitude + spread),
+                "meta": _meta(curve, HIGH),
+                "name": f"{name}, 95 %",
+                "showlegend": True,
+                "legendgroup": f"{name}, 95 %",
+            },
+        ]
     out.append(
-        {**common, "y": single(magnitude), "yaxis": "y", "name": name, "line": line,
-         "meta": _meta(curve, MAGNITUDE), "hovertemplate": "%{y:.2f} dB"},
-    )  # fmt: skip
+        {
+            **common,
+            "y": single(magnitude),
+            "yaxis": "y",
+            "name": name,
+            "line": line,
+            "meta": _meta(curve, MAGNITUDE),
+            "hovertemplate": "%{y:.2f} dB",
+        },
+    )
     if phase is not None:
         f, wrapped = without_wraps(curve.frequency, phase)
         out.append(
-            {**common, "x": single(f), "y": single(wrapped), "yaxis": "y2", "name": name, "line": line,
-             "meta": _meta(curve, PHASE), "showlegend": False, "hovertemplate": "%{y:.1f}°"},
-        )  # fmt: skip
+            {
+                **common,
+                "x": single(f),
+                "y": single(wrapped),
+                "yaxis": "y2",
+                "name": name,
+                "line": line,
+                "meta": _meta(curve, PHASE),
+                "showlegend": False,
+                "hovertemplate": "%{y:.1f}°",
+            },
+        )
     return out
 
 
@@ -238,11 +266,17 @@ def _meta(curve: Curves, quantity: str) -> dict[str, str]:
 def _coherence_trace(measured: FRF, coherence: Floats, pair: tuple[str, str]) -> dict[str, Any]:
     o, i = measured.outputs.index(pair[0]), measured.inputs.index(pair[1])
     return {
-        "type": "scatter", "mode": "lines", "x": single(measured.frequency), "yaxis": "y3",
-        "y": single(coherence[:, o, i]), "line": {"color": style.MEASURED, "width": 1.2},
-        "name": "coherence", "showlegend": False, "hovertemplate": "γ² %{y:.3f}",
+        "type": "scatter",
+        "mode": "lines",
+        "x": single(measured.frequency),
+        "yaxis": "y3",
+        "y": single(coherence[:, o, i]),
+        "line": {"color": style.MEASURED, "width": 1.2},
+        "name": "coherence",
+        "showlegend": False,
+        "hovertemplate": "γ² %{y:.3f}",
         "meta": {"series": MEASURED, "quantity": COHERENCE},
-    }  # fmt: skip
+    }
 
 
 def frequency_axis(frequency: Floats, *, log: bool = False, **more: Any) -> dict[str, Any]:
@@ -272,9 +306,11 @@ def _axes(
     }
     if phases:
         out["yaxis2"] = axis(
-            "phase [°]", domain=[low + (0.03 if coherence else 0), split - 0.02], range=[-190, 190],
+            "phase [°]",
+            domain=[low + (0.03 if coherence else 0), split - 0.02],
+            range=[-190, 190],
             tickvals=[-180, -90, 0, 90, 180],
-        )  # fmt: skip
+        )
     if coherence:
         out["yaxis3"] = axis("γ² [-]", domain=[0, low - 0.03], range=[-0.02, 1.04], tickvals=[0, 0.5, 1])
     return out
@@ -326,24 +362,42 @@ def frf_error_figure(
         }
         traces += [
             {**common, "y": np.full(f.size, low - 100.0, dtype=np.float32), "showlegend": False},
-            {**common, "y": single(noise), "fill": "tonexty", "fillcolor": style.NOISE,
-             "name": "below the noise, 1 σ", "showlegend": True},
-        ]  # fmt: skip
+            {
+                **common,
+                "y": single(noise),
+                "fill": "tonexty",
+                "fillcolor": style.NOISE,
+                "name": "below the noise, 1 σ",
+                "showlegend": True,
+            },
+        ]
     for n, (label, e) in enumerate(shown.items()):
         colour, line = style.model_style(label, n)
-        traces.append({
-            "type": "scatter", "mode": "lines", "x": single(f), "y": single(e), "name": plain(label),
-            "line": {"color": colour, "dash": DASHES[line], "width": 1.6}, "hovertemplate": "%{y:.1f} dB",
-            "meta": {"series": label, "quantity": "error"},
-        })  # fmt: skip
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": single(f),
+                "y": single(e),
+                "name": plain(label),
+                "line": {"color": colour, "dash": DASHES[line], "width": 1.6},
+                "hovertemplate": "%{y:.1f} dB",
+                "meta": {"series": label, "quantity": "error"},
+            }
+        )
     if held_out:
         traces.append(key("held out from the fit", style.HELD_OUT))
     look = layout(
-        height, title, hovermode="x unified", shapes=shaded(held_out),
+        height,
+        title,
+        hovermode="x unified",
+        shapes=shaded(held_out),
         xaxis=axis(
-            "frequency [Hz]", range=[float(f[0]), float(f[-1])], hoverformat=".5~g",
+            "frequency [Hz]",
+            range=[float(f[0]), float(f[-1])],
+            hoverformat=".5~g",
             unifiedhovertitle={"text": "%{x:.5~g} Hz"},
         ),
         yaxis=axis("relative error [dB]", range=[low - 4, high + 4]),
-    )  # fmt: skip
+    )
     return Figure(traces, look)

@@ -12,7 +12,7 @@ from updating.correlation import cmif
 from viz import style
 from viz.axes import Band
 from viz.interactive.frf import MEASURED, decibel, frequency_axis
-from viz.interactive.theme import DASHES, axis, layout, plain, shaded, single
+from viz.interactive.theme import BAR, DASHES, axis, layout, plain, rows_axis, shaded, single
 from viz.layout import shorten
 
 NYQUIST, SINGULAR, FRAC = "nyquist", "singular value", "frac"
@@ -47,10 +47,11 @@ def nyquist_figure(
     unit = "" if chosen.unit == "-" else f" [{chosen.unit}]"
     zero = {"zeroline": True, "zerolinecolor": style.MUTED, "exponentformat": "power"}
     look = layout(
-        height, hovermode="closest",
+        height,
+        hovermode="closest",
         xaxis=axis(f"real part{unit}", **zero),
         yaxis=axis(f"imaginary part{unit}", scaleanchor="x", **zero),
-    )  # fmt: skip
+    )
     return Figure(traces, look)
 
 
@@ -82,16 +83,26 @@ def cmif_figure(
         for k, level in enumerate(levels.T):
             line = {**look["line"], "width": look["line"]["width"] if k == 0 else 1.0}
             quantity = {**look["meta"], "quantity": f"{SINGULAR} {k + 1}"}
-            traces.append({
-                **look, "x": single(frf.frequency), "y": single(level), "line": line, "meta": quantity,
-                "opacity": 1.0 if k == 0 else 0.55, "showlegend": k == 0, "hovertemplate": "%{y:.2f} dB",
-            })  # fmt: skip
+            traces.append(
+                {
+                    **look,
+                    "x": single(frf.frequency),
+                    "y": single(level),
+                    "line": line,
+                    "meta": quantity,
+                    "opacity": 1.0 if k == 0 else 0.55,
+                    "showlegend": k == 0,
+                    "hovertemplate": "%{y:.2f} dB",
+                }
+            )
     unit = measured.unit
     look = layout(
-        height, hovermode="x unified", shapes=shaded(held_out),
+        height,
+        hovermode="x unified",
+        shapes=shaded(held_out),
         xaxis=frequency_axis(measured.frequency, log=log_frequency),
         yaxis=axis(f"singular values<br>[{decibel(unit)}]"),
-    )  # fmt: skip
+    )
     return Figure(traces, look)
 
 
@@ -115,16 +126,21 @@ def frac_figure(values: Mapping[str, ArrayLike], sensors: Sequence[str], *, forc
     rows = list(range(len(sensors)))
     traces = []
     for n, (label, frac) in enumerate(values.items()):
-        x = np.asarray(frac, dtype=float)
-        traces.append({
-            "type": "scatter", "mode": "markers", "x": single(x), "y": rows, "name": plain(label),
-            "marker": {
-                "symbol": ("circle-open", "circle", "diamond")[n % 3], "size": 9,
-                "color": style.model_style(label, n)[0],
-            },
-            "customdata": list(sensors), "meta": {"series": label, "quantity": FRAC}, "cliponaxis": False,
-            "hovertemplate": [f"{plain(s)}: %{{x:.3f}}" for s in sensors],
-        })  # fmt: skip
+        x, symbol = np.asarray(frac, dtype=float), ("circle-open", "circle", "diamond")[n % 3]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": single(x),
+                "y": rows,
+                "name": plain(label),
+                "marker": {"symbol": symbol, "size": 9, "color": style.model_style(label, n)[0]},
+                "customdata": list(sensors),
+                "meta": {"series": label, "quantity": FRAC},
+                "cliponaxis": False,
+                "hovertemplate": [f"{plain(s)}: %{{x:.3f}}" for s in sensors],
+            }
+        )
     words = f"FRAC of FRFs to {plain(force)} [-]" if force else "FRAC [-]"
     return Figure(traces, _rows_layout(sensors, axis(words, range=[-0.02, 1.02])))
 
@@ -145,11 +161,14 @@ def sensitivity_figure(
     """
     values = np.asarray(mean_db, dtype=float)
     bars = {
-        "type": "bar", "orientation": "h", "x": single(values), "y": list(range(len(names))),
+        **BAR,
+        "x": single(values),
+        "y": list(range(len(names))),
         "marker": {"color": [style.EFFECT if one else style.FITTED for one in added]},
-        "hoverinfo": "text", "hovertext": [plain(text) for text in hover], "showlegend": False,
-        "text": [f"{v:.2g}" for v in values], "textposition": "outside", "cliponaxis": False,
-    }  # fmt: skip
+        "hovertext": [plain(text) for text in hover],
+        "showlegend": False,
+        "text": [f"{v:.2g}" for v in values],
+    }
     top = 1.12 * float(values.max(initial=1e-6))
     scale = axis("mean change per standard deviation of the prior [dB]", range=[0, top])
     return Figure([bars], _rows_layout(names, scale))
@@ -157,12 +176,8 @@ def sensitivity_figure(
 
 def _rows_layout(names: Sequence[str], scale: dict[str, Any]) -> dict[str, Any]:
     """Return a layout with a row for each name."""
-    n = len(names)
-    rows = axis(
-        "", tickvals=list(range(n)), ticktext=[plain(shorten(name, 40)) for name in names],
-        range=[n - 0.5, -0.5], ticks="",
-    )  # fmt: skip
-    return layout(max(112 + ROW * n, 240), hovermode="closest", xaxis=scale, yaxis=rows)
+    rows = rows_axis([plain(shorten(name, 40)) for name in names], showgrid=True)
+    return layout(max(112 + ROW * len(names), 240), hovermode="closest", xaxis=scale, yaxis=rows)
 
 
 def _sources(measured: FRF, models: Mapping[str, FRF]) -> list[tuple[dict[str, Any], FRF]]:
@@ -174,10 +189,14 @@ def _sources(measured: FRF, models: Mapping[str, FRF]) -> list[tuple[dict[str, A
     return [
         (
             {
-                "type": "scatter", "mode": "lines", "name": plain(label), "legendgroup": plain(label),
-                "line": {"color": colour, "dash": dash, "width": width}, "meta": {"series": label},
+                "type": "scatter",
+                "mode": "lines",
+                "name": plain(label),
+                "legendgroup": plain(label),
+                "line": {"color": colour, "dash": dash, "width": width},
+                "meta": {"series": label},
             },
             frf,
         )
         for label, colour, dash, width, frf in looks
-    ]  # fmt: skip
+    ]

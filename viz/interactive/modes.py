@@ -12,7 +12,7 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from viz import style
 from viz.interactive.solids import edge_rows, scene, solid, wires
-from viz.interactive.theme import binary, colour_scale, layout, plain, single
+from viz.interactive.theme import binary, colour_scale, coordinates, layout, plain, single
 from viz.models import displacement_at, drawn_size, model_surface
 from viz.shapes import amplification, match_scale, real_shape
 from viz.surfaces import Surface
@@ -131,8 +131,9 @@ def modes_figure(
     look["legend"] |= {"y": 1.0, "yref": "paper", "yanchor": "bottom"}  # below the menus
     figure = Figure(traces, {**look, "updatemenus": _menus(motions)})
     figure.frames = _frames(rest, motions, traces, moving)
-    figure.update(data=[{} if k not in moving else _moved(rest, motions[0], traces[k], 1.0)
-                        for k in range(len(traces))])  # fmt: skip
+    figure.update(
+        data=[{} if k not in moving else _moved(rest, motions[0], traces[k], 1.0) for k in range(len(traces))]
+    )
     return figure
 
 
@@ -173,14 +174,24 @@ def _traces(
         rest.rest, rest.edges, name="at rest", showlegend=True, line={"color": style.AT_REST, "width": 1.5}
     )
     moving = solid(
-        rest.rest, rest.triangles, intensity=_relative(motions[0]), cmin=0, cmax=1, name="computed",
-        colorscale=colour_scale(style.displacement_map()), showscale=True, hoverinfo="skip",
+        rest.rest,
+        rest.triangles,
+        intensity=_relative(motions[0]),
+        cmin=0,
+        cmax=1,
+        name="computed",
+        colorscale=colour_scale(style.displacement_map()),
+        showscale=True,
+        hoverinfo="skip",
         colorbar={
             "title": {"text": "relative displacement [-]", "side": "right", "font": {"size": 11}},
-            "thickness": 10, "len": 0.6, "outlinewidth": 0, "tickfont": {"size": 10},
+            "thickness": 10,
+            "len": 0.6,
+            "outlinewidth": 0,
+            "tickfont": {"size": 10},
         },
         meta={"moves": "surface"},
-    )  # fmt: skip
+    )
     traces = [ghost, moving]
     if edges:
         traces.append(wires(rest.rest, rest.edges, meta={"moves": "edges"}))
@@ -196,17 +207,21 @@ def _relative(motion: Motion) -> NDArray[np.float32]:
 
 
 def _tips(motion: Motion, which: str, colour: str) -> dict[str, Any]:
-    x, y, z = single(_tip_rows(motion.tails, np.zeros_like(motion.tails), which)).T
     measured = which == "measured"
     return {
-        "type": "scatter3d", "mode": "lines+markers" if measured else "markers", "x": x, "y": y, "z": z,
+        "type": "scatter3d",
+        "mode": "lines+markers" if measured else "markers",
+        **coordinates(_tip_rows(motion.tails, np.zeros_like(motion.tails), which)),
         "name": "measured, scaled to the mode" if measured else "computed at the sensors",
-        "line": {"color": colour, "width": 5}, "hoverinfo": "skip",
+        "line": {"color": colour, "width": 5},
+        "hoverinfo": "skip",
         "marker": {
-            "color": colour, "size": 3 if measured else 5, "symbol": "circle" if measured else "circle-open",
+            "color": colour,
+            "size": 3 if measured else 5,
+            "symbol": "circle" if measured else "circle-open",
         },
         "meta": {"moves": which},
-    }  # fmt: skip
+    }
 
 
 def _tip_rows(tails: Floats, moved: Floats, which: str) -> Floats:
@@ -260,13 +275,18 @@ def _menus(motions: Sequence[Motion]) -> list[dict[str, Any]]:
     there = list(range(PHASES))
     period = [*there, *there[-2:0:-1]]
     how = {
-        "frame": {"duration": FRAME_MS, "redraw": True}, "transition": {"duration": 0}, "mode": "immediate",
-    }  # fmt: skip
+        "frame": {"duration": FRAME_MS, "redraw": True},
+        "transition": {"duration": 0},
+        "mode": "immediate",
+    }
     choices = [
-        {"label": plain(m.label), "method": "animate",
-         "args": [[f"{n}-{p}" for p in [*period * PERIODS, 0]], how]}
+        {
+            "label": plain(m.label),
+            "method": "animate",
+            "args": [[f"{n}-{p}" for p in [*period * PERIODS, 0]], how],
+        }
         for n, m in enumerate(motions)
-    ]  # fmt: skip
+    ]
     stop = {"label": "stop", "method": "animate", "args": [[None], {**how, "frame": {"duration": 0}}]}
     common = {"showactive": False, "y": 1.02, "yanchor": "bottom", "pad": {"b": 26}, "font": {"size": 12}}
     return [

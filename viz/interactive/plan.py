@@ -204,9 +204,11 @@ class _Kind:
         if symbol in ("circle", "diamond"):
             sizes = [m.worst if np.isfinite(m.worst) else 1.0 for m in spots]
             marker |= {
-                "line": {"color": style.INK, "width": 1}, "color": single(np.log(sizes)), **self._colours(),
+                "line": {"color": style.INK, "width": 1},
+                "color": single(np.log(sizes)),
+                **self._colours(),
                 "showscale": symbol == "circle",
-            }  # fmt: skip
+            }
         hover = ["<br>".join(m.lines) for m in spots]
         points = [m.point for m in spots]
         return points_trace(points, [""] * len(spots), hover, marker, name=plain(name), showlegend=bool(name))
@@ -221,18 +223,27 @@ class _Kind:
         hover = {m: "<br>".join(spot.lines) for m, spot in self.members.items()}
         return [
             solid(
-                surface.rest, surface.triangles, showlegend=False, hoverinfo="text",
+                surface.rest,
+                surface.triangles,
+                showlegend=False,
+                hoverinfo="text",
                 facecolor=[colour.get(owner[line], CELL) for line in surface.line],
                 hovertext=[hover.get(owner[line], "") for line in line_of_vertex(surface)],
             )
-        ]  # fmt: skip
+        ]
 
     def _colours(self) -> dict[str, Any]:
         bar = {
-            "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}}, "thickness": 12,
-            "len": 0.75, "outlinewidth": 0, "x": 1, "xanchor": "left", "tickfont": {"size": 11},
-            "tickvals": np.log(self.sizes).tolist(), "ticktext": [plain(t) for t in self.texts],
-        }  # fmt: skip
+            "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}},
+            "thickness": 12,
+            "len": 0.75,
+            "outlinewidth": 0,
+            "x": 1,
+            "xanchor": "left",
+            "tickfont": {"size": 11},
+            "tickvals": np.log(self.sizes).tolist(),
+            "ticktext": [plain(t) for t in self.texts],
+        }
         low, high = self.limits
         return {"cmin": low, "cmax": high, "colorscale": colour_scale(_map()), "colorbar": bar}
 

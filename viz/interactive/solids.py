@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viz import style
-from viz.interactive.theme import EDGE, VEIL, plain, single
+from viz.interactive.theme import EDGE, VEIL, coordinates, plain
 from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats, Ints
@@ -17,9 +17,16 @@ FILLED, PROPORTION = 0.9, 1.3
 """The box of the axes fills this part of a scene with this width over height; narrower pages scale it."""
 LIGHT = {"ambient": 0.78, "diffuse": 0.45, "specular": 0.05, "roughness": 0.9, "fresnel": 0.05}
 SYMBOLS = {
-    "circle": "circle", "cross": "x", "diamond": "diamond", "dot": "circle", "plus": "cross",
-    "square": "square", "thin_diamond": "diamond-open", "triangle": "diamond", "triangle_down": "diamond",
-}  # fmt: skip
+    "circle": "circle",
+    "cross": "x",
+    "diamond": "diamond",
+    "dot": "circle",
+    "plus": "cross",
+    "square": "square",
+    "thin_diamond": "diamond-open",
+    "triangle": "diamond",
+    "triangle_down": "diamond",
+}
 """Plotly's symbols in space by the shapes that effects name; it has no triangles there."""
 
 
@@ -47,12 +54,15 @@ class Place:
 
 def solid(vertices: Floats, triangles: Ints, **look: Any) -> dict[str, Any]:
     """Return triangles as a trace."""
-    x, y, z = single(vertices).T
-    i, j, k = _smallest(triangles).T
     return {
-        "type": "mesh3d", "x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "flatshading": True,
-        "lighting": LIGHT, "lightposition": {"x": 3e4, "y": -6e4, "z": 1e5}, **look,
-    }  # fmt: skip
+        "type": "mesh3d",
+        **coordinates(vertices),
+        **dict(zip("ijk", _smallest(triangles).T, strict=True)),
+        "flatshading": True,
+        "lighting": LIGHT,
+        "lightposition": {"x": 3e4, "y": -6e4, "z": 1e5},
+        **look,
+    }
 
 
 def _smallest(rows: Ints) -> NDArray[Any]:
@@ -87,11 +97,15 @@ def along(vertices: Floats, rows: NDArray[np.int64]) -> NDArray[np.float32]:
 
 def wires(vertices: Floats, edges: Ints, **look: Any) -> dict[str, Any]:
     """Return edges as a trace of lines that answers no pointing."""
-    x, y, z = along(vertices, edge_rows(edges)).T
     return {
-        "type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "hoverinfo": "skip",
-        "showlegend": False, "line": {"color": EDGE, "width": 1.5}, **look,
-    }  # fmt: skip
+        "type": "scatter3d",
+        "mode": "lines",
+        **coordinates(along(vertices, edge_rows(edges))),
+        "hoverinfo": "skip",
+        "showlegend": False,
+        "line": {"color": EDGE, "width": 1.5},
+        **look,
+    }
 
 
 def arrows_trace(pointers: Arrows, radius: float, colours: Sequence[str], **look: Any) -> dict[str, Any]:
@@ -106,11 +120,16 @@ def points_trace(
     points: ArrayLike, names: Sequence[str], hover: Sequence[str], marker: dict[str, Any], **look: Any
 ) -> dict[str, Any]:
     """Return markers that show a text and hold names for clicks."""
-    x, y, z = single(np.array(points, dtype=float).reshape(-1, 3)).T
     return {
-        "type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "customdata": list(names),
-        "hovertext": list(hover), "hoverinfo": "text", "marker": marker, **look,
-    }  # fmt: skip
+        "type": "scatter3d",
+        "mode": "markers",
+        **coordinates(np.array(points, dtype=float).reshape(-1, 3)),
+        "customdata": list(names),
+        "hovertext": list(hover),
+        "hoverinfo": "text",
+        "marker": marker,
+        **look,
+    }
 
 
 def place_traces(places: Sequence[Place]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -125,25 +144,28 @@ def place_traces(places: Sequence[Place]) -> tuple[list[dict[str, Any]], list[di
         word, colour, symbol, size = looks.get(role, (role, style.GREEN, "square-open", 9))
         chosen = [p for p in places if p.role == role]
         words = [plain(p.label or p.name) for p in chosen]
-        traces.append(
-            points_trace(
-                [p.point for p in chosen], [p.name for p in chosen], words,
-                {"color": colour, "symbol": symbol, "size": size, "line": {"color": colour, "width": 3}},
-                name=plain(word), meta={"role": role},
-            )
-        )  # fmt: skip
+        marker = {"color": colour, "symbol": symbol, "size": size, "line": {"color": colour, "width": 3}}
+        points, names = [p.point for p in chosen], [p.name for p in chosen]
+        traces.append(points_trace(points, names, words, marker, name=plain(word), meta={"role": role}))
         if role in ("finding", "fault"):
             notes += [_note(p.point, p.label or p.name, colour, k) for k, p in enumerate(chosen)]
     return traces, notes
 
 
 def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[str, Any]:
-    x, y, z = map(float, point)
     return {
-        "x": x, "y": y, "z": z, "text": f"<b>{plain(text)}</b>", "font": {"color": colour, "size": 13},
-        "arrowcolor": colour, "arrowwidth": 1.5, "arrowhead": 0, "ax": 64, "ay": 72 + 22 * (k % 4),
-        "bgcolor": VEIL, "borderpad": 2, "xanchor": "left",
-    }  # fmt: skip
+        **dict(zip("xyz", map(float, point), strict=True)),
+        "text": f"<b>{plain(text)}</b>",
+        "font": {"color": colour, "size": 13},
+        "arrowcolor": colour,
+        "arrowwidth": 1.5,
+        "arrowhead": 0,
+        "ax": 64,
+        "ay": 72 + 22 * (k % 4),
+        "bgcolor": VEIL,
+        "borderpad": 2,
+        "xanchor": "left",
+    }
 
 
 def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
@@ -158,16 +180,24 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
     axes = {
         f"{name}axis": {
             "title": {"text": f"{name} [m]", "font": {"size": 11, "color": style.MUTED}},
-            "range": [float(ends[0, k] - room), float(ends[1, k] + room)], "showbackground": False,
-            "gridcolor": style.FAINT, "zeroline": False, "showspikes": False, "nticks": 4,
-            "linecolor": style.MUTED, "tickfont": {"size": 10, "color": style.MUTED},
+            "range": [float(ends[0, k] - room), float(ends[1, k] + room)],
+            "showbackground": False,
+            "gridcolor": style.FAINT,
+            "zeroline": False,
+            "showspikes": False,
+            "nticks": 4,
+            "linecolor": style.MUTED,
+            "tickfont": {"size": 10, "color": style.MUTED},
         }
         for k, name in enumerate("xyz")
-    }  # fmt: skip
-    x, y, z = (1.5 * eye).tolist()
-    camera = {"eye": {"x": x, "y": y, "z": z}, "projection": {"type": "orthographic"}}
+    }
+    place = dict(zip("xyz", (1.5 * eye).tolist(), strict=True))
     return {
-        **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", aspect.tolist(), strict=True)),
-        "camera": camera, "dragmode": "turntable",
-        "annotations": list(notes), "uirevision": "kept",
-    }  # fmt: skip
+        **axes,
+        "aspectmode": "manual",
+        "aspectratio": dict(zip("xyz", aspect.tolist(), strict=True)),
+        "camera": {"eye": place, "projection": {"type": "orthographic"}},
+        "dragmode": "turntable",
+        "annotations": list(notes),
+        "uirevision": "kept",
+    }

@@ -2,7 +2,7 @@
 
 import html
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,17 @@ DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}
 """Plotly's names of matplotlib's line styles."""
 
 CONFIG = {
-    "displaylogo": False, "responsive": True, "showSendToCloud": False,
+    "displaylogo": False,
+    "responsive": True,
+    "showSendToCloud": False,
     "doubleClick": "reset+autosize",
     "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d", "resetCameraLastSave3d"],
-}  # fmt: skip
+}
 """How pages draw the figures: ``figure.show(config=CONFIG)``. Plotly's own settings have a button that sends
 the data to its makers' server."""
+
+BAR = {"type": "bar", "orientation": "h", "textposition": "outside", "cliponaxis": False, "hoverinfo": "text"}
+"""A trace of horizontal bars with texts at their ends and texts on hover."""
 
 TOOL_BAR = 30
 """Height of plotly's tool bar at the upper edge; legends, bars and cells begin below it [pixel]."""
@@ -85,66 +90,135 @@ def _exchanged(value: Any) -> Any:
 def layout(height: float, title: str = "", *, legend: bool = True, **more: Any) -> dict[str, Any]:
     """Return the layout that figures share: transparent, wide, with room above for tool bar and legend."""
     head = TITLE if title else TOOL_BAR
+    heading = {
+        "text": f"<b>{plain(title)}</b>",
+        "font": {"size": 14},
+        "x": 0,
+        "xref": "paper",
+        "y": 1,
+        "yref": "container",
+        "yanchor": "top",
+        "pad": {"t": 10},
+    }
     return {
         "template": "none",
         "font": {"family": FONT, "size": 13, "color": style.INK},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
-        "title": {
-            "text": f"<b>{plain(title)}</b>", "font": {"size": 14}, "x": 0, "xref": "paper", "y": 1,
-            "yref": "container", "yanchor": "top", "pad": {"t": 10},
-        } if title else None,
+        "title": heading if title else None,
         "height": height,
         "autosize": True,
         "margin": {"l": 62, "r": 16, "t": head + LEGEND_ROW * legend, "b": 48},
         "legend": {
-            "orientation": "h", "x": 0, "xanchor": "left", "y": 1 - head / height, "yref": "container",
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "y": 1 - head / height,
+            "yref": "container",
             "yanchor": "top",
-            "bgcolor": "rgba(0,0,0,0)", "font": {"size": 12}, "traceorder": "normal",
+            "bgcolor": "rgba(0,0,0,0)",
+            "font": {"size": 12},
+            "traceorder": "normal",
         },
         "hoverlabel": {"font": {"family": FONT, "size": 12}, "align": "left"},
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": style.MUTED, "activecolor": style.INK},
         "uirevision": "kept",
         **more,
-    }  # fmt: skip
+    }
 
 
 def axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return an axis of a plane figure; ``title`` is text as plotly reads it."""
     return {
         "title": {"text": title, "font": {"size": 12}, "standoff": 8},
-        "gridcolor": style.FAINT, "gridwidth": 0.5, "zeroline": False, "showline": True,
-        "linecolor": style.MUTED, "tickcolor": style.MUTED, "ticks": "outside", "ticklen": 4,
-        "tickfont": {"size": 11}, "automargin": True,
+        "gridcolor": style.FAINT,
+        "gridwidth": 0.5,
+        "zeroline": False,
+        "showline": True,
+        "linecolor": style.MUTED,
+        "tickcolor": style.MUTED,
+        "ticks": "outside",
+        "ticklen": 4,
+        "tickfont": {"size": 11},
+        "automargin": True,
         **more,
-    }  # fmt: skip
+    }
+
+
+def named_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, Any]:
+    """Return an axis with one tick for each name; names are text as plotly reads it."""
+    places = {"tickvals": list(range(len(names))), "ticktext": list(names), "showgrid": False, "ticks": ""}
+    return axis(title, **places | more)
+
+
+def rows_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, Any]:
+    """Return an upright axis with a row for each name, the first one at the top."""
+    return named_axis(names, title, range=[len(names) - 0.5, -0.5], **more)
+
+
+def heat_map(values: NDArray[Any], title: str, cmap: Any, low: float, high: float) -> dict[str, Any]:
+    """Return values (rows, columns) as the trace of a heat map; ``title`` names its colour bar."""
+    n, m = values.shape
+    return {
+        "type": "heatmap",
+        "z": single(values),
+        "zmin": low,
+        "zmax": high,
+        "x": list(range(m)),
+        "y": list(range(n)),
+        "xgap": 1,
+        "ygap": 1,
+        "hoverinfo": "text",
+        "colorscale": colour_scale(cmap),
+        "colorbar": {"title": {"text": title, "side": "right"}, "thickness": 12, "outlinewidth": 0},
+    }
 
 
 def shaded(bands: Iterable[tuple[float, float]]) -> list[dict[str, Any]]:
     """Return the rectangles that mark bands of frequency over the full height."""
     return [
         {
-            "type": "rect", "xref": "x", "yref": "paper", "x0": low, "x1": high, "y0": 0, "y1": 1,
-            "fillcolor": style.HELD_OUT, "line": {"width": 0}, "layer": "below",
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": low,
+            "x1": high,
+            "y0": 0,
+            "y1": 1,
+            "fillcolor": style.HELD_OUT,
+            "line": {"width": 0},
+            "layer": "below",
         }
         for low, high in bands
-    ]  # fmt: skip
+    ]
 
 
 def key(name: str, colour: str) -> dict[str, Any]:
     """Return a trace that has no points and puts a coloured square into the legend."""
     return {
-        "type": "scatter", "x": [None], "y": [None], "mode": "markers", "name": plain(name),
+        "type": "scatter",
+        "x": [None],
+        "y": [None],
+        "mode": "markers",
+        "name": plain(name),
         "hoverinfo": "skip",
         "marker": {
-            "symbol": "square", "size": 12, "color": colour, "line": {"color": style.MUTED, "width": 0.5},
+            "symbol": "square",
+            "size": 12,
+            "color": colour,
+            "line": {"color": style.MUTED, "width": 0.5},
         },
-    }  # fmt: skip
+    }
 
 
 def colour_scale(cmap: Any, n: int = 12) -> list[tuple[float, str]]:
     """Return a matplotlib colour map as one of plotly's."""
     return [(float(t), rgb_text(cmap(float(t)))) for t in np.linspace(0, 1, n)]
+
+
+def coordinates(points: NDArray[Any]) -> dict[str, Any]:
+    """Return points (n, 3) as the x, y and z of a three-dimensional trace."""
+    return dict(zip("xyz", single(points).T, strict=True))
 
 
 def single(values: ArrayLike) -> NDArray[np.float32]:
