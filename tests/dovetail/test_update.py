@@ -331,7 +331,7 @@ std = 0.2
         ("[modes]\nfrequency = [10.0, -3.0]", "modes.frequency: [10.0, -3.0] is not allowed"),
         ("[modes]\nfrequency_std = 0.1", "give either file"),
         ('[modes]\nfile = "none.npz"', "there is no file"),
-        ("[modes]\nfrequency = [10.0]\nshape_std = 0.1", "there are no shapes"),
+        ("[modes]\nfrequency = [10.0]\nshape_std = 0.1", "there are frequencies but no shapes"),
         ('[update]\nto = "shapes"', "'shapes' is not allowed"),
         ('[update]\nto = ["modes", "frequencies"]', "leave 'frequencies' out"),
         ('[[update.parameters]]\neffect = "frme"\nparameter = "E:steel"', "did you mean 'frame'?"),
