@@ -1,4 +1,4 @@
-"""Files: universal files, arrays, meshes, decks; nothing here imports pyuff or meshio before it reads.
+"""Files: universal files, arrays, meshes, decks; nothing here imports meshio before it reads.
 
 All readers refuse what they cannot read with a MeshError (meshes and decks), TableError, UffError or
 MatricesError, each a ValueError, whose message has the file, its line, and what is allowed there.

@@ -1,14 +1,13 @@
 """Writing universal files.
 
-pyuff writes the datasets 15, 151, 164 and 2411. Written here are 58 and 58b (pyuff states half the bytes of
-complex values and knows no single precision), 55 (no complex shapes with rotations), 82 (pyuff reads the file
-again for each trace line) and 2412 (no orientation record for beams).
+All datasets are written here. pyuff 2.5 states half the bytes of complex values in 58b and knows no single
+precision, writes no complex shapes with rotations in 55, reads the file again for each trace line in 82, and
+has no orientation record for beams in 2412.
 """
 
 import os
-import tempfile
+import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,7 +101,8 @@ def write_uff(
     frfs = (frf,) if isinstance(frf, FRF) else tuple(frf)
     if not frfs and modes is None and mesh is None and geometry is None and not functions:
         refuse("nothing to write: give frf, modes, mesh, geometry or functions", UffError)
-    parts: list[bytes] = [_by_pyuff(_leading_sets(header, mesh, points, geometry, bool(trace_lines)))]
+    leading = _leading_texts(header, mesh, points, geometry, bool(trace_lines))
+    parts: list[bytes] = ["".join(leading).encode()]
     parts.append(_trace_texts(mesh, geometry, trace_lines).encode())
     if mesh is not None:
         parts.append(_element_text(mesh).encode())
@@ -116,46 +116,44 @@ def write_uff(
         scratch.write_bytes(b"".join(parts))
 
 
-def _by_pyuff(sets: list[dict[str, Any]]) -> bytes:
-    import pyuff
-
-    with tempfile.TemporaryDirectory() as folder:
-        scratch = Path(folder) / "sets.uff"
-        writer: Any = pyuff.UFF(str(scratch))
-        writer.write_sets(sets, mode="overwrite")
-        return scratch.read_bytes().replace(b"\r\n", b"\n")
-
-
-def _leading_sets(
+def _leading_texts(
     header: "Header | None", mesh: Mesh | None, points: int, geometry: "Points | None", traced: bool
-) -> list[dict[str, Any]]:
-    sets: list[dict[str, Any]] = [
-        {
-            "type": 151,
-            "model_name": _line(header.model if header else ""),
-            "description": _line(header.description if header else ""),
-            "db_app": _line(header.program if header else "Dovetail"),
-            "program": _line(header.program if header else "Dovetail"),
-        },
-        {
-            "type": 164,
-            "units_code": 1,
-            "units_description": "SI: m, N",
-            "length": 1.0,
-            "force": 1.0,
-            "temp": 1.0,
-            "temp_offset": 273.15,
-        },
-    ]
+) -> list[str]:
+    """Datasets 151 and 164, and 15 or 2411 of the points of a mesh or a geometry."""
     if points not in (15, 2411):
         refuse(f"points are written as dataset 15 or 2411, not {points}", UffError)
     if mesh is not None and (geometry is not None or traced):
         refuse("a mesh and a geometry are given; the nodes of a file are those of one of them", UffError)
+    now = f"{time.strftime('%d-%b-%y'):<10}{time.strftime('%H:%M:%S'):<10}"
+    model, about, program = (
+        ("", "", "Dovetail") if header is None else (header.model, header.description, header.program)
+    )
+    out = [
+        f"{_begin(151)}{_line(model):<80}\n{_line(about):<80}\n{_line(program):<80}\n"
+        f"{now}{0:10d}{0:10d}{0:10d}\n{now}\n{_line(program):<80}\n{now}\n{_MARK}",
+        f"{_begin(164)}{1:10d}{'SI: m, N':>20}{1:10d}\n"
+        + "".join(f"{v:25.16e}" for v in (1.0, 1.0, 1.0)).replace("e", "D")
+        + f"\n{273.15:25.16e}\n{_MARK}".replace("e+", "D+"),
+    ]
     if mesh is not None:
-        sets.append(_point_set(points, np.arange(1, mesh.n_points + 1), mesh.points))
+        out.append(_point_text(points, range(1, mesh.n_points + 1), mesh.points))
     if geometry is not None:
-        sets.append(_point_set(points, geometry.labels, geometry.coordinates))
-    return sets
+        out.append(_point_text(points, geometry.labels.tolist(), geometry.coordinates))
+    return out
+
+
+def _begin(kind: int) -> str:
+    return f"{_MARK}{kind:6d}{'':74}\n"
+
+
+def _point_text(kind: int, nodes: Sequence[int], coordinates: Floats) -> str:
+    """Dataset 15 (a line for a point) or 2411 (two lines, in double precision)."""
+    if kind == 15:
+        line, begin = f"%10d{0:10d}{0:10d}{0:10d}%13.5E%13.5E%13.5E\n", f"{_MARK}{15:6d}\n"
+    else:
+        line, begin = f"%10d{0:10d}{0:10d}{0:10d}\n%25.16e%25.16e%25.16e\n", _begin(kind)
+    body = "".join(line % (n, *xyz) for n, xyz in zip(nodes, coordinates.tolist(), strict=True))
+    return f"{begin}{body}{_MARK}"
 
 
 def _trace_texts(mesh: Mesh | None, geometry: "Points | None", trace_lines: "Sequence[TraceLine]") -> str:
@@ -179,7 +177,7 @@ def _trace_texts(mesh: Mesh | None, geometry: "Points | None", trace_lines: "Seq
 
 
 def _trace_text(number: int, name: str, nodes: list[int]) -> str:
-    head = f"{_MARK}{82:6d}{'':74}\n{number:10d}{len(nodes):10d}{0:10d}\n{name:<80}\n"
+    head = f"{_begin(82)}{number:10d}{len(nodes):10d}{0:10d}\n{name:<80}\n"
     return f"{head}{_formatted(nodes, ['%10d'], 8)}{_MARK}"
 
 
@@ -196,14 +194,6 @@ def _formatted(numbers: Sequence[float], cells: list[str], per_line: int) -> str
     n_lines, n_cells = divmod(len(rest), per_line)
     last = "".join([*cells, *cells * (per_line // len(cells))][:n_cells]) + "\n" if n_cells else ""
     return "".join([*out, (line * n_lines + last) % rest])
-
-
-def _point_set(kind: int, nodes: NDArray[Any], coordinates: Floats) -> dict[str, Any]:
-    nothing = np.zeros(len(nodes), dtype=int)
-    x, y, z = coordinates.T
-    return {"type": kind, "node_nums": nodes, "def_cs": nothing, "disp_cs": nothing, "color": nothing} | {
-        "x": x, "y": y, "z": z,
-    }  # fmt: skip
 
 
 def _line(text: str) -> str:
