@@ -78,8 +78,10 @@ def main() -> None:
         took = [r.seconds for r in column if r.seconds is not None]
         if took:
             name = "now" if checkouts[k] == HERE else "before"
-            print(f"{name}: {len(took)} of {len(column)} ended, median {statistics.median(took):.1f} s, "
-                  f"largest {max(took):.1f} s")  # fmt: skip
+            print(
+                f"{name}: {len(took)} of {len(column)} ended, median {statistics.median(took):.1f} s, "
+                f"largest {max(took):.1f} s"
+            )
 
 
 if __name__ == "__main__":

@@ -27,10 +27,16 @@ def searched(case, folder, say=lambda text: None):
     path.write_text(convert(nominal, case, path), encoding="utf-8")
     study = load_study(path)
     return search_by_evidence(
-        study.model, without_held_out(study, measured(study)[0]), study.nuisances,
-        damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
-        model_error=study.model_error, progress=lambda text, _: say(text),
-    )  # fmt: skip
+        study.model,
+        without_held_out(study, measured(study)[0]),
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        kinds=study.kinds,
+        exclude=study.exclude,
+        model_error=study.model_error,
+        progress=lambda text, _: say(text),
+    )
 
 
 def one(case, truth, say):

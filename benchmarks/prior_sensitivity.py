@@ -28,9 +28,15 @@ FACTORS = 0.5, 2.0
 OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
 """Constants that are standard deviations of the form's parameters, by kinds of effect."""
 PLAIN = (
-    "DATA_PER_MODE", "FORM_DAMPING", "FORM_MODES", "EFFECT_ODDS", "UNKNOWN_ODDS", "FORM_LEFT", "FORM_LEAST",
+    "DATA_PER_MODE",
+    "FORM_DAMPING",
+    "FORM_MODES",
+    "EFFECT_ODDS",
+    "UNKNOWN_ODDS",
+    "FORM_LEFT",
+    "FORM_LEAST",
     "DECADE",
-)  # fmt: skip
+)
 N_AGAIN, WITHIN = 8, 25.0
 """So many hypotheses at most are fitted again, of those within so many nats of the best one."""
 
@@ -119,8 +125,9 @@ def main() -> None:
             print(
                 f"{case.name}: {n_hidden} hidden, best {sorted(first.best) or 'nothing'} "
                 f"{first.probability:.2f}, {time.process_time() - begun:.0f} s",
-                file=sys.stderr, flush=True,
-            )  # fmt: skip
+                file=sys.stderr,
+                flush=True,
+            )
     print("| constant | factor | other answer | mean probability of the answer before |\n|---|---|---|---|")
     for key in (("", 1.0), *variants()):
         other = [n for n, a in answers.items() if a[key].best != a["", 1.0].best]

@@ -276,9 +276,13 @@ def estimate(
     nuisances = task.nuisances()
     n_lines = task.n_lines or MOST_LINES
     problem = build_problem(
-        task.tied(), task.measurement, nuisances,
-        damping_std=task.damping_std, n_lines=n_lines, model_error=0.0,
-    )  # fmt: skip
+        task.tied(),
+        task.measurement,
+        nuisances,
+        damping_std=task.damping_std,
+        n_lines=n_lines,
+        model_error=0.0,
+    )
     every = _bands(problem, problem.data.frequency)
     step = np.concatenate([_spread(np.flatnonzero(every == b), n_lines, every) for b in np.unique(every)])
     vectors = [rows.T for rows in task.vectors()]
@@ -329,9 +333,14 @@ def _fit_stage(
     mask, frequency = problem.data.mask[at], problem.data.frequency[at]
     outputs, inputs, rows = (v.T for v in task.vectors())
     parts = ReleasedParts.of(
-        reduced, frequency, task.interface, (outputs, inputs, rows), task.springs, task.nuisances(),
+        reduced,
+        frequency,
+        task.interface,
+        (outputs, inputs, rows),
+        task.springs,
+        task.nuisances(),
         problem.damping,
-    )  # fmt: skip
+    )
     size = np.abs(problem.data.H[at])
     H = np.where(mask, problem.data.H[at], np.nan)
     tried = starting_values(
@@ -347,9 +356,15 @@ def _fit_stage(
     searching = not before and form.linear
     while True:
         fit = partial(
-            fit_joint, form, parts, frequency, H, noise=plain * levels[bands][:, None, None] * less * spread,
-            positive="K", tolerance=1e-5 if accuracy else 1e-6,
-        )  # fmt: skip
+            fit_joint,
+            form,
+            parts,
+            frequency,
+            H,
+            noise=plain * levels[bands][:, None, None] * less * spread,
+            positive="K",
+            tolerance=1e-5 if accuracy else 1e-6,
+        )
         fits = [fit(theta, prior=vague_prior(task, form, theta)) for _, theta in tried]
         best = int(np.argmin([each.chi2 for each in fits]))
         found = fits[best]

@@ -52,9 +52,12 @@ def ambient_targets(truth: TrueFrame, draft: Draft, rng: Generator) -> ModeTarge
     f_std, shape_std = found.relative_std()
     sensors = sensors_of(draft.frame, draft.sensors)
     return ModeTargets.of(
-        found.modes.frequency, f_std, shapes=found.modes.shapes, shape_std=shape_std,
+        found.modes.frequency,
+        f_std,
+        shapes=found.modes.shapes,
+        shape_std=shape_std,
         sensors=[s for s, h in zip(sensors, heard, strict=True) if h],
-    )  # fmt: skip
+    )
 
 
 def response(f: Floats, phi: Floats, rate: float, rng: Generator) -> tuple[Floats, float]:

@@ -49,9 +49,14 @@ def _limited(draft: Draft) -> Draft:
 
 
 def _judged(
-    settings: CaseSettings, set_name: str, index: int, draft: Draft, truth: TrueFrame,
-    implants: tuple[Implant, ...], rng: Generator,
-) -> Record:  # fmt: skip
+    settings: CaseSettings,
+    set_name: str,
+    index: int,
+    draft: Draft,
+    truth: TrueFrame,
+    implants: tuple[Implant, ...],
+    rng: Generator,
+) -> Record:
     changed = truth
     for i in implants:
         changed = i.hidden.change(changed, i.amplitude)

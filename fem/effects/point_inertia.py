@@ -80,10 +80,14 @@ class PointInertia(OnMember):
             length = model.mesh.member_length(m)
             out.append(
                 cls(
-                    name=f"point_inertia:{m}", member=m, position=length / 2, inertia=0.0, length=length,
+                    name=f"point_inertia:{m}",
+                    member=m,
+                    position=length / 2,
+                    inertia=0.0,
+                    length=length,
                     reference=member_mass(model, m) * length**2 / 12,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -90,10 +90,15 @@ class SideSpring(OnMember):
             for d in () if is_bar(model, m) else ("y", "z"):
                 out.append(
                     cls(
-                        name=f"side_spring:{m}.{d}", member=m, direction=d, position=length / 2,
-                        stiffness=0.0, length=length, reference=reference,
+                        name=f"side_spring:{m}.{d}",
+                        member=m,
+                        direction=d,
+                        position=length / 2,
+                        stiffness=0.0,
+                        length=length,
+                        reference=reference,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
     def acts_along(self, model: Model, direction: str) -> bool:

@@ -335,9 +335,11 @@ class ParametricFRF:
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
             for k, i in enumerate(scaled.rows):
-                slope = scaled.slopes[k] if scaled.slopes is not None else self.restrict(
-                    self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
-                )  # fmt: skip
+                slope = (
+                    scaled.slopes[k]
+                    if scaled.slopes is not None
+                    else self.restrict(self.reduced.derivative_of(now, self.refs[i][1], float(values[i])))
+                )
                 slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
@@ -429,9 +431,12 @@ class ParametricFRF:
         """Return the factors of K, M, C and D in Z, each (n_freq,)."""
         omega = self.omega
         return {
-            "K": state.stiffness, "connections": state.connections, "M": state.mass, "C": 1j * omega,
+            "K": state.stiffness,
+            "connections": state.connections,
+            "M": state.mass,
+            "C": 1j * omega,
             "D": np.full(len(omega), 1j),
-        }  # fmt: skip
+        }
 
     def _slope_forces(
         self, slopes: Sequence[tuple[int, Term]], state: ModalSolution, Xi: NDArray[np.complex128]

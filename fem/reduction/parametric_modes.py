@@ -171,9 +171,7 @@ class ModesAt:
         """Return the modes within the range of some vectors (r, m)."""
         total: dict[str, Any] = {key: W.T @ X @ W for key, X in self._total.items() if key != "laws"}
         total["laws"] = [(f, W.T @ X @ W) for f, X in self._total["laws"]]
-        return ModesAt(
-            self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W
-        )  # fmt: skip
+        return ModesAt(self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W)
 
     def with_lacking(self, shapes: Lacking, stiffer: float, heavier: float) -> "ModesAt":
         """Return the modes with shapes that the basis lacks as more coordinates.
@@ -329,9 +327,12 @@ class ModesAt:
         omega = self.omega
         at = [i for i, _, _ in modes]
         factors = {
-            "K": self._members, "connections": self._connections, "C": 1j * omega,
-            "D": np.full(len(omega), 1j), "M": np.zeros(len(omega), dtype=complex),
-        }  # fmt: skip
+            "K": self._members,
+            "connections": self._connections,
+            "C": 1j * omega,
+            "D": np.full(len(omega), 1j),
+            "M": np.zeros(len(omega), dtype=complex),
+        }
         for i, _, mode in modes:
             factors["M"][i] = -mode.eigenvalue
         x = np.stack([mode.vector for _, _, mode in modes], axis=1)

@@ -206,9 +206,15 @@ def merge_set_ups(set_ups: Sequence[AmbientModes]) -> MergedModes:
     modes = Modes(frequency, shapes / largest, zeta, channels)
     std = spread / np.abs(largest)
     return MergedModes(
-        modes, frequency_std, zeta_std, np.where(np.isnan(shapes), np.nan, std), agreement, scatter,
-        tuple(groups), tuple(set_ups),
-    )  # fmt: skip
+        modes=modes,
+        frequency_std=frequency_std,
+        zeta_std=zeta_std,
+        shape_std=np.where(np.isnan(shapes), np.nan, std),
+        agreement=agreement,
+        scatter=scatter,
+        members=tuple(groups),
+        set_ups=tuple(set_ups),
+    )
 
 
 def _grouped(
@@ -245,9 +251,13 @@ _APART = 1e3
 
 
 def _unlike(
-    set_ups: Sequence[AmbientModes], group: Members, s: int, k: int, channels: Sequence[str],
+    set_ups: Sequence[AmbientModes],
+    group: Members,
+    s: int,
+    k: int,
+    channels: Sequence[str],
     shared: Sequence[str],
-) -> float:  # fmt: skip
+) -> float:
     """Return how unlike a set-up's mode is to a group: 1 - MAC and the distance of frequencies over reach."""
     f, f_std, zeta, _, _ = _values(set_ups, group)
     g, g_std, g_zeta, _, _ = _values(set_ups, {s: k})

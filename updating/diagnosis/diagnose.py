@@ -121,9 +121,14 @@ def diagnose(
     """
     started = time.perf_counter()
     more: dict[str, Any] = {
-        "damping_std": damping_std, "band": band, "kinds": kinds, "exclude": exclude, "n_lines": n_lines,
-        "model_error": model_error, "budget": budget,
-    }  # fmt: skip
+        "damping_std": damping_std,
+        "band": band,
+        "kinds": kinds,
+        "exclude": exclude,
+        "n_lines": n_lines,
+        "model_error": model_error,
+        "budget": budget,
+    }
     first = None
     with workers(processes) as crew, beating(progress or (lambda text, done: None)) as say:
         more["progress"] = say
@@ -208,13 +213,28 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     posterior.append(((UNKNOWN,), done.unknown_probability))
     basis_db = basis_error(problem, current, N_CHECKED)
     return Diagnosis(
-        verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db,
-        done.mesh_db, basis_db, max(model_error, floor), floor, problem,
-        fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
-        with_last_faults(gates, done.proposed_faults, faults), search.candidates,
-        searched=done, places=tuple((s.name, s.residual_ratio) for s in search.scanned),
-        posterior=tuple(posterior), departures=departed(done, problem, current),
-    )  # fmt: skip
+        verdict=verdict,
+        reason=reason,
+        findings=tuple(findings),
+        faults=faults,
+        steps=tuple(steps),
+        rounds=tuple(rounds),
+        noise_db=problem.data.noise_db,
+        discretisation_db=done.mesh_db,
+        basis_db=basis_db,
+        limit=max(model_error, floor),
+        noise_limit=floor,
+        problem=problem,
+        model=fitted_model(done.model, current),
+        notes=_notes(done, gates, basis_db, stated=stated),
+        seconds=0.0,
+        gates=with_last_faults(gates, done.proposed_faults, faults),
+        candidates=search.candidates,
+        searched=done,
+        places=tuple((s.name, s.residual_ratio) for s in search.scanned),
+        posterior=tuple(posterior),
+        departures=departed(done, problem, current),
+    )
 
 
 def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:
@@ -354,9 +374,17 @@ def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:
 
 def _ranked(effect: Effect, result: FitResult, similarity: float, score: float) -> Ranked:
     return Ranked(
-        effect.name, effect.kind, effect.where, parameters_of(effect, result), result.level, result.fit_db,
-        result.held_out_db, similarity, score, result,
-    )  # fmt: skip
+        name=effect.name,
+        kind=effect.kind,
+        where=effect.where,
+        parameters=parameters_of(effect, result),
+        level=result.level,
+        fit_db=result.fit_db,
+        held_out_db=result.held_out_db,
+        similarity=similarity,
+        score=score,
+        result=result,
+    )
 
 
 def _verdict(done: Searched, faults: Sequence[Fault], gates: Gates) -> tuple[str, str]:

@@ -98,9 +98,12 @@ def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[ModePair, 
         if j in partner:
             i = int(a[partner[j]])
             same = replace(
-                same, nominal_index=i, nominal=float(nominal.frequency[i]), nominal_zeta=_zeta(nominal, i),
+                same,
+                nominal_index=i,
+                nominal=float(nominal.frequency[i]),
+                nominal_zeta=_zeta(nominal, i),
                 mac=float(alike[partner[j], j]),
-            )  # fmt: skip
+            )
         out.append(same)
     return tuple(out)
 

@@ -66,9 +66,15 @@ def calibrate_frfs(
         result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result)
     model = fitted_model(formed.formed, result)
     alone = build_problem(
-        model, before, (), damping_std=damping_std, band=band, n_lines=n_lines, connections=True,
+        model,
+        before,
+        (),
+        damping_std=damping_std,
+        band=band,
+        n_lines=n_lines,
+        connections=True,
         model_error=model_error,
-    )  # fmt: skip
+    )
     without_nuisances = replace(alone, data=problem.data, damping=_at_its_fit(problem.damping, result.zeta))
     return CalibratedFrfs(model, problem, problem.assessed(result), faults, formed.mesh_db, without_nuisances)
 
@@ -106,14 +112,25 @@ def changed_frf_problem(
     first = before
     if isinstance(first, Measurement):
         first = calibrate_frfs(
-            model, first, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+            model,
+            first,
+            nuisances,
+            damping_std=damping_std,
+            band=band,
+            n_lines=n_lines,
             model_error=model_error,
-        )  # fmt: skip
+        )
     changed = first.model.in_environment(*model.environment).with_effect(*changes)
     problem = build_problem(
-        changed, after, between.nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
-        connections=True, model_error=between.form_share * model_error,
-    )  # fmt: skip
+        changed,
+        after,
+        between.nuisances,
+        damping_std=damping_std,
+        band=band,
+        n_lines=n_lines,
+        connections=True,
+        model_error=between.form_share * model_error,
+    )
     data = carried_over(first, corrected(problem.data, first.faults), between.form_share)
     damping = first.alone.damping
     if between.damping_std is not None:
@@ -163,9 +180,17 @@ def begin_change(
     """
     progress("calibrating on the first state", 0.0)
     first, changed, problem = changed_frf_problem(
-        situated(model, kinds), before, after, nuisances, changes=changes, between=between,
-        damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error,
-    )  # fmt: skip
+        situated(model, kinds),
+        before,
+        after,
+        nuisances,
+        changes=changes,
+        between=between,
+        damping_std=damping_std,
+        band=band,
+        n_lines=n_lines,
+        model_error=model_error,
+    )
     progress("comparing the second state", 0.1)
     formed = Formed(changed, changed, (), first.mesh_db)
     candidates = candidates_for_test(changed, after, kinds, exclude)

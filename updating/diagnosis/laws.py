@@ -64,9 +64,15 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     problem = LevelProblem.of(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
-        problem, one.fits.form, candidates, one.tell, scanned=one.scanned, ranking=LevelRanking(),
-        workers=one.workers, budget=one.budget,
-    )  # fmt: skip
+        problem,
+        one.fits.form,
+        candidates,
+        one.tell,
+        scanned=one.scanned,
+        ranking=LevelRanking(),
+        workers=one.workers,
+        budget=one.budget,
+    )
     first = one.known[frozenset()]
     nothing = search.full((), (), first)
     bases = [nothing]

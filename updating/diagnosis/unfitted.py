@@ -49,7 +49,10 @@ def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: Little
     values = {(effect.name, name): value for name, value in look.values.items()}
     std = {(effect.name, name): value for name, value in look.std.items()}
     fitted = replace(
-        before, effects=(effect,), values={**before.values, **values}, std={**before.std, **std},
+        before,
+        effects=(effect,),
+        values={**before.values, **values},
+        std={**before.std, **std},
         log_evidence=before.log_evidence + look.evidence,
-    )  # fmt: skip
+    )
     return Hypothesis(fitted, search.fits.odds.prior((effect,)))

@@ -168,9 +168,17 @@ class FitProblem:
             outputs, inputs = outputs + moved[:, : outputs.shape[1]], inputs + moved[:, outputs.shape[1] :]
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
-            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
-            decay=self.decay, viscous=self.viscous,
-        )  # fmt: skip
+            self.reduced,
+            outputs,
+            inputs,
+            frequency,
+            refs,
+            effects,
+            release,
+            projected=True,
+            decay=self.decay,
+            viscous=self.viscous,
+        )
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""

@@ -378,10 +378,19 @@ class FitFunction:
             apart = known.deviations(solution.covariance[n:, n:], n_ends)
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
-            solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
-            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start], channels=channels,
+            solution=solution,
+            values=values,
+            std=std,
+            zeta=zeta,
+            effects=fitted,
+            fit_db=np.nan,
+            held_out_db=np.nan,
+            level=level,
+            covariance=covariance,
+            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start],
+            channels=channels,
             channels_std=apart,
-        )  # fmt: skip
+        )
 
 
 def propagated(

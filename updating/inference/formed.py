@@ -61,9 +61,15 @@ def builder(
 
     def build(model: Model, nuisances: Sequence[Uncertain] = nuisances) -> FitProblem:
         return build_problem(
-            model, measurement, with_turning(nuisances, model), damping_std=damping_std, band=band,
-            n_lines=n_lines, connections=True, model_error=model_error,
-        )  # fmt: skip
+            model,
+            measurement,
+            with_turning(nuisances, model),
+            damping_std=damping_std,
+            band=band,
+            n_lines=n_lines,
+            connections=True,
+            model_error=model_error,
+        )
 
     return build
 

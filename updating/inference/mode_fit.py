@@ -296,9 +296,11 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
     """Return the computed partners of some measured modes."""
     t = problem.targets
     some = replace(
-        t, frequency=t.frequency[modes], shapes=t.shapes[:, modes],
+        t,
+        frequency=t.frequency[modes],
+        shapes=t.shapes[:, modes],
         numbers=None if t.numbers is None else t.numbers[modes],
-    )  # fmt: skip
+    )
     pairs = at.pairs(0)
     return match(
         some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
@@ -456,9 +458,14 @@ class ModeFunction(FitFunction):
         least = np.array([d.min() if len(d) else 1.0 for d in self._deviation])
         bad = BAD_STD[kind] * least[kind] / np.concatenate(self._deviation)
         return ModeLevels.up_to(
-            kind, n, size, (least**2 / parts)[kind], self._modes_problem.discrepancy[kind],
-            bad**2 / parts[kind], self._modes_problem.bad_prior,
-        )  # fmt: skip
+            kind,
+            n,
+            size,
+            (least**2 / parts)[kind],
+            self._modes_problem.discrepancy[kind],
+            bad**2 / parts[kind],
+            self._modes_problem.bad_prior,
+        )
 
     def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:
         """Find the x of greatest posterior probability from a start.
@@ -626,9 +633,13 @@ class ModeFunction(FitFunction):
         return replace(out, residuals=np.where(lost[:, None], away[:, None], out.residuals))
 
     def slopes(
-        self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int,
+        self,
+        at: ModesAt,
+        found: Partners,
+        terms: Sequence[tuple[int, Term]],
+        n: int,
         more: Callable[[DampedMode], NDArray[Any]] | None = None,
-    ) -> Complexes:  # fmt: skip
+    ) -> Complexes:
         """Return what n changes of the matrices do to the residuals, to the first order, (n, m).
 
         ``more`` are their motions of the sensors in a mode, (n, n_out), that other modes do not hold.

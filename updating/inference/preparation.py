@@ -148,9 +148,16 @@ def build_problem(
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
     return FitProblem(
-        reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, model_error,
+        reduced=reduced,
+        data=data,
+        nuisances=tuple(nuisances),
+        damping=curve,
+        stages=stages,
+        n_modes=max(k, 1),
+        n_lines=n_lines,
+        model_error=model_error,
         viscous=measurement.viscous,
-    )  # fmt: skip
+    )
 
 
 def _reduced(
@@ -174,9 +181,12 @@ def _reduced(
     )
     nominal = nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), connections,
+        knots,
+        np.atleast_2d(nominal(knots))[0],
+        max(damping_std, LEAST_DAMPING_STD),
+        connections,
         nominal if np.ptp(model.damping.ratio) or other else None,
-    )  # fmt: skip
+    )
     return reduced, curve, modes
 
 

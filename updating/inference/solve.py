@@ -156,9 +156,12 @@ def solve_robust(
     say = None if report is None else lambda point, _: report(point.x, point.cost)
     found = minimise(posterior, posterior.point(x, r, J), bounds, control, say)
     return Solution(
-        found.point.x, found.point.cost, float(found.point.misfit @ posterior.size / len(r)),
-        found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
-    )  # fmt: skip
+        found.point.x,
+        found.point.cost,
+        float(found.point.misfit @ posterior.size / len(r)),
+        found.n_iterations,
+        found.stop is not Stop.OUT_OF_ITERATIONS,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -103,9 +103,15 @@ def fit_modes(
     point, last = found.point, found.linearisation
     slopes = last.slopes if last.at is point else problem.slopes(point)
     return _fit(
-        data, point.linear, slopes, point.poles, point.L, pivot, found.stop is not Stop.OUT_OF_ITERATIONS,
+        data,
+        point.linear,
+        slopes,
+        point.poles,
+        point.L,
+        pivot,
+        found.stop is not Stop.OUT_OF_ITERATIONS,
         found.n_iterations,
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -435,19 +441,19 @@ def _fit(
     X = now.shapes(n)
     energy = np.einsum("rao,rao->r", X, np.linalg.solve(block, X)) if n else np.zeros(0)
     return ModalFit(
-        poles,
-        L,
-        shapes,
-        lower,
-        upper,
-        H,
-        misfit,
-        scatter.covariance[: 2 * n, : 2 * n],
-        scatter,
-        energy,
-        2 * (x.shape[1] + n_in),
-        converged,
-        steps,
+        poles=poles,
+        participation=L,
+        shapes=shapes,
+        lower=lower,
+        upper=upper,
+        H=H,
+        misfit=misfit,
+        covariance=scatter.covariance[: 2 * n, : 2 * n],
+        scatter=scatter,
+        energy=energy,
+        n_parameters=2 * (x.shape[1] + n_in),
+        converged=converged,
+        n_steps=steps,
     )
 
 

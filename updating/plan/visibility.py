@@ -270,10 +270,16 @@ def visibility(
         sizes, amplitudes = reach[i]
         found.append(
             Visible(
-                littles[o], int(k[i]), sizes, amplitudes, (seen[i], located[i], named[i]),
-                (enough[i], own[i]), other.grid.effect.with_values(**first), float(alike[i]),
+                little=littles[o],
+                position=int(k[i]),
+                sizes=sizes,
+                amplitudes=amplitudes,
+                enough=(seen[i], located[i], named[i]),
+                nats=(enough[i], own[i]),
+                rival=other.grid.effect.with_values(**first),
+                alike=float(alike[i]),
             )
-        )  # fmt: skip
+        )
     return Visibility(problem, base, odds, tuple(found), left)
 
 

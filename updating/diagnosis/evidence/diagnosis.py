@@ -158,9 +158,20 @@ def search_by_evidence(
     """
     say = progress or (lambda text, done: None)
     initial = begin_search(
-        model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
-        n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew, budget=budget,
-    )  # fmt: skip
+        model,
+        measurement,
+        nuisances,
+        damping_std=damping_std,
+        band=band,
+        kinds=kinds,
+        exclude=exclude,
+        n_lines=n_lines,
+        model_error=model_error,
+        modes=modes,
+        progress=say,
+        crew=crew,
+        budget=budget,
+    )
     return searched(initial, say)
 
 
@@ -186,9 +197,14 @@ def begin_search(
     """
     progress("reducing the model", 0.0)
     problem, formed = formed_problem(
-        situated(model, kinds), measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
+        situated(model, kinds),
+        measurement,
+        nuisances,
+        damping_std=damping_std,
+        band=band,
+        n_lines=n_lines,
         model_error=model_error,
-    )  # fmt: skip
+    )
     progress("fitting the uncertain parameters", 0.05)
     every = candidates_for_test(formed.model, measurement, kinds, exclude)
     return search_of_problem(problem, formed, every, modes=modes, progress=progress, crew=crew, budget=budget)
@@ -225,9 +241,15 @@ def search_of_problem(
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
-            problem, formed.form, candidates, search_progress(progress, start_time), workers=crew,
-            ranking=ranking or FrfRanking(), beforehand=log_prior(doubtful(faults), read), budget=budget,
-        )  # fmt: skip
+            problem,
+            formed.form,
+            candidates,
+            search_progress(progress, start_time),
+            workers=crew,
+            ranking=ranking or FrfRanking(),
+            beforehand=log_prior(doubtful(faults), read),
+            budget=budget,
+        )
         first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
         nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
         search.known[frozenset()] = nothing

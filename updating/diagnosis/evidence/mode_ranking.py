@@ -94,9 +94,12 @@ class ModeChanges:
         constrained = [n for n, e in enumerate(effects) if e.released()]
         each = [self._opened(effects[n]) for n in constrained]
         out[constrained] = self.function.slopes(
-            base, partners, [(k, o.term) for k, o in enumerate(each)], len(constrained),
+            base,
+            partners,
+            [(k, o.term) for k, o in enumerate(each)],
+            len(constrained),
             lambda mode: np.stack([o.moved(mode) for o in each]),
-        )  # fmt: skip
+        )
         return out
 
     def at_points(self, grid: Grid, more: Sequence[dict[str, float]] = ()) -> NDArray[np.complex128]:

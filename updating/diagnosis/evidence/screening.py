@@ -390,9 +390,21 @@ class Look:
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
         return cls(
-            problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, off, prior_of, share,
-            likelihood,
-        )  # fmt: skip
+            problem=problem,
+            base=base,
+            lines=lines,
+            at=at,
+            measured=measured,
+            weight=w,
+            full_band=at < n_first,
+            refs=refs,
+            slopes=slopes,
+            trust=trust,
+            off=off,
+            prior_of=prior_of,
+            share=share,
+            likelihood=likelihood,
+        )
 
     def best_starts(self, grid: Grid) -> list[tuple[float, Start]]:
         """Return the best start of a candidate by each of three measures, and how good it is."""
