@@ -49,10 +49,10 @@ def diagnosed(checkout: Path, study: Path, limit: float) -> Run:
             return Run(None, float("nan"), "")
         if not out.exists():
             return Run(None, float("nan"), done.stderr.strip().splitlines()[-1][:60])
-        told = json.loads(out.read_text(encoding="utf-8"))
+        answer = json.loads(out.read_text(encoding="utf-8"))
         seconds, memory = map(float, done.stdout.split()[-2:])
-        names = ", ".join(e["name"] for e in told.get("effects", []))
-        return Run(seconds, memory, names or told["verdict"])
+        names = ", ".join(e["name"] for e in answer.get("effects", []))
+        return Run(seconds, memory, names or answer["verdict"])
 
 
 def studies(paths: list[Path]) -> list[Path]:

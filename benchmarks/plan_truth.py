@@ -239,8 +239,8 @@ def receptances(effect: Effect, structure: Structure, axes: dict[str, Floats]) -
     B = B[:, free]
     K, M = B.T @ K @ B, B.T @ M @ B
     squared, V = eigh(0.5 * (K + K.T), 0.5 * (M + M.T), subset_by_index=[0, N_MODES - 1])
-    omega, own = 2 * np.pi * FREQUENCY[:, None], np.sqrt(squared)
-    D = squared - omega**2 + 2j * structure.damping * own * omega
+    omega, natural = 2 * np.pi * FREQUENCY[:, None], np.sqrt(squared)
+    D = squared - omega**2 + 2j * structure.damping * natural * omega
     shapes = [
         np.array([B[6 * node(at(m, s)) + "xyz".index(d)] for m, s, d in some]) @ V
         for some in (SENSORS, FORCES)
@@ -311,7 +311,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
         amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
         effect = visible.at(amplitude)
         assert effect is not None
-        begun = time.process_time()
+        start = time.process_time()
         found = diagnose(model, [simulated(plan.measurement, effect, axes, rng)], _nuisances())
         nothing = sum(p for some, p in found.posterior if not some)
         right = sum(p for some, p in found.posterior if effect.name in some)
@@ -331,7 +331,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
             "right": right,
             "best": best,
             "verdict": found.verdict,
-            "cpu_seconds": time.process_time() - begun,
+            "cpu_seconds": time.process_time() - start,
         }
 
 

@@ -22,7 +22,7 @@ from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import FailedTrial, Trial, trials
 from updating.plan.choose import Chosen, choose
 from updating.plan.perturbed import Separation, perturbed, with_masses, without_supports
-from updating.plan.plan import Plan, plan_beside, plan_test
+from updating.plan.plan import Plan, plan_from_search, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
 
 MASS_SHARE, MOST_TWINS = 0.05, 8
@@ -63,15 +63,16 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
         begun = begin_search(
             study.model, data, study.nuisances, progress=lambda text, done: say(text, 0.3 * done), **how
         )
-        return plan_beside(begun, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
+        return plan_from_search(begun, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
     study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(
         study.model, study.sensors, study.excitations, frequency,
         USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
     )  # fmt: skip
-    left = None if left_db is None else left_db / DB_PER_NEPER
-    return plan_test(study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=say, **how)
+    level = None if left_db is None else left_db / DB_PER_NEPER
+    how |= {"sizes": study.relevant, "discrepancy": level}
+    return plan_test(study.model, test, study.nuisances, progress=say, **how)
 
 
 def choose_channels(
@@ -117,7 +118,7 @@ def choose_channels(
         study.model, possible, study.excitations if n_excitations is None else possible, _lines(study),
         n_sensors, n_excitations, study.nuisances, sizes=study.relevant,
         noise=USUAL_NOISE if noise is None else noise, errors=study.channel_errors,
-        left=None if left_db is None else left_db / DB_PER_NEPER, progress=progress, **how,
+        discrepancy=None if left_db is None else left_db / DB_PER_NEPER, progress=progress, **how,
     )  # fmt: skip
 
 

@@ -82,10 +82,10 @@ def place(bar: int, distance: float) -> list[float]:
 
 def measured(folder: Path) -> tuple[FRF, SolidModes]:
     """Return accelerances and modes of block and bars as solids, by CalculiX."""
-    whole = solids()
+    solid = solids()
     at = {**SENSORS, **{n: (bar, s) for n, (bar, s, _) in FORCES.items()}}
-    nodes = [whole.at(place(bar, s)) for bar, s in at.values()]
-    modes = solve(folder, "whole", (whole,), (), N_MODES, nodes)
+    nodes = [solid.at(place(bar, s)) for bar, s in at.values()]
+    modes = solve(folder, "whole", (solid,), (), N_MODES, nodes)
     out = [(k, d) for k, (bar, _) in enumerate(SENSORS.values()) for d in range(3) if d != bar]
     force = [(len(SENSORS) + k, "xyz".index(d)) for k, (_, _, d) in enumerate(FORCES.values())]
     H = accelerance(modes, LINES, out, force, ZETA)

@@ -98,11 +98,11 @@ def _draw_plates(ax: Any, case: Path) -> None:
 
 
 def _draw_corner(ax: Any) -> None:
-    whole = corner.solids()
-    inside = (whole.nodes[whole.elements - 1] <= corner.CUT + SAME_PLACE).all(axis=(1, 2))
-    _draw_solid(ax, replace(whole, elements=whole.elements[~inside]), GREY)
-    _draw_solid(ax, replace(whole, elements=whole.elements[inside]), BLUE)
-    low, high = whole.nodes.min(axis=0), whole.nodes.max(axis=0)
+    solid = corner.solids()
+    inside = (solid.nodes[solid.elements - 1] <= corner.CUT + SAME_PLACE).all(axis=(1, 2))
+    _draw_solid(ax, replace(solid, elements=solid.elements[~inside]), GREY)
+    _draw_solid(ax, replace(solid, elements=solid.elements[inside]), BLUE)
+    low, high = solid.nodes.min(axis=0), solid.nodes.max(axis=0)
     _frame(ax, low, high, 1.1)
     ax.view_init(24, 38)
     ax.set_title("three bars on a solid corner (blue: superelement)", fontsize=10)

@@ -71,13 +71,13 @@ def _judged(
         noise = [float(np.median(after.frequency_std)), float(np.median(after.shape_std))]
     else:
         after = _measured(changed, draft, noise, with_shapes, rng)
-    begun = time.process_time()
+    start = time.process_time()
     if set_name.startswith("states"):
         before = _measured(truth, draft, noise, with_shapes, rng)
         found = diagnose_change(model, before, after, nuisances, model_error=0.0)
     else:
         found = diagnose_modes(model, after, nuisances, model_error=0.0)
-    cpu = time.process_time() - begun
+    cpu = time.process_time() - start
     right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
     if not implants:
         right = found.verdict == NOTHING

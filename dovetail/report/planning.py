@@ -110,7 +110,7 @@ def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
     f = data.frequency
-    error = plan.visibility.left
+    error = plan.visibility.discrepancy
     text = (
         "with the residuals of the measured FRFs"
         if error is None
@@ -199,7 +199,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     return {
         "measured": plan.is_measured,
         "noise_db": plan.visibility.problem.data.noise_db,
-        "left_db": None if plan.is_measured else plan.visibility.left * DB_PER_NEPER,
+        "left_db": None if plan.is_measured else plan.visibility.discrepancy * DB_PER_NEPER,
         "relevant_sizes": {k: getattr(plan.sizes, k) for k in ("connections", "members", "cracks", "masses")},
         "coverage": {what: plan.coverage(what) for what in SHARES},
         "kinds": [{name: getattr(row, name) for name in KindRow.__slots__} for row in kind_rows(plan)],

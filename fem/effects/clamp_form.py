@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fem.declarations import Entry, Role
-from fem.effects.held_frame import OnStretches
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.effects.support import Support
+from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter

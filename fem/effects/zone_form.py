@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
-from fem.effects.held_frame import OnStretches
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, dofs_of

@@ -19,7 +19,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import DATA_PER_MODE, FORM_LEAST
+from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
@@ -214,7 +214,7 @@ class FitProblem:
         noise : ndarray
             Their mean square that is put down to noise [nepers²].
         """
-        least = (FORM_LEAST * self.model_error) ** 2 + self.mesh_level**2
+        least = (DISCREPANCY_MIN * self.model_error) ** 2 + self.mesh_level**2
         return Levels(n, noise * n / (self.data.n_parts * size) + least, noise)
 
     def function(

@@ -13,7 +13,7 @@ from fem.model import Effect, ParameterRef
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import FORM_LEFT
+from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
@@ -284,7 +284,7 @@ class FitFunction:
     def allowed_squares(self) -> NDArray[np.float64]:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         problem = self.problem
-        square = (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2
+        square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
         return np.full(len(np.unique(self.groups)), square)
 
     def errors(self, x: NDArray[np.float64]) -> Errors:

@@ -14,7 +14,7 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import Term
-from updating.inference.belief import FORM_LEFT
+from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
@@ -487,7 +487,9 @@ class ModeFunction(FitFunction):
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         levels = self.levels()
-        discrepancy = (FORM_LEFT * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
+        discrepancy = (
+            (DISCREPANCY_MAX * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
+        )
         return SPREAD * levels.noise + discrepancy
 
     def errors(self, x: Floats) -> Errors:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.connection_damping import ConnectionDamping
-from fem.effects.held_frame import HoldsFrame
 from fem.effects.joint import PointPair
+from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.splitting import split
 from fem.linalg.solvers import factorise
@@ -85,7 +85,7 @@ def with_higher_mass(model: Model) -> Model:
     Weak effects are otherwise found that only take up the mesh's error.
     """
     effects = (
-        e.with_mass_of_higher_order() if isinstance(e, Frame | HoldsFrame) else e for e in model.effects
+        e.with_mass_of_higher_order() if isinstance(e, Frame | WithFrame) else e for e in model.effects
     )
     return replace(model, effects=tuple(effects))
 

@@ -76,7 +76,7 @@ class Plan:
     @property
     def is_measured(self) -> bool:
         """Whether the data are measured ones."""
-        return self.visibility.left is None
+        return self.visibility.discrepancy is None
 
     def coverage(self, what: str = "named") -> float:
         """Return the share of relevant effects that are ``seen``, ``located`` or ``named``."""
@@ -139,7 +139,7 @@ def plan_test(
     exclude: Sequence[str] = (),
     sizes: Relevant = USUAL,
     model_error: float = EXPLAINED_LEVEL,
-    left: float | None = None,
+    discrepancy: float | None = None,
     progress: Progress | None = None,
     **settings: Any,
 ) -> Plan:
@@ -153,8 +153,8 @@ def plan_test(
     nuisances, kinds, exclude, model_error
         As of :func:`updating.diagnosis.diagnose.diagnose`.
     sizes : Relevant
-    left : float, optional
-        Level that a right model leaves beside noise; what beams usually leave unless given [nepers].
+    discrepancy : float, optional
+        Level that a right model leaves besides noise; what beams usually leave unless given [nepers].
     progress : callable, optional
         Called with a text and the fraction done.
     **settings
@@ -162,20 +162,20 @@ def plan_test(
     """
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    whole, formed = formed_problem(
+    fit_problem, formed = formed_problem(
         situated(model, kinds), measurement, nuisances, model_error=model_error, **settings
     )
     candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
-    base = whole.nominal()
-    problem = as_planned(whole, base)
+    base = fit_problem.nominal()
+    problem = as_planned(fit_problem, base)
     odds = Odds.of(candidates, problem.reduced.model)
-    left = usual_discrepancy(model_error) if left is None else left
-    seen = visibility(problem, base, candidates, odds, left, _from(say, 0.1))
+    discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
+    seen = visibility(problem, base, candidates, odds, discrepancy, _from(say, 0.1))
     return _plan(seen, formed.model, measurement, sizes)
 
 
-def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
-    """Return what measured data could still have shown beside what a diagnosis has found.
+def plan_from_search(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
+    """Return what measured data could still have shown besides what a diagnosis has found.
 
     Parameters
     ----------
@@ -185,10 +185,10 @@ def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress 
         Called with a text and the fraction done.
     """
     search, best = searched.search, searched.best
-    whole = search.fits.problem
-    assert isinstance(whole, FitProblem)
-    problem = replace(whole, scatter=search.fits.ranking.scatter(whole, best.fitted, best.fitted.size))
-    candidates = [c for c in search.fit_beside(best.effects) if not c.amplitude_dependent]
+    measured = search.fits.problem
+    assert isinstance(measured, FitProblem)
+    problem = replace(measured, scatter=search.fits.ranking.scatter(measured, best.fitted, best.fitted.size))
+    candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)
     return _plan(seen, problem.reduced.model, problem.data.measurement, sizes)
@@ -209,7 +209,7 @@ def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = N
     candidates = list({x.effect.name: x.little.grid.effect for x in seen.effects}.values())
     say = progress or (lambda text, done: None)
     again = visibility(
-        seen.problem, seen.base, candidates, seen.odds, seen.left, say, averaged=now / (now + more)
+        seen.problem, seen.base, candidates, seen.odds, seen.discrepancy, say, averaged=now / (now + more)
     )
     return _plan(again, plan.model, plan.measurement, plan.sizes)
 
@@ -232,5 +232,5 @@ def _outlook(
     return Outlook(x, relevant, seen, located, named)
 
 
-def _from(say: Progress, begun: float) -> Progress:
-    return lambda text, done: say(text, begun + (1 - begun) * done)
+def _from(say: Progress, fraction: float) -> Progress:
+    return lambda text, done: say(text, fraction + (1 - fraction) * done)

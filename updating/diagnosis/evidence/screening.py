@@ -29,7 +29,7 @@ from updating.inference.heartbeat import beat
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
-N_WHOLE, N_LOW, N_DAMPED = 44, 24, 24
+N_FULL_BAND, N_LOW, N_DAMPED = 44, 24, 24
 """Lines of the full band, of the low one, and of damped FRFs, at which candidates are evaluated."""
 
 NEAR_BOUND = 0.01
@@ -214,7 +214,7 @@ def screen_near(
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
     """
-    look = Look.of(problem, current, N_WHOLE, 0, MOST_VALUES)
+    look = Look.of(problem, current, N_FULL_BAND, 0, MOST_VALUES)
     best, out = -np.inf, []
     for at_once in (True, False):
         for grid, gain in zip(grids, linear, strict=True):
@@ -271,7 +271,7 @@ def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> "Look
     """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
     if problem.decay:  # broad resonances: few lines, and the full band is as good as a low one
         return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
-    return Look.of(problem, base, N_WHOLE, N_LOW if far else 0, MOST_VALUES)
+    return Look.of(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -330,7 +330,7 @@ class Search:
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
             now = straight(damped.problem, now)
-        compatible = self.fit_beside(base.effects)
+        compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
         others = [e for e in compatible if e.kind not in BLOCK_KINDS]
@@ -430,7 +430,7 @@ class Search:
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
-            compatible = self.fit_beside(rest)
+            compatible = self.compatible_with(rest)
             near = [
                 c
                 for c in compatible
@@ -474,7 +474,7 @@ class Search:
             return h
         kept, wanted = values_of(h.effects), []
         for d in departures(free, h.fitted)[: self.budget.n_departures]:
-            near = [c for c in self.fit_beside(h.effects) if near_to(c) & d.near]
+            near = [c for c in self.compatible_with(h.effects) if near_to(c) & d.near]
             fixed = replace(free, nuisances=tuple(n for n in free.nuisances if n.refs[0][0] != d.effect.name))
             values = {ref: v for ref, v in h.fitted.values.items() if ref[0] != d.effect.name}
             now = replace(h.fitted, values=values)
@@ -502,7 +502,7 @@ class Search:
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self.scanned = ranked
-        compatible = self.fit_beside(base.effects)
+        compatible = self.compatible_with(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
         parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
@@ -535,7 +535,7 @@ class Search:
         ]
         return out + self.blocks(base, quick, now, ranked, key_of(compatible))
 
-    def fit_beside(self, effects: Sequence[Effect]) -> list[Effect]:
+    def compatible_with(self, effects: Sequence[Effect]) -> list[Effect]:
         """Return the candidates that may be added to some effects.
 
         Two that release one constraint are springs side by side there, and one of them says all.
