@@ -15,7 +15,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.evidence.diagnosis import begin_search
+from updating.diagnosis.evidence.diagnosis import prepare_search, search_of_problem
 from updating.diagnosis.separation import places_along
 from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
@@ -60,10 +60,11 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
     how = _settings(study)
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
         data = without_held_out(study, measured(study, phases=False)[0])
-        begun = begin_search(
-            study.model, data, study.nuisances, progress=lambda text, done: say(text, 0.3 * done), **how
-        )
-        return plan_from_search(begun, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
+        say("reducing the model", 0.0)
+        prepared = prepare_search(study.model, data, study.nuisances, **how)
+        say("fitting the uncertain parameters", 0.3 * 0.05)
+        found = search_of_problem(*prepared, progress=lambda text, done: say(text, 0.3 * done))
+        return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
     study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(

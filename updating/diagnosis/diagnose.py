@@ -14,7 +14,7 @@ from fem.model import Effect, Model
 from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
-from updating.diagnosis.candidates import propose
+from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.departures import departed
@@ -30,11 +30,18 @@ from updating.diagnosis.diagnosis import (
     Diagnosis,
 )
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
+from updating.diagnosis.evidence.diagnosis import (
+    UNKNOWN,
+    Searched,
+    candidates_for_test,
+    prepare_search,
+    search_of_problem,
+    searched,
+)
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
-from updating.diagnosis.frf_states import ONE_STRUCTURE, begin_change
+from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.belief import TWIN_NATS
@@ -43,7 +50,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model
+from updating.inference.preparation import N_FIT_LINES, ProblemSettings, basis_error, fitted_model
 from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults, settle_faults
@@ -120,31 +127,34 @@ def diagnose(
         How much is tried.
     """
     started = time.perf_counter()
-    more: dict[str, Any] = {
+    settings: ProblemSettings = {
         "damping_std": damping_std,
         "band": band,
-        "kinds": kinds,
-        "exclude": exclude,
         "n_lines": n_lines,
         "model_error": model_error,
-        "budget": budget,
     }
-    first = None
+    measured, first = measurements[0], None
     with workers(processes) as crew, beating(progress or (lambda text, done: None)) as say:
-        more["progress"] = say
+        run: dict[str, Any] = {"progress": say, "crew": crew, "budget": budget}
         if baseline is None:
-            initial = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
+            say("reducing the model", 0.0)
+            prepared = prepare_search(model, measured, nuisances, kinds=kinds, exclude=exclude, **settings)
+            say("fitting the uncertain parameters", 0.05)
+            initial = search_of_problem(*prepared, modes=modes, **run)
         else:
-            initial, first = begin_change(
-                model,
+            say("calibrating on the first state", 0.0)
+            first, changed, problem = changed_frf_problem(
+                situated(model, kinds),
                 baseline,
-                measurements[0],
+                measured,
                 nuisances,
                 changes=changes,
                 between=between,
-                crew=crew,
-                **more,
+                **settings,
             )
+            say("comparing the second state", 0.1)
+            candidates = candidates_for_test(changed, measured, kinds, exclude)
+            initial = search_change(first, changed, problem, candidates, between=between, **run)
             measurements = measurements[:1]
         found = _diagnosed(initial, model, measurements, kinds, exclude, model_error, say)
     return replace(_since(found, first), seconds=time.perf_counter() - started)

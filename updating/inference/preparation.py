@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,20 @@ LEVEL_FLOOR = 0.01
 """Residual level below which finer elements gain nothing [nepers]."""
 LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
+
+
+class FitSettings(TypedDict, total=False):
+    """Damping, band and lines of a problem, as of :func:`build_problem`."""
+
+    damping_std: float
+    band: tuple[float, float] | None
+    n_lines: int
+
+
+class ProblemSettings(FitSettings, total=False):
+    """The same, with the model's error."""
+
+    model_error: float
 
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
 from fem.model import Effect, Model
-from updating.diagnosis.candidates import situated
-from updating.diagnosis.evidence.diagnosis import candidates_for_test
+from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference.fit import EXPLAINED_LEVEL
-from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
@@ -195,14 +193,12 @@ def choose(
     if n_excitations is not None:
         light = replace(light, driver_mass=0.0, stinger=0.0)
     test = planned_measurement(model, sensors, excitations, frequency, noise, errors=light)
-    fit_problem, formed = formed_problem(
-        situated(model, kinds), test, nuisances, model_error=model_error, **settings
-    )
+    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
+    fit_problem, _, candidates = prepare_search(model, test, nuisances, **settings)
     base = fit_problem.nominal()
     problem = as_planned(fit_problem, base)
     discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
     sight = Sight(problem, base, discrepancy, N_LINES, len(frequency) * len(sensors) * len(excitations))
-    candidates = candidates_for_test(formed.model, test, kinds, exclude)
     odds = Odds.of(candidates, problem.reduced.model)
     n, effects, changes, against = _effects(
         sight, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)

@@ -9,12 +9,10 @@ import numpy as np
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
 from fem.model import Effect, Model
-from updating.diagnosis.candidates import situated
-from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
+from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import distance
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
-from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
@@ -162,10 +160,8 @@ def plan_test(
     """
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    fit_problem, formed = formed_problem(
-        situated(model, kinds), measurement, nuisances, model_error=model_error, **settings
-    )
-    candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
+    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
+    fit_problem, formed, candidates = prepare_search(model, measurement, nuisances, **settings)
     base = fit_problem.nominal()
     problem = as_planned(fit_problem, base)
     odds = Odds.of(candidates, problem.reduced.model)
