@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Environment, Marker, Role
-from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
+from fem.effects.on_member import OnMember
+from fem.effects.places import frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.elements.stretches import mass_of_stretch

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.effects.places import OnMember, elements_of, parameters_of, sheared_frame
+from fem.effects.on_member import OnMember
+from fem.effects.places import elements_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
 from fem.effects.with_frame import WithFrame
 from fem.elements.cut import cut
