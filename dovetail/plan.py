@@ -20,7 +20,7 @@ from updating.diagnosis.separation import places_along
 from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import FailedTrial, Trial, trials
-from updating.plan.choose import Chosen, choose
+from updating.plan.choose import ChosenChannels, choose
 from updating.plan.perturbed import Separation, perturbed, with_masses, without_supports
 from updating.plan.plan import Plan, plan_from_search, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
@@ -83,7 +83,7 @@ def choose_channels(
     noise: float | None = None,
     left_db: float | None = None,
     progress: Progress | None = None,
-) -> Chosen:
+) -> ChosenChannels:
     """Choose sensors, and places for forces, by which most relevant effects are named.
 
     From points along all members, along x, y and z. Forces are the study's unless their number is given.
@@ -123,7 +123,7 @@ def choose_channels(
     )  # fmt: skip
 
 
-def with_channels(study: Study, chosen: Chosen) -> Study:
+def with_channels(study: Study, chosen: ChosenChannels) -> Study:
     """Return a study with other sensors and forces, and no measurements."""
     none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
     return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)

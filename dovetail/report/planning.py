@@ -14,7 +14,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
 from updating.plan.check import FailedTrial, Trial
-from updating.plan.choose import Chosen
+from updating.plan.choose import ChosenChannels
 from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
 from updating.plan.visibility import size_of
@@ -215,7 +215,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def chosen_lines(chosen: Chosen) -> list[str]:
+def chosen_lines(chosen: ChosenChannels) -> list[str]:
     """Return the chosen sensors and forces as tables of a study file, and the share by their number."""
     out = ["# chosen sensors and forces, for the study file"]
     for table, some in (("sensors", chosen.sensors), ("excitations", chosen.excitations)):
@@ -226,7 +226,7 @@ def chosen_lines(chosen: Chosen) -> list[str]:
     return [*out, "", f"named by the first sensors as they were added: {shares}", ""]
 
 
-def chosen_dict(chosen: Chosen) -> dict[str, Any]:
+def chosen_dict(chosen: ChosenChannels) -> dict[str, Any]:
     """Return chosen sensors and forces for JSON."""
 
     def each(some: Sequence[Sensor]) -> list[dict[str, Any]]:

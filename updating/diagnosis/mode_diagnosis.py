@@ -32,7 +32,7 @@ from updating.inference.mode_fit import (
     LARGEST_DISCREPANCY,
     ComputedModes,
     ModeProblem,
-    Reading,
+    ModeReading,
     n_below,
 )
 from updating.inference.mode_targets import ModeTargets
@@ -144,13 +144,13 @@ class BadReading:
 
     Attributes
     ----------
-    reading : Reading
+    reading : ModeReading
     frequency : float
         Of the measured mode [Hz].
     probability : float
     """
 
-    reading: Reading
+    reading: ModeReading
     frequency: float
     probability: float
 

@@ -32,7 +32,7 @@ from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
-    from updating.inference.scatter import Scatter
+    from updating.inference.scatter import FormScatter
 
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
@@ -60,7 +60,7 @@ class FitProblem:
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
-    scatter : Scatter, optional
+    scatter : FormScatter, optional
         Small deviations that are uncertain in every fit.
     mesh_level : float
         Residual level that the elements leave of exact members [nepers].
@@ -84,7 +84,7 @@ class FitProblem:
     n_modes: int = 10
     n_lines: int = 160
     model_error: float = EXPLAINED_LEVEL
-    scatter: Scatter | None = None
+    scatter: FormScatter | None = None
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0

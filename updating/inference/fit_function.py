@@ -27,7 +27,7 @@ from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
-    from updating.inference.scatter import Scatter
+    from updating.inference.scatter import FormScatter
 
 
 ROBUST = 0.5
@@ -70,7 +70,7 @@ class FitFunction:
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
-    scatter : Scatter, optional
+    scatter : FormScatter, optional
         Small deviations.
     """
 
@@ -79,13 +79,13 @@ class FitFunction:
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
-    scatter: Scatter | None = None
+    scatter: FormScatter | None = None
     # The end of a fit is asked for again.
     _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
         default=None, init=False, repr=False
     )
 
-    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
+    def with_scatter(self, scatter: FormScatter | None) -> FitFunction:
         """Return the function with small deviations among its unknowns."""
         if scatter is None:
             return self

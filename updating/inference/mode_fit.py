@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
@@ -253,14 +253,14 @@ class ModeProblem:
         """Mean squares that a right model may leave beyond noise, of each group of residuals, (n_groups,)."""
         return self.function((), (), self.targets.fitted).allowed_squares()
 
-    def readings(self) -> tuple[Reading, ...]:
+    def readings(self) -> tuple[ModeReading, ...]:
         """Return the readings that fits see, in the order of the groups of residuals."""
         groups = np.unique(self.function((), (), self.targets.fitted).groups)
-        return tuple(Reading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
+        return tuple(ModeReading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ModeReading:
     """The frequency, damping ratio or shape of a measured mode; modes count from 0."""
 
     mode: int
@@ -638,7 +638,7 @@ class ModeFunction(FitFunction):
         self,
         at: ModesAt,
         found: Partners,
-        terms: Sequence[tuple[int, Term]],
+        terms: Sequence[tuple[int, ReducedTerm]],
         n: int,
         more: Callable[[DampedMode], NDArray[Any]] | None = None,
     ) -> Complexes:

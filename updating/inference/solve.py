@@ -175,14 +175,6 @@ class _Point:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Derived(Linearisation):
-    """The quadratic model with the residuals and the Jacobian that it is made of."""
-
-    r: NDArray[np.complex128]
-    J: NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Posterior:
     """The negative log posterior that :func:`solve_robust` minimises."""
 
@@ -210,7 +202,7 @@ class _Posterior:
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
             return None
 
-    def linearised(self, point: _Point) -> _Derived:
+    def linearised(self, point: _Point) -> Linearisation:
         r, J = self.residual(point.x, True) if point.derived is None else point.derived
         assert J is not None
         g, A = self.normal(r, J, self.worth(point.misfit))
@@ -218,7 +210,7 @@ class _Posterior:
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
-        return _Derived(g, A, r, J)
+        return Linearisation(g, A)
 
     def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much half the square of a residual of each group counts, (n_groups,)."""

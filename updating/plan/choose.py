@@ -40,7 +40,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chosen:
+class ChosenChannels:
     """Sensors and forces of a test.
 
     Attributes
@@ -150,7 +150,7 @@ def choose(
     discrepancy: float | None = None,
     progress: Progress | None = None,
     **settings: Any,
-) -> Chosen:
+) -> ChosenChannels:
     """Choose sensors and forces so that as many effects of a relevant size as possible are named.
 
     Sensors are added one by one and then exchanged as long as that gains. Their masses do not count, nor
@@ -212,7 +212,7 @@ def choose(
     worth = _Worth(channels.of_sensors(pushed), channels.data, channels.known, least)
     taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
     taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
-    return Chosen(
+    return ChosenChannels(
         tuple(sensors[k] for k in sorted(taken)),
         tuple(excitations[k] for k in pushed),
         curve,

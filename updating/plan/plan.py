@@ -166,7 +166,9 @@ def plan_test(
     problem = as_planned(fit_problem, base)
     odds = Odds.of(candidates, problem.reduced.model)
     discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
-    seen = visibility(problem, base, candidates, odds, discrepancy, _from(say, 0.1))
+    seen = visibility(
+        problem, base, candidates, odds, discrepancy, lambda text, done: say(text, 0.1 + 0.9 * done)
+    )
     return _plan(seen, formed.model, measurement, sizes)
 
 
@@ -226,7 +228,3 @@ def _outlook(
     amplitude = x.amplitude(relevant)
     seen, located, named = (amplitude >= each for each in x.enough)
     return Outlook(x, relevant, seen, located, named)
-
-
-def _from(say: Progress, fraction: float) -> Progress:
-    return lambda text, done: say(text, fraction + (1 - fraction) * done)

@@ -25,8 +25,8 @@ from updating.diagnosis.evidence.screening import (
     N_FULL_BAND,
     Complexes,
     Grid,
-    Little,
     Look,
+    SmallChange,
     distance,
 )
 from updating.inference.effect_priors import prior_of
@@ -84,7 +84,7 @@ class Visible:
 
     Attributes
     ----------
-    little : Little
+    little : SmallChange
         Small changes by the effect.
     position : int
         Which of its positions.
@@ -103,7 +103,7 @@ class Visible:
         Cosine of the angle between what both do [-].
     """
 
-    little: Little
+    little: SmallChange
     position: int
     sizes: Floats
     amplitudes: Floats
@@ -406,7 +406,7 @@ class Sight:
         values, U = np.linalg.eigh(np.sum(parts, axis=0))
         return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
-    def parts(self, littles: Sequence[Little]) -> tuple[Floats, Floats]:
+    def parts(self, littles: Sequence[SmallChange]) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes, of n in all.
 
         Mean squares of each group of residuals and, behind these, of what is known beforehand, of shape
@@ -476,7 +476,7 @@ class Sight:
             bottom, high = np.where(short, middle, bottom), np.where(short, high, middle)
         return np.where(seen, high, np.inf)
 
-    def reach(self, effect: Effect, little: Little) -> list[tuple[Floats, Floats]]:
+    def reach(self, effect: Effect, little: SmallChange) -> list[tuple[Floats, Floats]]:
         """Return at each of an effect's positions multiples of its small size, and of what that does.
 
         Both rise.
@@ -491,7 +491,7 @@ class Sight:
         return list(zip(factors, amplitude, strict=True))
 
 
-def _most(little: Little) -> list[float]:
+def _most(little: SmallChange) -> list[float]:
     """Return the largest sizes that are plausible on the side of none on which the small ones are, (n,)."""
     first = little.grid.effect.parameters()[0].name
     out = []
@@ -507,7 +507,7 @@ def _most(little: Little) -> list[float]:
     return out
 
 
-def _followed(littles: Sequence[Little]) -> Ints:
+def _followed(littles: Sequence[SmallChange]) -> Ints:
     """Return the numbers, of all littles' points, of those whose next one is only farther along a member."""
     out, n = [], 0
     for little in littles:

@@ -17,7 +17,7 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import terms_in_series
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
@@ -232,7 +232,7 @@ def screen_near(
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 
-def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
+def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedTerm, ...]:
     """Return what the effect adds at the points, on members and joints as a fit has them.
 
     A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
@@ -275,7 +275,7 @@ def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> "Look
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Little:
+class SmallChange:
     """What a little of a candidate does, at each of its slight points.
 
     Attributes
@@ -441,7 +441,7 @@ class Look:
     ) -> tuple[Floats, Floats]:
         return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
 
-    def little(self, grid: Grid) -> "Little":
+    def little(self, grid: Grid) -> "SmallChange":
         """Return the slopes of the residuals of the full band by a candidate.
 
         An effect that replaces an uncertain parameter does nothing at that parameter's value.
@@ -451,7 +451,7 @@ class Look:
         points = grid.slight_points(absent)
         little = Grid(grid.effect, tuple(point for point, _ in points))
         most = np.array([factor for _, factor in points])
-        return Little(grid, little.points, absent, self.changes(little), most)
+        return SmallChange(grid, little.points, absent, self.changes(little), most)
 
     def changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""

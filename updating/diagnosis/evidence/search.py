@@ -24,7 +24,7 @@ from updating.diagnosis.evidence.fits import (
     around,
     with_forces,
 )
-from updating.diagnosis.evidence.halving import Damped, Trial, halved
+from updating.diagnosis.evidence.halving import Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -64,7 +64,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Proposal:
+class NextHypotheses:
     """Effects to add, and values to start from.
 
     Attributes
@@ -159,7 +159,7 @@ def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
     return fits.continued(quick, [item])
 
 
-def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothesis:
+def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: HalvingTrial) -> Hypothesis:
     (fits, problem, base), (effects, start) = shared, item.candidate
     ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
     return fits.pruned(problem, ended, base)
@@ -324,7 +324,7 @@ class Search:
             behind = replace(h.fitted, log_evidence=best.score - few[best.key].score + h.fitted.log_evidence)
             self.known.setdefault(key, replace(h, fitted=behind))
 
-    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[Trial]:
+    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[HalvingTrial]:
         """Return candidates that damped FRFs ask for, the best of each sort."""
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
@@ -492,7 +492,7 @@ class Search:
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
+    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[NextHypotheses]:
         """Return effects that may be added."""
         current, far = base.fitted, self.fits.is_far(base)
         ranked: tuple[Scanned, ...] = ()
@@ -525,7 +525,7 @@ class Search:
         first = names_at[0] if names_at else set[str]()
         odds = self.fits.odds
         out = [
-            Proposal(
+            NextHypotheses(
                 (s.effect,),
                 s.starts,
                 s.gain - odds.against(base.effects, (s.effect,)),
@@ -565,7 +565,7 @@ class Search:
         now: FitResult,
         ranked: Sequence[Scanned],
         names: Set[str],
-    ) -> list[Proposal]:
+    ) -> list[NextHypotheses]:
         """Return the springs of a connection in all directions, and of two connections.
 
         At the first places of the scan, and where their small changes together explain the residuals best. Of
@@ -588,7 +588,7 @@ class Search:
             for k, each in enumerate(blocks)
             if k < n or key_of(each[0].effects) in keys
         ]
-        out: dict[frozenset[str], Proposal] = {}
+        out: dict[frozenset[str], NextHypotheses] = {}
         for each in chosen:
             is_first = each[0].effects in near[:1]
             if self.fits.is_far(base):
@@ -600,7 +600,7 @@ class Search:
             if len(block) > 1 and wins:
                 worth = max(b.gain for b in each) - self.fits.odds.against(base.effects, block)
                 starts = [*(b.start for b in each), *more]
-                out[key_of(block)] = Proposal(block, starts, worth, is_first)
+                out[key_of(block)] = NextHypotheses(block, starts, worth, is_first)
         return list(out.values())
 
     def paying(
