@@ -12,7 +12,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
 from updating.inference.formed import builder, refined
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import FitSettings, build_fine
+from updating.inference.preparation import FitOptions, build_fine
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
 
@@ -23,7 +23,7 @@ def begin(
     nuisances: Sequence[Nuisance] = (),
     *,
     model_error: float = EXPLAINED_LEVEL,
-    **settings: Unpack[FitSettings],
+    **settings: Unpack[FitOptions],
 ) -> FitProblem:
     """Return the problem that a diagnosis begins with, but for the form of the frame.
 

@@ -50,7 +50,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, ProblemSettings, basis_error, fitted_model
+from updating.inference.preparation import N_FIT_LINES, ProblemOptions, basis_error, fitted_model
 from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults, settle_faults
@@ -127,7 +127,7 @@ def diagnose(
         How much is tried.
     """
     started = time.perf_counter()
-    settings: ProblemSettings = {
+    settings: ProblemOptions = {
         "damping_std": damping_std,
         "band": band,
         "n_lines": n_lines,

@@ -28,7 +28,7 @@ from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.inference.preparation import FitSettings, ProblemSettings, build_problem, fitted_model
+from updating.inference.preparation import FitOptions, ProblemOptions, build_problem, fitted_model
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected, find_faults
@@ -45,7 +45,7 @@ def calibrate_frfs(
     model: Model,
     before: Measurement,
     nuisances: Sequence[Nuisance] = (),
-    **settings: Unpack[ProblemSettings],
+    **settings: Unpack[ProblemOptions],
 ) -> CalibratedFrfs:
     """Fit uncertain parameters, and the form's, to the FRFs of the first state, and set faults right.
 
@@ -85,7 +85,7 @@ def changed_frf_problem(
     changes: Sequence[Effect] = (),
     between: Between = ONE_STRUCTURE,
     model_error: float = EXPLAINED_LEVEL,
-    **settings: Unpack[FitSettings],
+    **settings: Unpack[FitOptions],
 ) -> tuple[CalibratedFrfs, Model, FitProblem]:
     """Return the calibration on the first state, and model and problem of the second one.
 

@@ -13,8 +13,8 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.patches import refined_on_patches, with_turning
 from updating.inference.preparation import (
-    FitSettings,
-    ProblemSettings,
+    FitOptions,
+    ProblemOptions,
     build_fine,
     build_problem,
     with_higher_mass,
@@ -56,7 +56,7 @@ class Formed:
 
 
 def builder(
-    measurement: Measurement, nuisances: Sequence[Uncertain] = (), **settings: Unpack[ProblemSettings]
+    measurement: Measurement, nuisances: Sequence[Uncertain] = (), **settings: Unpack[ProblemOptions]
 ) -> Build:
     """Return what makes the fits' problem of a model; settings as of a diagnosis."""
 
@@ -79,7 +79,7 @@ def formed_problem(
     nuisances: Sequence[Uncertain] = (),
     *,
     model_error: float = EXPLAINED_LEVEL,
-    **settings: Unpack[FitSettings],
+    **settings: Unpack[FitOptions],
 ) -> tuple[FitProblem, Formed]:
     """Return the problem of a model on a mesh that is fine enough, its form among the uncertain parameters.
 

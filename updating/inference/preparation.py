@@ -54,7 +54,7 @@ LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
 
 
-class FitSettings(TypedDict, total=False):
+class FitOptions(TypedDict, total=False):
     """Damping, band and lines of a problem, as of :func:`build_problem`."""
 
     damping_std: float
@@ -62,7 +62,7 @@ class FitSettings(TypedDict, total=False):
     n_lines: int
 
 
-class ProblemSettings(FitSettings, total=False):
+class ProblemOptions(FitOptions, total=False):
     """The same, with the model's error."""
 
     model_error: float

@@ -24,7 +24,7 @@ from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import ProblemSettings
+from updating.inference.preparation import ProblemOptions
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
@@ -145,7 +145,7 @@ def search_by_evidence(
     exclude: Sequence[str] = (),
     progress: Progress | None = None,
     crew: Workers = ALONE,
-    **settings: Unpack[ProblemSettings],
+    **settings: Unpack[ProblemOptions],
 ) -> Searched:
     """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
 
@@ -165,7 +165,7 @@ def prepare_search(
     *,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    **settings: Unpack[ProblemSettings],
+    **settings: Unpack[ProblemOptions],
 ) -> tuple[FitProblem, Formed, tuple[Effect, ...]]:
     """Return the problem of a search, its model with the form's effects, and its candidates.
 
