@@ -102,20 +102,25 @@ def main() -> None:
     def coloured(seed: int) -> Floats:
         return noisy(varied(response(f, phi, 40.0, 12_000, rng(seed)), seed), 0.1, rng(1000 + seed))
 
-    measure(
-        "300 s, coloured forces whose level varies", f, 40.0, (1, 16),
-        coloured, 40,
-    )  # fmt: skip
+    measure("300 s, coloured forces whose level varies", f, 40.0, (1, 16), coloured, 40)
     g, psi = pairs()
     places = [2, 5, 9, 12, 15, 19]
     measure(
-        "20 modes in pairs 0.5 % apart, 6 channels, 600 s", g, 160.0, (3, 66),
-        lambda seed: noisy(response(g, psi, 160.0, 96_000, rng(seed))[:, places], 0.1, rng(1000 + seed)), 10,
-    )  # fmt: skip
+        "20 modes in pairs 0.5 % apart, 6 channels, 600 s",
+        g,
+        160.0,
+        (3, 66),
+        lambda seed: noisy(response(g, psi, 160.0, 96_000, rng(seed))[:, places], 0.1, rng(1000 + seed)),
+        10,
+    )
     measure(
-        "noise alone, 200 s", f, 40.0, (1, 16),
-        lambda seed: lfilter([1], [1, -0.5], rng(seed).standard_normal((8000, 4)), axis=0), 40,
-    )  # fmt: skip
+        "noise alone, 200 s",
+        f,
+        40.0,
+        (1, 16),
+        lambda seed: lfilter([1], [1, -0.5], rng(seed).standard_normal((8000, 4)), axis=0),
+        40,
+    )
 
 
 if __name__ == "__main__":

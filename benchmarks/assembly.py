@@ -46,8 +46,8 @@ def tower(thousands: float) -> tuple[Any, Any]:
     z = np.repeat(np.arange(storeys), 4)
     points = np.column_stack([np.tile(corner, (storeys, 1)), z])
     here = np.arange(4 * storeys).reshape(-1, 4)
-    beside = np.roll(here, -1, axis=1)
-    pairs = [(here, beside), (here[:-1], here[1:]), (here[:-1], beside[1:])]
+    right = np.roll(here, -1, axis=1)
+    pairs = [(here, right), (here[:-1], here[1:]), (here[:-1], right[1:])]
     return points, np.concatenate([np.stack(p, axis=-1).reshape(-1, 2) for p in pairs])
 
 
@@ -118,10 +118,10 @@ def stages(name: str, points: Any, lines: Any) -> None:
     print(f"{name}: {len(lines)} lines, {6 * len(points)} DOFs")
 
     def stage(word: str, call: Callable[[], Any]) -> Any:
-        begun = time.process_time()
+        start = time.process_time()
         made = call()
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"  {word:9s}{time.process_time() - begun:8.2f} s, peak {peak:6.2f} GiB", flush=True)
+        print(f"  {word:9s}{time.process_time() - start:8.2f} s, peak {peak:6.2f} GiB", flush=True)
         return made
 
     mesh = stage("mesh", lambda: Mesh.from_lines(points, lines))

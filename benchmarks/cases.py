@@ -49,10 +49,10 @@ def diagnosed(checkout: Path, study: Path, limit: float) -> Run:
             return Run(None, float("nan"), "")
         if not out.exists():
             return Run(None, float("nan"), done.stderr.strip().splitlines()[-1][:60])
-        told = json.loads(out.read_text(encoding="utf-8"))
+        answer = json.loads(out.read_text(encoding="utf-8"))
         seconds, memory = map(float, done.stdout.split()[-2:])
-        names = ", ".join(e["name"] for e in told.get("effects", []))
-        return Run(seconds, memory, names or told["verdict"])
+        names = ", ".join(e["name"] for e in answer.get("effects", []))
+        return Run(seconds, memory, names or answer["verdict"])
 
 
 def studies(paths: list[Path]) -> list[Path]:
@@ -78,8 +78,10 @@ def main() -> None:
         took = [r.seconds for r in column if r.seconds is not None]
         if took:
             name = "now" if checkouts[k] == HERE else "before"
-            print(f"{name}: {len(took)} of {len(column)} ended, median {statistics.median(took):.1f} s, "
-                  f"largest {max(took):.1f} s")  # fmt: skip
+            print(
+                f"{name}: {len(took)} of {len(column)} ended, median {statistics.median(took):.1f} s, "
+                f"largest {max(took):.1f} s"
+            )
 
 
 if __name__ == "__main__":

@@ -55,9 +55,9 @@ def _times(work: Callable[[float], None], values: np.ndarray) -> tuple[float, fl
     """Return the median and the 95th percentile of a move [ms]."""
     spent = []
     for value in values:
-        begun = time.perf_counter()
+        start = time.perf_counter()
         work(float(value))
-        spent.append(1e3 * (time.perf_counter() - begun))
+        spent.append(1e3 * (time.perf_counter() - start))
     return float(np.median(spent)), float(np.percentile(spent, 95))
 
 
@@ -110,10 +110,10 @@ def browser() -> None:
                 return 1e3 * next(m["value"] for m in metrics if m["name"] == "TaskDuration")
 
             tab.page.wait_for_timeout(2000)
-            positions, begun = np.linspace(2.0, 3.4, 40), worked()
+            positions, start = np.linspace(2.0, 3.4, 40), worked()
             spent = [slider.evaluate(MOVED, float(x)) for x in positions]
-            own, (half, most) = (worked() - begun) / len(positions), np.percentile(spent, [50, 95])
-            print(f"cross-beam in Chromium: {half:.0f} ms, 95 %: {most:.0f} ms; work of the page {own:.0f}")
+            page, (half, most) = (worked() - start) / len(positions), np.percentile(spent, [50, 95])
+            print(f"cross-beam in Chromium: {half:.0f} ms, 95 %: {most:.0f} ms; work of the page {page:.0f}")
         finally:
             chromium.close()
             server.close()

@@ -73,9 +73,9 @@ def measured(
     lines = np.arange(len(problem.data.frequency))
     function = replace(problem, scatter=scatter).function(effects, starts, lines)
     x, prior, limits = function.start.copy(), function.prior(), function.limits()
-    own = {e.name for e in effects}
+    names = {e.name for e in effects}
     vary = np.ones(len(x), dtype=bool)
-    vary[: len(function.variables)] = [v.ref[0] not in own for v in function.variables]
+    vary[: len(function.variables)] = [v.ref[0] not in names for v in function.variables]
     x[vary] = (prior.mean + prior.std * rng.standard_normal(len(x)))[vary]
     x = np.clip(x, *limits.T)
     truth = function.result(Solution(x, np.nan, 0.0, 0, True))
@@ -113,10 +113,10 @@ def main() -> None:
         )
         rng, z, lost = np.random.default_rng(options.seed), defaultdict(list), 0
         for _ in range(options.sets):
-            own, truth = measured(problem, effects, rng)
-            own = with_seen_noise(own, fit_given(own, effects)[1])
-            _, result = fit_given(own, effects)
-            if result.level > FAR * own.data.noise_level:
+            drawn, truth = measured(problem, effects, rng)
+            drawn = with_seen_noise(drawn, fit_given(drawn, effects)[1])
+            _, result = fit_given(drawn, effects)
+            if result.level > FAR * drawn.data.noise_level:
                 lost += 1
                 continue
             for ref, true in truth.items():

@@ -27,28 +27,34 @@ def searched(case, folder, say=lambda text: None):
     path.write_text(convert(nominal, case, path), encoding="utf-8")
     study = load_study(path)
     return search_by_evidence(
-        study.model, without_held_out(study, measured(study)[0]), study.nuisances,
-        damping_std=study.damping_std, band=study.band, kinds=study.kinds, exclude=study.exclude,
-        model_error=study.model_error, progress=lambda text, _: say(text),
-    )  # fmt: skip
+        study.model,
+        without_held_out(study, measured(study)[0]),
+        study.nuisances,
+        damping_std=study.damping_std,
+        band=study.band,
+        kinds=study.kinds,
+        exclude=study.exclude,
+        model_error=study.model_error,
+        progress=lambda text, _: say(text),
+    )
 
 
 def one(case, truth, say):
-    begun = time.process_time()
+    start = time.process_time()
     done = searched(case, "ev", say)
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - start
     search, best = done.search, done.best
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     hidden, faults = hidden_effects(truth, nominal)
     words = hidden_in_words(hidden, faults)
     started = at_truth(search, stated(hidden))
     about = "not in library" if started is None else f"{started.score - best.score:+.1f}"
-    print(" | ".join((case.name, words, *told(done), f"truth {about}", f"{seconds:.0f} s")), flush=True)
+    print(" | ".join((case.name, words, *summary(done), f"truth {about}", f"{seconds:.0f} s")), flush=True)
     for h in sorted(search.known.values(), key=lambda h: -h.score)[:5]:
         print(f"      {h.score - best.score:8.1f} {decibels(h.fitted.level):.2f} dB {h.name}", flush=True)
 
 
-def told(done):
+def summary(done):
     """Return what was found, how probable that is, and what is left."""
     search, best = done.search, done.best
     nothing = search.known[frozenset()]

@@ -135,7 +135,7 @@ def draw_fleet(
     With ``wrong`` the foot of each unit turns about y with this stiffness [N·m/rad], which the study's model
     does not have, and whose logarithm scatters by ``spread``.
     """
-    rng, begun = np.random.default_rng(seed), time.process_time()
+    rng, start = np.random.default_rng(seed), time.process_time()
     path = folder / "study.toml"
     path.write_text(study)
     base = load_study(path)
@@ -157,7 +157,7 @@ def draw_fleet(
     outliers = set(rng.choice(n, n_outliers, replace=False).tolist())
     for k in range(n):
         z = rng.normal(size=3)
-        own = model.with_values(
+        unit = model.with_values(
             {
                 ("frame", "E:steel"): 210e9 * np.exp(SCATTER["E"] * z[0]),
                 ("frame", "rho:steel"): 7850 * np.exp(SCATTER["rho"] * z[1]),
@@ -167,15 +167,15 @@ def draw_fleet(
         effect = None
         while k in outliers and effect is None:
             effect = _visible(rng, candidates, standing(model, wrong), frfs, nominal)
-        own = standing(own, wrong * np.exp(spread * rng.normal()))
-        own = own if effect is None else effect.added_to(own)
-        H = frfs(own.with_damping(damping))
+        unit = standing(unit, wrong * np.exp(spread * rng.normal()))
+        unit = unit if effect is None else effect.added_to(unit)
+        H = frfs(unit.with_damping(damping))
         noise = rng.normal(size=(2, *H.shape))
         H = H * (1 + NOISE * (noise[0] + 1j * noise[1]) / np.sqrt(2))
         files.append(folder / f"unit-{k:04d}.npz")
         write_npz(files[-1], FRF.from_arrays(f, H, "accelerance", *names))
         effects.append(effect)
-    return Drawn(path, tuple(files), tuple(effects), time.process_time() - begun)
+    return Drawn(path, tuple(files), tuple(effects), time.process_time() - start)
 
 
 def _visible(rng, candidates: Sequence[Effect], model: Model, frfs, nominal) -> Effect | None:
@@ -262,14 +262,14 @@ def main() -> None:
             name, options.seed, options.units, options.outliers, wrong=options.wrong, spread=options.spread
         )
         print(f"drawn in {drawn.seconds:.1f} s of CPU")
-        begun = time.process_time()
+        start = time.process_time()
         fleet = Fleet.of(drawn.study.read_text(), drawn.study, drawn.files)
         built = time.process_time()
         with pool_of() as pool:
             found = run_fleet(fleet, drawn.files, Path(name, "out"), pool)
         each = (time.process_time() - built) / len(drawn.files)
         p, wrong = found.population, np.array([e is not None for e in drawn.effects])
-        print(f"basis in {built - begun:.2f} s; {1e3 * each:.0f} ms of CPU a unit: {3600 / each:.0f} an hour")
+        print(f"basis in {built - start:.2f} s; {1e3 * each:.0f} ms of CPU a unit: {3600 / each:.0f} an hour")
         print(f"AUC {auc(p.odds, wrong):.4f}; share of outliers {p.share:.3f}, true {wrong.mean():.3f}")
         flagged = p.probability > 0.5
         print(f"more likely than not: {flagged.sum()}, of them regular {(flagged & ~wrong).sum()}")

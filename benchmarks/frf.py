@@ -56,7 +56,7 @@ def joint_change() -> str:
     sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
     reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], margin=2.5)
     engine = ParametricFRF(reduced, out, inn, f, [])
-    whole = seconds(lambda: engine.evaluate(np.zeros(0), np.zeros(f.size), gradient=False), 10)
+    full = seconds(lambda: engine.evaluate(np.zeros(0), np.zeros(f.size), gradient=False), 10)
     state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
     K = np.diag([5e7, 5e7, 1e7, 3e3, 3e3, 5e3])
     changes = [
@@ -65,7 +65,7 @@ def joint_change() -> str:
     ]
     one = min(seconds(lambda c=c: state.receptances([c])) for c in changes * 3)
     return (
-        f"{model.n_dof} DOFs: {1e3 * one:.2f} ms; all parameters anew, without gradient: {1e3 * whole:.2f} ms"
+        f"{model.n_dof} DOFs: {1e3 * one:.2f} ms; all parameters anew, without gradient: {1e3 * full:.2f} ms"
     )
 
 

@@ -181,8 +181,11 @@ def study(n_seeds: int, n_lines: int) -> None:
                 f"{level:5.1%}    {name:13s}" + "".join(f"{v:9.1e}" for v in middle[:6]) + f"{middle[6]:8.2f}"
             )
         spread = np.sqrt((np.array(errors) ** 2).mean())
-        print(f"         output error: errors {spread:.3f} times the stated deviation, 95 % intervals hold "
-              f"{np.mean(cover):.1%} of the truths\n", flush=True)  # fmt: skip
+        print(
+            f"         output error: errors {spread:.3f} times the stated deviation, 95 % intervals hold "
+            f"{np.mean(cover):.1%} of the truths\n",
+            flush=True,
+        )
 
 
 def relative_H(H: np.ndarray, exact: np.ndarray) -> float:

@@ -45,23 +45,23 @@ def direct(n_lines: int, n_blocks: int) -> None:
 
 
 def _direct(frequency: np.ndarray) -> np.ndarray:
-    whole = parts(frequency, None, nodes=ALL_NODES)
-    form = with_masses(relative_form(whole.interface.joint, relative_coordinates(*ARMS)), ARMS)
-    exact = couple(whole, form.Z(frequency, truth(form))).H_nn
+    full = parts(frequency, None, nodes=ALL_NODES)
+    form = with_masses(relative_form(full.interface.joint, relative_coordinates(*ARMS)), ARMS)
+    exact = couple(full, form.Z(frequency, truth(form))).H_nn
     measured = noisy(exact, 1e-4, np.random.default_rng(0))
 
     def needed() -> None:
-        for tall in (whole.H_ab, whole.H_ba.mT):
+        for tall in (full.H_ab, full.H_ba.mT):
             np.linalg.svd(tall, full_matrices=False)
 
     def ours(H: np.ndarray) -> Callable[[], object]:
-        return lambda: identify_joint(whole, frequency, H, amplification_limit=np.inf)
+        return lambda: identify_joint(full, frequency, H, amplification_limit=np.inf)
 
     def plain() -> None:
         for k in range(len(frequency)):
-            C = whole.H_aa[k] - measured[k]
-            A = np.linalg.pinv(whole.H_ab[k])
-            A @ C @ np.linalg.pinv(whole.H_ba[k] - whole.H_bb[k] @ A @ C)
+            C = full.H_aa[k] - measured[k]
+            A = np.linalg.pinv(full.H_ab[k])
+            A @ C @ np.linalg.pinv(full.H_ba[k] - full.H_bb[k] @ A @ C)
 
     return seconds(needed, ours(measured), ours(exact), plain)
 

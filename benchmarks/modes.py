@@ -91,8 +91,8 @@ def storeys(n: int) -> tuple[Any, Any]:
         diagonal, top, below = A[96:192, 96:192], A[-96:, -96:], A[192:288, 96:192]
         chain = sp.eye_array(n, k=-1, format="coo")
         last = sp.coo_array(([1.0], ([n - 1], [n - 1])), shape=(n, n))
-        whole = sp.kron(sp.eye_array(n), diagonal) + sp.kron(last, top - diagonal)
-        out.append(sp.csc_array(whole + sp.kron(chain, below) + sp.kron(chain.T, below.T)))
+        matrix = sp.kron(sp.eye_array(n), diagonal) + sp.kron(last, top - diagonal)
+        out.append(sp.csc_array(matrix + sp.kron(chain, below) + sp.kron(chain.T, below.T)))
     return out[0], out[1]
 
 

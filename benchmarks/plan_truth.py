@@ -37,9 +37,14 @@ Floats = NDArray[np.float64]
 MULTIPLES = (0.5, 1.0, 1.5, 2.0)
 """Amplitudes of the effects, in parts of those that the map names [-]."""
 KINDS = (
-    "point_mass", "member_stiffness", "member_density", "stiffness_loss", "support_flexibility",
-    "end_release", "crack",
-)  # fmt: skip
+    "point_mass",
+    "member_stiffness",
+    "member_density",
+    "stiffness_loss",
+    "support_flexibility",
+    "end_release",
+    "crack",
+)
 """Kinds that the truth can have."""
 NOISE, GAIN = 0.01, 0.03
 """Noise of the plan, and standard deviation of the gain of a channel [-]."""
@@ -56,19 +61,34 @@ SHEAR = {"left": 0.53, "right": 0.53, "strut": 0.53}
 """Shear coefficients of the truth for thin tubes; 0.45 for the boxes [-]."""
 
 POINTS = {
-    "left foot": (0.0, 0.0, 0.0), "right foot": (1.1, 0.0, 0.0), "back foot": (0.5, 0.95, 0.0),
-    "left top": (0.0, 0.0, 0.9), "right top": (1.1, 0.0, 0.9), "middle": (0.5, 0.0, 0.9),
+    "left foot": (0.0, 0.0, 0.0),
+    "right foot": (1.1, 0.0, 0.0),
+    "back foot": (0.5, 0.95, 0.0),
+    "left top": (0.0, 0.0, 0.9),
+    "right top": (1.1, 0.0, 0.9),
+    "middle": (0.5, 0.0, 0.9),
     "tip": (0.5, 0.6, 0.9),
-}  # fmt: skip
+}
 MEMBERS = {
-    "left": ("left foot", "left top", TUBE), "right": ("right foot", "right top", TUBE),
-    "beam1": ("left top", "middle", BOX), "beam2": ("middle", "right top", BOX),
-    "arm": ("middle", "tip", BOX), "strut": ("back foot", "tip", TUBE),
-}  # fmt: skip
+    "left": ("left foot", "left top", TUBE),
+    "right": ("right foot", "right top", TUBE),
+    "beam1": ("left top", "middle", BOX),
+    "beam2": ("middle", "right top", BOX),
+    "arm": ("middle", "tip", BOX),
+    "strut": ("back foot", "tip", TUBE),
+}
 SENSORS = (
-    ("left", 0.5, "x"), ("left", 0.5, "y"), ("right", 0.6, "y"), ("beam1", 0.0, "x"), ("beam1", 0.5, "z"),
-    ("beam2", 0.5, "y"), ("beam2", 0.6, "z"), ("arm", 0.5, "x"), ("arm", 1.0, "z"), ("strut", 0.4, "x"),
-)  # fmt: skip
+    ("left", 0.5, "x"),
+    ("left", 0.5, "y"),
+    ("right", 0.6, "y"),
+    ("beam1", 0.0, "x"),
+    ("beam1", 0.5, "z"),
+    ("beam2", 0.5, "y"),
+    ("beam2", 0.6, "z"),
+    ("arm", 0.5, "x"),
+    ("arm", 1.0, "z"),
+    ("strut", 0.4, "x"),
+)
 FORCES = (("beam1", 0.5, "z"), ("arm", 0.5, "x"))
 FREQUENCY = np.arange(10.0, 400.5, 0.5)
 
@@ -219,8 +239,8 @@ def receptances(effect: Effect, structure: Structure, axes: dict[str, Floats]) -
     B = B[:, free]
     K, M = B.T @ K @ B, B.T @ M @ B
     squared, V = eigh(0.5 * (K + K.T), 0.5 * (M + M.T), subset_by_index=[0, N_MODES - 1])
-    omega, own = 2 * np.pi * FREQUENCY[:, None], np.sqrt(squared)
-    D = squared - omega**2 + 2j * structure.damping * own * omega
+    omega, natural = 2 * np.pi * FREQUENCY[:, None], np.sqrt(squared)
+    D = squared - omega**2 + 2j * structure.damping * natural * omega
     shapes = [
         np.array([B[6 * node(at(m, s)) + "xyz".index(d)] for m, s, d in some]) @ V
         for some in (SENSORS, FORCES)
@@ -233,10 +253,18 @@ def _matrices(points: Floats, lines: NDArray[Any], local_z: Floats, rows: Floats
     n, m = len(points), len(lines)
     names = ("E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz")
     frame = PeerFrame(
-        points=points, lines=lines, local_z=local_z, fixed=np.zeros((n, 6), dtype=bool),
-        loads=np.zeros((n, 6)), uniform=np.zeros((0, 3)), released=np.zeros((m, 2, 2), dtype=bool),
-        theory=TIMOSHENKO, static=False, matrices=True, **dict(zip(names, rows.T, strict=True)),
-    )  # fmt: skip
+        points=points,
+        lines=lines,
+        local_z=local_z,
+        fixed=np.zeros((n, 6), dtype=bool),
+        loads=np.zeros((n, 6)),
+        uniform=np.zeros((0, 3)),
+        released=np.zeros((m, 2, 2), dtype=bool),
+        theory=TIMOSHENKO,
+        static=False,
+        matrices=True,
+        **dict(zip(names, rows.T, strict=True)),
+    )
     with tempfile.TemporaryDirectory() as folder:
         (result,) = run("drive_opensees", [frame], Path(folder))
     return result.K, result.M
@@ -283,18 +311,28 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
         amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
         effect = visible.at(amplitude)
         assert effect is not None
-        begun = time.process_time()
+        start = time.process_time()
         found = diagnose(model, [simulated(plan.measurement, effect, axes, rng)], _nuisances())
         nothing = sum(p for some, p in found.posterior if not some)
         right = sum(p for some, p in found.posterior if effect.name in some)
         best, _ = max(found.posterior, key=lambda each: each[1])
         yield {
-            "set": k, "kind": effect.kind, "where": effect.where,
-            "values": {p.name: float(p.value) for p in effect.parameters()}, "size": multiple,
-            "predicted": visible.chances(amplitude), "rival": visible.rival.name, "alike": visible.alike,
-            "seen": nothing <= 1 - SURE, "named": right >= SURE, "nothing": nothing, "right": right,
-            "best": best, "verdict": found.verdict, "cpu_seconds": time.process_time() - begun,
-        }  # fmt: skip
+            "set": k,
+            "kind": effect.kind,
+            "where": effect.where,
+            "values": {p.name: float(p.value) for p in effect.parameters()},
+            "size": multiple,
+            "predicted": visible.chances(amplitude),
+            "rival": visible.rival.name,
+            "alike": visible.alike,
+            "seen": nothing <= 1 - SURE,
+            "named": right >= SURE,
+            "nothing": nothing,
+            "right": right,
+            "best": best,
+            "verdict": found.verdict,
+            "cpu_seconds": time.process_time() - start,
+        }
 
 
 def main() -> None:

@@ -28,9 +28,15 @@ FACTORS = 0.5, 2.0
 OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
 """Constants that are standard deviations of the form's parameters, by kinds of effect."""
 PLAIN = (
-    "DATA_PER_MODE", "FORM_DAMPING", "FORM_MODES", "EFFECT_ODDS", "UNKNOWN_ODDS", "FORM_LEFT", "FORM_LEAST",
+    "DATA_PER_MODE",
+    "FORM_DAMPING",
+    "FORM_MODES",
+    "EFFECT_ODDS",
+    "UNKNOWN_ODDS",
+    "DISCREPANCY_MAX",
+    "DISCREPANCY_MIN",
     "DECADE",
-)  # fmt: skip
+)
 N_AGAIN, WITHIN = 8, 25.0
 """So many hypotheses at most are fitted again, of those within so many nats of the best one."""
 
@@ -60,8 +66,10 @@ def constant(name: str, value: Any) -> Iterator[None]:
 def with_form(fits: Fits, name: str, factor: float) -> Fits:
     """Return fits whose form is less or more certain."""
     kinds = {e.name for e in fits.problem.reduced.model.effects if e.kind in OF_THE_FORM[name]}
-    own = tuple(replace(n, std=factor * n.std) if n.effect in kinds else n for n in fits.problem.nuisances)
-    return replace(fits, problem=replace(fits.problem, nuisances=own))
+    nuisances = tuple(
+        replace(n, std=factor * n.std) if n.effect in kinds else n for n in fits.problem.nuisances
+    )
+    return replace(fits, problem=replace(fits.problem, nuisances=nuisances))
 
 
 def again(done: Searched, fits: Fits) -> Answer:
@@ -112,21 +120,22 @@ def main() -> None:
     for path in sorted(options.cases.glob("*/nominal.json")):
         case = path.parent
         if any(text in case.name for text in options.only):
-            begun = time.process_time()
+            start = time.process_time()
             answers[case.name] = of_case(case)
             n_hidden = len(hidden_effects(truth[case.name], json.loads(path.read_text(encoding="utf-8")))[0])
             first = answers[case.name]["", 1.0]
             print(
                 f"{case.name}: {n_hidden} hidden, best {sorted(first.best) or 'nothing'} "
-                f"{first.probability:.2f}, {time.process_time() - begun:.0f} s",
-                file=sys.stderr, flush=True,
-            )  # fmt: skip
+                f"{first.probability:.2f}, {time.process_time() - start:.0f} s",
+                file=sys.stderr,
+                flush=True,
+            )
     print("| constant | factor | other answer | mean probability of the answer before |\n|---|---|---|---|")
     for key in (("", 1.0), *variants()):
         other = [n for n, a in answers.items() if a[key].best != a["", 1.0].best]
-        told = [f"{n}: {', '.join(sorted(answers[n][key].best)) or 'nothing'}" for n in other]
+        found = [f"{n}: {', '.join(sorted(answers[n][key].best)) or 'nothing'}" for n in other]
         mean = np.mean([a[key].probability for a in answers.values()])
-        print(f"| `{key[0] or 'as they are'}` | {key[1]} | {'; '.join(told) or 'none'} | {mean:.3f} |")
+        print(f"| `{key[0] or 'as they are'}` | {key[1]} | {'; '.join(found) or 'none'} | {mean:.3f} |")
 
 
 if __name__ == "__main__":

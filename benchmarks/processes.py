@@ -41,17 +41,17 @@ def shift_of(K, M) -> float:
     return -1e-14 * float(K.diagonal().sum() / M.diagonal().sum())
 
 
-def own(folder: Path) -> None:
+def solve_own(folder: Path) -> None:
     """Solve the problem of a folder by Dovetail's own solver, and write what it took."""
     K, M = (sp.load_npz(folder / f"{name}.npz") for name in "KM")
-    shift, begun = shift_of(K, M), time.process_time()
+    shift, start = shift_of(K, M), time.process_time()
     with one_thread():
         factor = factorise(sp.csc_array(K - shift * M))
         factored = time.process_time()
         pairs = lowest_eigenpairs(factor.solve, M.tocsr(), shift, N_MODES)
     found = {
-        "seconds": time.process_time() - begun,
-        "factor": factored - begun,
+        "seconds": time.process_time() - start,
+        "factor": factored - start,
         "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         "eigenvalues": pairs.eigenvalues[:N_MODES].tolist(),
     }
@@ -112,30 +112,30 @@ def model_of(kind: str, size: int) -> Model:
 
 def user(kind: str, size: int) -> dict:
     """Compute 20 modes by the solver that the environment chooses, and return what it took."""
-    begun = time.process_time()
+    start = time.process_time()
     system = assemble(model_of(kind, size))
-    built, peak = time.process_time(), own_peak()
+    built, peak = time.process_time(), peak_memory()
     started = time.perf_counter()
     modes = solve_modes(system, N_MODES)
     others = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "n_free": system.n_free,
-        "model": built - begun,
+        "model": built - start,
         "model_peak": peak,
         "modes": time.process_time() - built + others.ru_utime + others.ru_stime,
         "wall": time.perf_counter() - started,
-        "peak": own_peak(),
+        "peak": peak_memory(),
         "others": others.ru_maxrss * 1024,
         "frequency": modes.frequency.tolist(),
     }
 
 
-def own_peak() -> int:
+def peak_memory() -> int:
     """Return the peak memory of this process [bytes]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def whole(kind: str, size: int, processes: list[int]) -> None:
+def print_model_times(kind: str, size: int, processes: list[int]) -> None:
     """Print the lines of one model, each solver in a process of its own."""
     first = None
     for n in processes:
@@ -179,10 +179,10 @@ def main() -> None:
         )
         for kind, sizes in (("cube", given.cube), ("tower", given.tower)):
             for size in sizes:
-                whole(kind, size, given.processes)
+                print_model_times(kind, size, given.processes)
         return
     if given.own:
-        own(given.own)
+        solve_own(given.own)
         return
     print(" model   n_free  solver     factor [s] CPU [s]   ratio  largest  together [GiB]  difference")
     for n in given.cube or ([] if given.tower else [12, 17]):

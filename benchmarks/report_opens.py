@@ -43,11 +43,11 @@ def line(chromium: "Browser", name: str, report: Path, width: int) -> None:
     page.set_default_timeout(300_000)
     meter = context.new_cdp_session(page)
     meter.send("Performance.enable", {"timeDomain": "threadTicks"})
-    begun = time.perf_counter()
+    start = time.perf_counter()
     page.goto(report.resolve().as_uri())
-    loaded = time.perf_counter() - begun
+    loaded = time.perf_counter() - start
     page.wait_for_function(f"{DRAWN} > 0")
-    first = time.perf_counter() - begun
+    first = time.perf_counter() - start
     metrics = meter.send("Performance.getMetrics")["metrics"]
     cpu = next(m["value"] for m in metrics if m["name"] == "TaskDuration")
     size = report.stat().st_size / 1e6

@@ -34,7 +34,7 @@ SCRIPT = """
 import json, sys, time
 import openseespy.opensees as ops
 given = json.load(sys.stdin)
-begun = time.process_time()
+start = time.process_time()
 ops.wipe()
 ops.model("basic", "-ndm", 3, "-ndf", 6)
 for k, (point, foot) in enumerate(zip(given["points"], given["feet"])):
@@ -57,7 +57,7 @@ ops.algorithm("Newton")
 ops.integrator("LoadControl", 1.0)
 ops.analysis("Static")
 assert ops.analyze(1) == 0
-seconds = time.process_time() - begun
+seconds = time.process_time() - start
 json.dump({"sway": ops.nodeDisp(given["loaded"][-1], 1), "seconds": seconds}, sys.stdout)
 """
 
@@ -95,9 +95,9 @@ class Loaded:
 
     def here(self) -> tuple[float, float]:
         """Return the sway of the last loaded point by Dovetail [m], and CPU seconds."""
-        begun = time.process_time()
+        start = time.process_time()
         found = solve_second_order(self.model, self.case).solution
-        return float(found.displacements[6 * self.loaded[-1], 0]), time.process_time() - begun
+        return float(found.displacements[6 * self.loaded[-1], 0]), time.process_time() - start
 
     def by_opensees(self) -> tuple[float, float]:
         """Return the same by OpenSees."""

@@ -46,7 +46,7 @@ from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import beating
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
-from updating.plan.plan import Plan, plan_beside
+from updating.plan.plan import Plan, plan_from_search
 from updating.quality.faults import corrected
 
 Progress = Callable[[str, float], None]
@@ -225,7 +225,7 @@ def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Pl
     if d.verdict != NOTHING or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
         return None
     with beating(progress or (lambda text, done: None)) as say:
-        return plan_beside(d.searched, study.relevant, say)
+        return plan_from_search(d.searched, study.relevant, say)
 
 
 def fit_settings(study: Study) -> dict[str, Any]:

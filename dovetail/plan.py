@@ -15,14 +15,14 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.evidence.diagnosis import begin_search
+from updating.diagnosis.evidence.diagnosis import prepare_search, search_of_problem
 from updating.diagnosis.separation import places_along
 from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import FailedTrial, Trial, trials
-from updating.plan.choose import Chosen, choose
+from updating.plan.choose import ChosenChannels, choose
 from updating.plan.perturbed import Separation, perturbed, with_masses, without_supports
-from updating.plan.plan import Plan, plan_beside, plan_test
+from updating.plan.plan import Plan, plan_from_search, plan_test
 from updating.plan.planned import USUAL_NOISE, planned_measurement
 
 MASS_SHARE, MOST_TWINS = 0.05, 8
@@ -60,10 +60,11 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
     how = _settings(study)
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
         data = without_held_out(study, measured(study, phases=False)[0])
-        begun = begin_search(
-            study.model, data, study.nuisances, progress=lambda text, done: say(text, 0.3 * done), **how
-        )
-        return plan_beside(begun, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
+        say("reducing the model", 0.0)
+        prepared = prepare_search(study.model, data, study.nuisances, **how)
+        say("fitting the uncertain parameters", 0.3 * 0.05)
+        found = search_of_problem(*prepared, progress=lambda text, done: say(text, 0.3 * done))
+        return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
     study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(
@@ -74,8 +75,9 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
         USUAL_NOISE if noise is None else noise,
         errors=study.channel_errors,
     )
-    left = None if left_db is None else left_db / DB_PER_NEPER
-    return plan_test(study.model, test, study.nuisances, sizes=study.relevant, left=left, progress=say, **how)
+    level = None if left_db is None else left_db / DB_PER_NEPER
+    how |= {"sizes": study.relevant, "discrepancy": level}
+    return plan_test(study.model, test, study.nuisances, progress=say, **how)
 
 
 def choose_channels(
@@ -85,7 +87,7 @@ def choose_channels(
     noise: float | None = None,
     left_db: float | None = None,
     progress: Progress | None = None,
-) -> Chosen:
+) -> ChosenChannels:
     """Choose sensors, and places for forces, by which most relevant effects are named.
 
     From points along all members, along x, y and z. Forces are the study's unless their number is given.
@@ -128,13 +130,13 @@ def choose_channels(
         sizes=study.relevant,
         noise=USUAL_NOISE if noise is None else noise,
         errors=study.channel_errors,
-        left=None if left_db is None else left_db / DB_PER_NEPER,
+        discrepancy=None if left_db is None else left_db / DB_PER_NEPER,
         progress=progress,
         **how,
     )
 
 
-def with_channels(study: Study, chosen: Chosen) -> Study:
+def with_channels(study: Study, chosen: ChosenChannels) -> Study:
     """Return a study with other sensors and forces, and no measurements."""
     none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
     return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)

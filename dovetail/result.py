@@ -17,7 +17,7 @@ from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, parameters_of
-from updating.diagnosis.fitted_modes import ModePair
+from updating.diagnosis.fitted_modes import FittedModePair
 from updating.diagnosis.localisation import Localisation
 from updating.inference.belief import FAR_STD
 from updating.inference.fit import FitProblem
@@ -130,7 +130,7 @@ class RunResult:
         For ``excitation NAME`` and ``sensor NAME`` that no fit has seen, the error of each step [dB].
     localisation : Localisation or None
         Where the model fails once its uncertain parameters are fitted.
-    modes : tuple of ModePair
+    modes : tuple of FittedModePair
         Natural frequencies and damping before and after.
     uncertain : tuple of Uncertain
     notes : tuple of str
@@ -149,7 +149,7 @@ class RunResult:
     comparisons: tuple[Comparison, ...]
     held_out_channels: Mapping[str, tuple[float, ...]]
     localisation: Localisation | None
-    modes: tuple[ModePair, ...]
+    modes: tuple[FittedModePair, ...]
     uncertain: tuple[Uncertain, ...]
     notes: tuple[str, ...]
     finished: datetime

@@ -129,7 +129,7 @@ class FractionalZener:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class TabulatedLaw:
     """Storage and loss at frequencies, linear in between and constant outside.
 
     Attributes
@@ -145,7 +145,7 @@ class Table:
     loss: Array
 
     @classmethod
-    def of(cls, frequency: ArrayLike, stiffness: ArrayLike) -> "Table":
+    def of(cls, frequency: ArrayLike, stiffness: ArrayLike) -> "TabulatedLaw":
         """Build a table from complex stiffnesses (n,) at frequencies (n,) [Hz], checking them.
 
         Raises

@@ -295,7 +295,7 @@ class Effect(ABC):
         return None
 
     def tabulated(self, model: "Model") -> Any:
-        """Return tables of its matrices (:class:`fem.tabulated.Tabulated`), None unless it has some."""
+        """Return tables of its matrices (:class:`fem.tabulated.TabulatedEffect`), None unless it has some."""
         return None
 
     def released(self) -> tuple[tuple[str, str], ...]:

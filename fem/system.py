@@ -377,7 +377,7 @@ def _allowed(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Pattern:
+class _SparsityPattern:
     """Which 6x6 blocks the elements on a mesh's lines fill, by rows of points."""
 
     indptr: NDArray[np.int32]
@@ -387,14 +387,14 @@ class _Pattern:
     once: bool  # no two lines join the same two points
 
 
-def _pattern(mesh: Mesh) -> _Pattern:
+def _pattern(mesh: Mesh) -> _SparsityPattern:
     """Return the blocks of a mesh."""
     n, first, second = mesh.n_points, *mesh.lines.T
     keys = np.concatenate([np.arange(n) * (n + 1), first * n + second, second * n + first])
     blocks, place = np.unique(keys, return_inverse=True)
     indptr = np.searchsorted(blocks, n * np.arange(n + 1)).astype(np.int32)
     once = len(blocks) == len(keys)
-    return _Pattern(indptr, (blocks % n).astype(np.int32), place[:n], place[n:].reshape(2, -1), once)
+    return _SparsityPattern(indptr, (blocks % n).astype(np.int32), place[:n], place[n:].reshape(2, -1), once)
 
 
 def full_matrices(model: Model) -> dict[str, Any]:
@@ -472,7 +472,7 @@ def _full_matrices(
 
 
 def _add_blocks(
-    blocks: dict[str, NDArray[Any]], pattern: _Pattern, ends: NDArray[np.int64], part: Contribution
+    blocks: dict[str, NDArray[Any]], pattern: _SparsityPattern, ends: NDArray[np.int64], part: Contribution
 ) -> None:
     """Add element matrices (b, 12, 12) on lines with these ends (b, 2) to blocks (n_blocks, 36)."""
     points, row = np.unique(ends, return_inverse=True)

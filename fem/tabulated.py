@@ -21,7 +21,7 @@ NEGLIGIBLE = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class ChebyshevTable:
     """An array as a function of one number between two ends: Σ f_k A_k, with Chebyshev's polynomials for f.
 
     Attributes
@@ -48,7 +48,7 @@ class Table:
         values: Callable[[float], Floats],
         n: int = N_NODES,
         negligible: float = NEGLIGIBLE,
-    ) -> "Table":
+    ) -> "ChebyshevTable":
         """Tabulate a function at n nodes. Of its values there few singular vectors are not negligible."""
         middle, half = (low + high) / 2, (high - low) / 2
         angle = np.pi * (np.arange(n) + 0.5) / n
@@ -86,12 +86,12 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tabulated:
+class TabulatedEffect:
     """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with u, perhaps plane, and masses p."""
 
     dofs: NDArray[np.int64]
-    along: Table
-    plane: Table | None
+    along: ChebyshevTable
+    plane: ChebyshevTable | None
     M: Mapping[str, Floats]
 
     @classmethod
@@ -103,7 +103,7 @@ class Tabulated:
         high: float,
         *,
         planar: bool,
-    ) -> "Tabulated | None":
+    ) -> "TabulatedEffect | None":
         """Tabulate an effect from ``low`` to ``high``; None where K is no such sum, or there are losses."""
         first = stiffness(0.0, 0.0)
         if first.D is not None:
@@ -121,9 +121,9 @@ class Tabulated:
 
         M, none = {name: assembled(c, c.M) for name, c in masses.items()}, K(0.0, 0.0)
         if not planar:
-            return cls(dofs, Table.of(low, high, lambda s: K(s, 0.0)), None, M)
-        plane = Table.of(low, high, lambda s: K(0.0, s) - none)
-        out = cls(dofs, Table.of(low, high, lambda s: K(s, 0.0) - plane.at(s)), plane, M)
+            return cls(dofs, ChebyshevTable.of(low, high, lambda s: K(s, 0.0)), None, M)
+        plane = ChebyshevTable.of(low, high, lambda s: K(0.0, s) - none)
+        out = cls(dofs, ChebyshevTable.of(low, high, lambda s: K(s, 0.0) - plane.at(s)), plane, M)
         u, v = 0.35 * high, -0.25 * high
         exact = K(u, v)
         found, _ = out.matrices({"u": u, "plane": v} | dict.fromkeys(masses, 0.0))

@@ -276,9 +276,13 @@ def estimate(
     nuisances = task.nuisances()
     n_lines = task.n_lines or MOST_LINES
     problem = build_problem(
-        task.tied(), task.measurement, nuisances,
-        damping_std=task.damping_std, n_lines=n_lines, model_error=0.0,
-    )  # fmt: skip
+        task.tied(),
+        task.measurement,
+        nuisances,
+        damping_std=task.damping_std,
+        n_lines=n_lines,
+        model_error=0.0,
+    )
     every = _bands(problem, problem.data.frequency)
     step = np.concatenate([_spread(np.flatnonzero(every == b), n_lines, every) for b in np.unique(every)])
     vectors = [rows.T for rows in task.vectors()]
@@ -292,7 +296,10 @@ def estimate(
     )
     bands = every[step]
     ends = [int(np.flatnonzero(bands == b)[-1]) + 1 for b in np.unique(bands)]
-    fit_up_to = partial(_fit_stage, task, form, reduced, problem, step, bands, accuracy, lines)
+
+    def fit_up_to(count: int, before: Sequence[Stage]) -> Stage:
+        return _fit_stage(task, form, reduced, problem, step[:count], accuracy, lines, before)
+
     widest = fit_up_to(ends[-1], ())
     stages, refused = [widest], None
     if accuracy and len(ends) > 1:
@@ -317,26 +324,48 @@ def _fit_stage(
     form: JointForm,
     reduced: ReducedModel,
     problem: FitProblem,
-    step: NDArray[np.int64],
-    bands: NDArray[np.int64],
+    at: NDArray[np.int64],
     accuracy: float,
     lines: JointIdentification | None,
-    count: int,
     before: Sequence[Stage],
 ) -> Stage:
-    """Fit the first of the lines, with error levels of each band estimated from the residual."""
-    at, bands = step[:count], bands[:count]
-    mask, frequency = problem.data.mask[at], problem.data.frequency[at]
+    """Fit some lines from what earlier stages and the identification line by line give as starts."""
     outputs, inputs, rows = (v.T for v in task.vectors())
     parts = ReleasedParts.of(
-        reduced, frequency, task.interface, (outputs, inputs, rows), task.springs, task.nuisances(),
+        reduced,
+        problem.data.frequency[at],
+        task.interface,
+        (outputs, inputs, rows),
+        task.springs,
+        task.nuisances(),
         problem.damping,
-    )  # fmt: skip
-    size = np.abs(problem.data.H[at])
-    H = np.where(mask, problem.data.H[at], np.nan)
-    tried = starting_values(
+    )
+    H = np.where(problem.data.mask[at], problem.data.H[at], np.nan)
+    starts = starting_values(
         task, form, parts, H, lines, [(stage.start, stage.fit.values) for stage in before]
     )
+    return _fit_with_levels(
+        task, form, parts, problem, at, accuracy, starts, search=not before and form.linear
+    )
+
+
+def _fit_with_levels(
+    task: JointTask,
+    form: JointForm,
+    parts: ReleasedParts,
+    problem: FitProblem,
+    at: NDArray[np.int64],
+    accuracy: float,
+    starts: Sequence[tuple[str, NDArray[np.float64]]],
+    *,
+    search: bool,
+) -> Stage:
+    """Fit some lines from several starts, with error levels of each band estimated from the residual."""
+    mask, frequency = problem.data.mask[at], problem.data.frequency[at]
+    bands = _bands(problem, frequency)
+    size = np.abs(problem.data.H[at])
+    H = np.where(mask, problem.data.H[at], np.nan)
+    tried = list(starts)
     # the model's error is common to neighbouring lines, so that they are not independent
     independent = problem.n_independent(float(frequency[-1]))
     spread = np.sqrt(max(1.0, int(mask.sum()) / independent)) if accuracy else 1.0
@@ -344,17 +373,22 @@ def _fit_stage(
     plain = np.maximum(plain, 1e-6 * np.sqrt((size**2).mean(axis=0)))
     levels, less = np.ones(bands.max() + 1), np.ones(mask.shape)
     rounds = searches = 0
-    searching = not before and form.linear
     while True:
         fit = partial(
-            fit_joint, form, parts, frequency, H, noise=plain * levels[bands][:, None, None] * less * spread,
-            positive="K", tolerance=1e-5 if accuracy else 1e-6,
-        )  # fmt: skip
+            fit_joint,
+            form,
+            parts,
+            frequency,
+            H,
+            noise=plain * levels[bands][:, None, None] * less * spread,
+            positive="K",
+            tolerance=1e-5 if accuracy else 1e-6,
+        )
         fits = [fit(theta, prior=vague_prior(task, form, theta)) for _, theta in tried]
         best = int(np.argmin([each.chi2 for each in fits]))
         found = fits[best]
         tried = [(tried[best][0], found.values)]
-        if searching:
+        if search:
             # uncertain parameters of the parts hide a better minimum from a search until they are fitted
             now, _ = parts.evaluate(parts.standard(found.part_values))
             again = searched(task, form, found.values, partial(relative_distance, form, now, H))
@@ -362,7 +396,7 @@ def _fit_stage(
             if searches <= SEARCHES and (again != found.values).any():
                 tried.append(("a search over six decades", again))
                 continue
-            searching = False
+            search = False
             stepped = walked(task, form, found, fit, parts.standard)
             if stepped is not found:
                 x = parts.standard(stepped.part_values)

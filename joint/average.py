@@ -197,7 +197,7 @@ def _check_complete(joint: CoordinateSet) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
+class _RegularLines:
     """Each line's R_A and R_B, and the right-hand side R_A z R_Bᵀ = G."""
 
     R_A: ComplexArray
@@ -205,19 +205,19 @@ class _Lines:
     G: ComplexArray
 
 
-def _lines(problem: ScaledProblem) -> tuple[_Lines, IntArray]:
+def _lines(problem: ScaledProblem) -> tuple[_RegularLines, IntArray]:
     seen = project_lines(problem)
     p = problem.A.shape[2]
     use = np.flatnonzero(seen.rank == p)
     F = seen.inverse_A[use] @ seen.QC[use]
     Q_B, R_B, rank, _, _ = factor_tall((problem.R[use] - problem.Q[use] @ F).mT)
     good = rank == p
-    return _Lines(seen.R_A[use[good]], R_B[good], (seen.QC[use] @ Q_B.conj())[good]), use[good]
+    return _RegularLines(seen.R_A[use[good]], R_B[good], (seen.QC[use] @ Q_B.conj())[good]), use[good]
 
 
 def _equations(
     problem: ScaledProblem, form: JointForm
-) -> tuple[FloatArray, tuple[_Lines, FloatArray], IntArray]:
+) -> tuple[FloatArray, tuple[_RegularLines, FloatArray], IntArray]:
     """Return the triangular factor of [E g], the lines' factors with their weights, and the lines."""
     lines, use = _lines(problem)
     size = np.linalg.norm(lines.G, axis=(1, 2))
@@ -272,7 +272,7 @@ def _residuals(
     problem: ScaledProblem,
     form: JointForm,
     theta: FloatArray,
-    weighted: tuple[_Lines, FloatArray],
+    weighted: tuple[_RegularLines, FloatArray],
     use: IntArray,
 ) -> FloatArray:
     lines, weight = weighted

@@ -349,9 +349,21 @@ def scaled_problem(
     _check_rank(A, "H_ab", "no internal output responds to the joint forces", directions)
     _check_rank(R.mT, "H_ba", "no internal input moves the joint coordinates", directions)
     return ScaledProblem(
-        lines, A, R, Q, substructures.H_aa, assembly, scale_out, scale_in, W, size, G, ell, directions,
-        (parts.outputs.labels, parts.inputs.labels),
-    )  # fmt: skip
+        frequency=lines,
+        A=A,
+        R=R,
+        Q=Q,
+        H_aa=substructures.H_aa,
+        H_nn=assembly,
+        scale_out=scale_out,
+        scale_in=scale_in,
+        W=W,
+        size=size,
+        basis=G,
+        length=ell,
+        directions=directions,
+        labels=(parts.outputs.labels, parts.inputs.labels),
+    )
 
 
 def _as_basis(basis: npt.ArrayLike | None, n: int) -> FloatArray:

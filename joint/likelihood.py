@@ -12,7 +12,7 @@ from scipy.linalg.blas import zherk
 from joint._checks import BoolArray, ComplexArray, FloatArray, solve_lines
 from joint.form import JointForm
 from joint.interface import SubstructureFRF
-from joint.parts import Blocks, Parts
+from joint.parts import Parts, ReceptanceBlocks
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 from updating.measurement.noise import relative_noise
 
@@ -97,7 +97,7 @@ class Likelihood:
         """Return the cost of a point over all lines."""
         return self.state(state.theta, state.x, len(self.lines), False)
 
-    def _parts_at(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+    def _parts_at(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         key = x.tobytes()
         if key not in self.known:
             self.known.clear()
@@ -191,7 +191,7 @@ class Likelihood:
         H_nj: ComplexArray,
         H_jn: ComplexArray,
         Z: ComplexArray,
-        slopes: tuple[Blocks, ...],
+        slopes: tuple[ReceptanceBlocks, ...],
         at: slice,
     ) -> ComplexArray:
         """Return the transposes of -H_nj T H_jn for each matrix, then of the derivatives by the parts.

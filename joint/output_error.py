@@ -359,10 +359,24 @@ def _result(
     physical = parts.physical(state.x)
     ahead = parts.physical(state.x + 1e-6)
     return JointFit(
-        form, state.theta, covariance[:n, :n], independent[:n, :n], at_bound, open_end, parts.names, physical,
-        std[n:] * (ahead - physical) / 1e-6 if m else np.zeros(0), problem.lines, state.H, residual, chi2,
-        known, history, converged, _message(form, known, at_bound, chi2, converged),
-    )  # fmt: skip
+        form=form,
+        values=state.theta,
+        covariance=covariance[:n, :n],
+        independent=independent[:n, :n],
+        at_bound=at_bound,
+        open_end=open_end,
+        part_names=parts.names,
+        part_values=physical,
+        part_std=std[n:] * (ahead - physical) / 1e-6 if m else np.zeros(0),
+        frequency=problem.lines,
+        H=state.H,
+        residual=residual,
+        chi2=chi2,
+        identifiability=known,
+        history=history,
+        converged=converged,
+        message=_message(form, known, at_bound, chi2, converged),
+    )
 
 
 def _message(

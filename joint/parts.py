@@ -18,7 +18,7 @@ from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
+class ReceptanceBlocks:
     """Hold derivatives of receptances by one parameter, shaped as those of a `SubstructureFRF`."""
 
     H_aa: ComplexArray
@@ -40,7 +40,7 @@ class Parts(Protocol):
         """Receptances where every parameter is 0."""
         ...
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives at x."""
         ...
 
@@ -67,7 +67,7 @@ class FixedParts:
         """No parameters."""
         return ()
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return the receptances as they are."""
         return self.at_mean, ()
 
@@ -191,7 +191,7 @@ class ModelParts:
         std = np.array([u.std for u in self.uncertain])
         return np.where(self._means > 0, self._means, 1.0) * np.exp(std * x)
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives by x."""
         values = self.physical(x)
         frfs: list[SubstructureFRF] = []
@@ -212,7 +212,7 @@ class ModelParts:
             frfs.append(self._partition(len(frfs), H))
             slopes.append(rows)
         stacked = stack_substructures(*frfs)
-        out: list[Blocks | None] = [None] * len(self.uncertain)
+        out: list[ReceptanceBlocks | None] = [None] * len(self.uncertain)
         for part, rows in enumerate(slopes):
             for i, dH in rows:
                 pieces = [
@@ -222,7 +222,7 @@ class ModelParts:
                     for k in range(len(frfs))
                 ]
                 slope = stack_substructures(*pieces)
-                out[i] = Blocks(slope.H_aa, slope.H_ab, slope.H_ba, slope.H_bb)
+                out[i] = ReceptanceBlocks(slope.H_aa, slope.H_ab, slope.H_ba, slope.H_bb)
         return stacked, tuple(b for b in out if b is not None)
 
     def _shape(self, part: int) -> tuple[int, int]:

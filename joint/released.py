@@ -13,7 +13,7 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
-from joint.parts import Blocks
+from joint.parts import ReceptanceBlocks
 from updating.inference.parameters import DampingCurve, Nuisance
 
 
@@ -120,7 +120,7 @@ class ReleasedParts:
         std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
         return np.log(values / np.append(self._means, self.damping.nominal)) / std
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[Blocks, ...]]:
+    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives by x."""
         n = len(self.nuisances)
         values = self.physical(x)
@@ -148,9 +148,9 @@ class ReleasedParts:
         ]
         return frf, tuple(self._blocks(each) for each in slopes)
 
-    def _blocks(self, H: ComplexArray) -> Blocks:
+    def _blocks(self, H: ComplexArray) -> ReceptanceBlocks:
         p = len(self._springs)
-        return Blocks(H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
+        return ReceptanceBlocks(H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
 
 
 def _taken_out(

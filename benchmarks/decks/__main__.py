@@ -74,8 +74,8 @@ def main() -> None:
     args = parser.parse_args()
     rows = []
     for deck in sorted(p for p in args.folder.rglob("*") if p.suffix.lower() in DECKS):
-        listing = next((p for p in deck.parent.iterdir() if p.stem.lower() == deck.stem.lower()
-                        and p.suffix.lower() in LISTINGS), None)  # fmt: skip
+        same_name = (p for p in deck.parent.iterdir() if p.stem.lower() == deck.stem.lower())
+        listing = next((p for p in same_name if p.suffix.lower() in LISTINGS), None)
         if listing is None or not len(listed_frequencies(listing)):
             continue
         try:

@@ -56,8 +56,8 @@ class Answer:
 def diagnose(folder: Path, seed: int, hidden: bool) -> Answer:
     """Make a case in a folder, run `dovetail run` on it and return its answer."""
     truth = bolts.make(folder, seed, hidden)
-    told = {"moduli": truth.moduli, "bolts": truth.bolts, "zeta": truth.zeta, "soft": truth.soft}
-    (folder / "truth.json").write_text(json.dumps(told, indent=1) + "\n")
+    values = {"moduli": truth.moduli, "bolts": truth.bolts, "zeta": truth.zeta, "soft": truth.soft}
+    (folder / "truth.json").write_text(json.dumps(values, indent=1) + "\n")
     command = [sys.executable, "-m", "dovetail", "run", str(folder / "study.toml"), "--quiet"]
     command += ["--out", str(folder / "report"), "--force", "--processes", "1"]
     subprocess.run(command, check=True)

@@ -35,10 +35,22 @@ BOLT = (4.0e7, 4.0e7, 1.2e8, 9.0e3, 9.0e3, 6.0e3)
 SCATTER = 0.08
 """Largest relative deviation of a bolt's stiffness where nothing is hidden: the study has 5 % (1 σ)."""
 HIDDEN_DIRECTIONS = "xy"
-BASE_SENSORS = {1: (16, 12, 9), 2: (16, 156, 9), 3: (128, 84, 9), 4: (192, 12, 9), 5: (304, 168, 9),
-                6: (400, 84, 9)}  # fmt: skip
-COVER_SENSORS = {11: (224, 84, 23), 12: (304, 12, 23), 13: (416, 36, 23), 14: (464, 156, 23),
-                 15: (528, 12, 23), 16: (528, 168, 23)}  # fmt: skip
+BASE_SENSORS = {
+    1: (16, 12, 9),
+    2: (16, 156, 9),
+    3: (128, 84, 9),
+    4: (192, 12, 9),
+    5: (304, 168, 9),
+    6: (400, 84, 9),
+}
+COVER_SENSORS = {
+    11: (224, 84, 23),
+    12: (304, 12, 23),
+    13: (416, 36, 23),
+    14: (464, 156, 23),
+    15: (528, 12, 23),
+    16: (528, 168, 23),
+}
 """Nodes of the test and their places [mm]; each has three directions."""
 FORCES = {21: ((48, 156, 9), "z"), 22: ((496, 12, 23), "z"), 23: ((0, 36, 9), "x")}
 """Node, place [mm] and direction of the hammer; at no sensor, as a force bends a solid locally."""
@@ -116,8 +128,9 @@ def study_text(name: str) -> str:
     base, cover = plates()
     parts = []
     for part, solid, height, sensors in (
-        ("base", base, BASE_TOP, BASE_SENSORS), ("cover", cover, COVER_BOTTOM, COVER_SENSORS),
-    ):  # fmt: skip
+        ("base", base, BASE_TOP, BASE_SENSORS),
+        ("cover", cover, COVER_BOTTOM, COVER_SENSORS),
+    ):
         rows = [f'  {{ name = "{part}.{b}", nodes = {clamped_nodes(solid, b, height)} }},' for b in BOLTS]
         hit = {n: place for n, (place, _) in FORCES.items() if (place[2] <= BASE_TOP) == (part == "base")}
         rows += [

@@ -196,8 +196,9 @@ class SolidModes:
     shape: NDArray[np.float64]
 
 
-def solve(folder: Path, job: str, solids: Sequence[Solid], springs: Sequence[Spring], n: int,
-          nodes: Sequence[int]) -> SolidModes:  # fmt: skip
+def solve(
+    folder: Path, job: str, solids: Sequence[Solid], springs: Sequence[Spring], n: int, nodes: Sequence[int]
+) -> SolidModes:
     """Return the lowest modes by CalculiX at some nodes, in their order."""
     wanted = ["*NSET, NSET=WANTED", *_rows(sorted(set(nodes)), 12)]
     step = ["*STEP", "*FREQUENCY", str(n), "*NODE PRINT, NSET=WANTED", "U", "*END STEP"]

@@ -37,8 +37,17 @@ HEIGHT_AXIS = (2, 2, 1)
 """Axis along which the height of each bar is."""
 PIECE = 18.0
 """Longest element along a bar [mm]."""
-SENSORS = {1: (0, 420), 2: (0, 312), 3: (0, 186), 4: (1, 348), 5: (1, 240), 6: (1, 132), 7: (2, 294),
-           8: (2, 204), 9: (2, 114)}  # fmt: skip
+SENSORS = {
+    1: (0, 420),
+    2: (0, 312),
+    3: (0, 186),
+    4: (1, 348),
+    5: (1, 240),
+    6: (1, 132),
+    7: (2, 294),
+    8: (2, 204),
+    9: (2, 114),
+}
 """Node of the test: its bar, and the distance from the middle of the block [mm]."""
 FORCES = {21: (0, 384, "z"), 22: (1, 312, "z"), 23: (2, 258, "x")}
 LINES = np.arange(60.0, 1500.0, 2.0)
@@ -73,10 +82,10 @@ def place(bar: int, distance: float) -> list[float]:
 
 def measured(folder: Path) -> tuple[FRF, SolidModes]:
     """Return accelerances and modes of block and bars as solids, by CalculiX."""
-    whole = solids()
+    solid = solids()
     at = {**SENSORS, **{n: (bar, s) for n, (bar, s, _) in FORCES.items()}}
-    nodes = [whole.at(place(bar, s)) for bar, s in at.values()]
-    modes = solve(folder, "whole", (whole,), (), N_MODES, nodes)
+    nodes = [solid.at(place(bar, s)) for bar, s in at.values()]
+    modes = solve(folder, "whole", (solid,), (), N_MODES, nodes)
     out = [(k, d) for k, (bar, _) in enumerate(SENSORS.values()) for d in range(3) if d != bar]
     force = [(len(SENSORS) + k, "xyz".index(d)) for k, (_, _, d) in enumerate(FORCES.values())]
     H = accelerance(modes, LINES, out, force, ZETA)

@@ -51,7 +51,7 @@ def model_of(frame: PeerFrame, *, polar: bool = False) -> Model:
         Support(
             name=f"support{i}",
             point=int(i),
-            fixed=tuple(d for d, held in zip(DIRECTIONS, frame.fixed[i], strict=True) if held),
+            fixed=tuple(d for d, is_fixed in zip(DIRECTIONS, frame.fixed[i], strict=True) if is_fixed),
         )
         for i in np.flatnonzero(frame.fixed.any(axis=1))
     )

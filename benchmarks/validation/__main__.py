@@ -51,9 +51,11 @@ def options_of(argv: Sequence[str] | None) -> argparse.Namespace:
     p.add_argument("--seed", type=natural, required=True, metavar="S", help="seed of the random cases")
     p.add_argument("--cases", type=cases, default=33, metavar="N", help="cases of each set (default 33)")
     p.add_argument(
-        "--nulls", type=integer_up_to(1_000_000, 0), metavar="M",
+        "--nulls",
+        type=integer_up_to(1_000_000, 0),
+        metavar="M",
         help="cases of each set with nothing hidden (default: as many as of the others)",
-    )  # fmt: skip
+    )
     p.add_argument("--sets", type=sets_of, default=tuple(SETS), metavar="LIST", help=f"of {', '.join(SETS)}")
     add_pool(p, "cases")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder of results; a stopped run goes on there")

@@ -42,9 +42,9 @@ def ambient_targets(truth: TrueFrame, draft: Draft, rng: Generator) -> ModeTarge
     f, phi = seen_modes(truth, draft)
     y, rate = response(f, phi, high / USED_BAND, rng)
     names = [s.name for s in draft.sensors]
-    heard = y.std(axis=0) > 0
+    moving = y.std(axis=0) > 0
     found = identify_ambient(
-        y[:, heard], rate, [n for n, h in zip(names, heard, strict=True) if h], (low, high)
+        y[:, moving], rate, [n for n, h in zip(names, moving, strict=True) if h], (low, high)
     )
     if not found.modes.n_modes:
         msg = f"no mode of {len(f)} from {low:g} to {high:g} Hz was identified"
@@ -52,9 +52,12 @@ def ambient_targets(truth: TrueFrame, draft: Draft, rng: Generator) -> ModeTarge
     f_std, shape_std = found.relative_std()
     sensors = sensors_of(draft.frame, draft.sensors)
     return ModeTargets.of(
-        found.modes.frequency, f_std, shapes=found.modes.shapes, shape_std=shape_std,
-        sensors=[s for s, h in zip(sensors, heard, strict=True) if h],
-    )  # fmt: skip
+        found.modes.frequency,
+        f_std,
+        shapes=found.modes.shapes,
+        shape_std=shape_std,
+        sensors=[s for s, h in zip(sensors, moving, strict=True) if h],
+    )
 
 
 def response(f: Floats, phi: Floats, rate: float, rng: Generator) -> tuple[Floats, float]:

@@ -160,13 +160,20 @@ def _set_rows(records: Sequence[Record]) -> list[str]:
         attained = right + loss[LOST_BY_SEARCH]
         seconds = [r["cpu_seconds"] for r in of_set if "cpu_seconds" in r]
         cells = (
-            name, len(of_set), right, sum(e["in_three"] for e in every),
+            name,
+            len(of_set),
+            right,
+            sum(e["in_three"] for e in every),
             sum(e.get("covered", False) for e in every),
-            sum(e["sure_and_wrong"] for e in every), loss[LOST_BY_SEARCH], loss[LOST_BY_DATA],
-            loss[WRONG_FAULT], loss[NOT_IN_LIBRARY], len(of_set) - len(every),
+            sum(e["sure_and_wrong"] for e in every),
+            loss[LOST_BY_SEARCH],
+            loss[LOST_BY_DATA],
+            loss[WRONG_FAULT],
+            loss[NOT_IN_LIBRARY],
+            len(of_set) - len(every),
             f"{100 * right / attained:.0f} %" if attained else "-",
             f"{np.median(seconds):.0f}, {max(seconds):.0f}" if seconds else "-",
-        )  # fmt: skip
+        )
         rows.append(f"| {' | '.join(map(str, cells))} |")
     return rows
 

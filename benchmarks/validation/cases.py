@@ -225,7 +225,7 @@ class _Scale:
         self._f = f[np.unique(np.linspace(0, f.size - 1, min(n_lines, f.size)).astype(int))]
         self._base = self._frf(truth)
         acceleration = np.abs(self._base) * (self._f**2)[:, None, None]
-        self._heard = acceleration > 30 * noise_floor * acceleration.max(axis=(0, 1))
+        self._measurable = acceleration > 30 * noise_floor * acceleration.max(axis=(0, 1))
         columns = [self._log_change(frame) / _STEP for frame in _varied(draft, truth, _STEP)]
         self._basis = np.linalg.qr(np.stack(columns, axis=1))[0]
 
@@ -235,13 +235,13 @@ class _Scale:
     def _log_change(
         self, frame: TrueFrame, base: NDArray[np.complex128] | None = None
     ) -> NDArray[np.float64]:
-        d = log_ratio(self._frf(frame), self._base if base is None else base)[self._heard]
+        d = log_ratio(self._frf(frame), self._base if base is None else base)[self._measurable]
         return np.concatenate([d.real, d.imag])
 
     def hears(self, sensor: str) -> bool:
         """Whether a sensor reads more than noise on most lines, from one excitation at least."""
         row = [s.name for s in self._draft.sensors].index(sensor)
-        return bool((self._heard[:, row].mean(axis=0) > 0.5).any())
+        return bool((self._measurable[:, row].mean(axis=0) > 0.5).any())
 
     def misreads(self, hidden: Hidden, size: float) -> bool:
         """Whether a fault changes its sensors' FRFs by ``FAULT_SEEN``, root mean square."""
@@ -250,7 +250,7 @@ class _Scale:
         H = self._truth.frf(self._f, wrong, self._draft.drives)
         H = hidden.data(self._f, H, size) if hidden.data is not None else H
         rows = [i for i, s in enumerate(sensors) if s.name in hidden.place.sensors]
-        d = np.abs(log_ratio(H, self._base))[:, rows][self._heard[:, rows]]
+        d = np.abs(log_ratio(H, self._base))[:, rows][self._measurable[:, rows]]
         return bool(np.sqrt((d**2).mean()) >= FAULT_SEEN)
 
     def visible_db(self, frame: TrueFrame, base: TrueFrame | None = None) -> float:
@@ -263,7 +263,7 @@ class _Scale:
         """Return the change by an effect at an amplitude [dB]."""
         return self.visible_db(hidden.change(self._truth, amplitude))
 
-    def beside(self, implant: Implant, others: Sequence[Implant]) -> float:
+    def added_change(self, implant: Implant, others: Sequence[Implant]) -> float:
         """Return the change that an effect makes in a frame that has others [dB]."""
         base = self._truth
         for o in others:
@@ -313,7 +313,7 @@ def _together(
         out += _strength(scale, part, wanted)
     if len(out) < len(parts):
         return ()
-    seen = (scale.beside(i, [o for o in out if o is not i]) for i in out)
+    seen = (scale.added_change(i, [o for o in out if o is not i]) for i in out)
     return out if all(db >= EACH_DB for db in seen) else ()
 
 

@@ -65,8 +65,8 @@ class Stated:
             }
             if self.is_at(candidate.with_values(**true)):
                 grid = candidate.starts(search.fits.problem.surroundings)
-                own = {tuple(sorted({**g, **true}.items())) for g in grid} or {tuple(true.items())}
-                out += [(candidate, dict(values)) for values in sorted(own)]
+                points = {tuple(sorted({**g, **true}.items())) for g in grid} or {tuple(true.items())}
+                out += [(candidate, dict(values)) for values in sorted(points)]
         return out
 
 

@@ -198,19 +198,20 @@ def draw_sensors(rng: Generator, frame: TrueFrame) -> tuple[tuple[Reading, ...],
             chosen = [0, 1, 2] if triaxial else [across[(i + rng.integers(2)) % len(across)]]
             for d in chosen:
                 sensors.append(Reading(f"{name}{i + 1}{'xyz'[d]}", at, np.eye(3)[d]))
-    heard = [s for s in sensors if abs(frame.members[s.at.member].axes[0] @ s.direction) < 0.8]
+    lateral = [s for s in sensors if abs(frame.members[s.at.member].axes[0] @ s.direction) < 0.8]
     n_drives = int(rng.integers(1, 4))
-    order = rng.permutation(len(heard))
+    order = rng.permutation(len(lateral))
     drives: list[Reading] = []
     for k in order:
         if len(drives) == n_drives:
             break
-        new_place = all(d.at != heard[k].at for d in drives)
+        new_place = all(d.at != lateral[k].at for d in drives)
         new_kind = all(
-            abs(d.direction @ heard[k].direction) < 0.5 or d.at.member != heard[k].at.member for d in drives
+            abs(d.direction @ lateral[k].direction) < 0.5 or d.at.member != lateral[k].at.member
+            for d in drives
         )
         if new_place and new_kind:
-            drives.append(heard[k])
+            drives.append(lateral[k])
     return tuple(sensors), tuple(drives)
 
 

@@ -25,15 +25,31 @@ EFFECTS = tuple(kind.name for kind in _SINGLE)
 FAULTS = tuple(kind.name for kind in IN_RECORDS)
 
 SEEN_IN_MODES = (
-    "joint_translation", "joint_rotation", "joint_mass", "member_stiffness", "member_density",
-    "member_thickness", "crack", "stiffness_loss", "end_release", "distributed_mass", "point_mass",
-    "support_translation", "support_rotation",
-)  # fmt: skip
+    "joint_translation",
+    "joint_rotation",
+    "joint_mass",
+    "member_stiffness",
+    "member_density",
+    "member_thickness",
+    "crack",
+    "stiffness_loss",
+    "end_release",
+    "distributed_mass",
+    "point_mass",
+    "support_translation",
+    "support_rotation",
+)
 """Kinds that natural frequencies and shapes can show."""
 MODAL_SETS = (
-    "modes", "frequencies", "states", "modes-null", "ambient", "ambient-null", "frequencies-null",
+    "modes",
+    "frequencies",
+    "states",
+    "modes-null",
+    "ambient",
+    "ambient-null",
+    "frequencies-null",
     "states-null",
-)  # fmt: skip
+)
 """Sets whose data are modes, not FRFs."""
 
 SETS: dict[str, tuple[tuple[str, ...], ...]] = {

@@ -48,10 +48,10 @@ def soft_joint(draft: Draft, j: TrueJoint, d: int) -> Hidden:
         return felt_stiffness(draft, j.first.member, d) / a if j.rigid[d] else float(j.K[d, d]) / (1 + a)
 
     def change(frame: TrueFrame, a: float) -> TrueFrame:
-        own = next(x for x in frame.joints if x.name == j.name)
-        K = own.K.copy()
+        joint = next(x for x in frame.joints if x.name == j.name)
+        K = joint.K.copy()
         K[d, d] = stiffness(a)
-        return frame.with_joint(j.name, K=K, rigid=tuple(r and k != d for k, r in enumerate(own.rigid)))
+        return frame.with_joint(j.name, K=K, rigid=tuple(r and k != d for k, r in enumerate(joint.rigid)))
 
     bounds = (0.03, 1e6) if j.rigid[d] else (0.1, 1e4)
     return Hidden(_along(j, d), bounds, change, lambda a: {"stiffness": stiffness(a)})
@@ -113,7 +113,7 @@ def _in_one_direction(
         d, tau = int(rng.integers(6)), float(rng.uniform(0.7, 1.4) / middle_of_band(draft))
         base = j.law or constant_loss(0.0)
 
-        def own(a: float) -> Law:
+        def joint_law(a: float) -> Law:
             def factors(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
                 out = np.ones((omega.size, 6), dtype=complex)
                 out[:, d] = law(a, tau)(omega)
@@ -124,7 +124,7 @@ def _in_one_direction(
         return Hidden(
             _along(j, d),
             (1e-2, 10.0),
-            lambda frame, a: frame.with_joint(j.name, law=own(a)),
+            lambda frame, a: frame.with_joint(j.name, law=joint_law(a)),
             lambda a: values(a, tau),
         )
 

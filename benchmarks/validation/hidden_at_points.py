@@ -125,10 +125,10 @@ def soft_support(draft: Draft, s: TrueSupport, d: int, damped: bool = False) -> 
     unit = felt_stiffness(draft, s.at.member, d)
 
     def change(frame: TrueFrame, a: float) -> TrueFrame:
-        own = next(x for x in frame.supports if x.name == s.name)
+        support = next(x for x in frame.supports if x.name == s.name)
         C = one_entry(d, 0.3 * unit / a / middle_of_band(draft) if damped else 0.0)
-        rigid = tuple(r and k != d for k, r in enumerate(own.rigid))
-        return frame.with_support(s.name, rigid=rigid, K=own.K + one_entry(d, unit / a), C=own.C + C)
+        rigid = tuple(r and k != d for k, r in enumerate(support.rigid))
+        return frame.with_support(s.name, rigid=rigid, K=support.K + one_entry(d, unit / a), C=support.C + C)
 
     place = Place(f"support {s.name}, {DIRECTIONS[d]}", support=s.name, direction=DIRECTIONS[d])
     values = {"tau": 0.3 / middle_of_band(draft)} if damped else {}

@@ -11,10 +11,10 @@ from benchmarks.validation.hiding import (
     Hidden,
     Kind,
     bending_stiffnesses,
+    entire_member,
     on_member,
     some_member,
     some_place,
-    whole_member,
 )
 from benchmarks.validation.truth import EndSpring, Stretch, TrueFrame
 from fem.model import DIRECTIONS
@@ -30,7 +30,7 @@ def _factor(attribute: str, largest: float, direction: str | None = None) -> Dra
         # Candidates state the change in parts of the nominal value.
         ratio = float(getattr(truth.members[name], attribute) / getattr(m, attribute))
         return Hidden(
-            replace(whole_member(name), direction=direction),
+            replace(entire_member(name), direction=direction),
             (0.01, top),
             lambda frame, a: frame.with_member(
                 name, **{attribute: getattr(frame.members[name], attribute) * (1 + sign * a)}
@@ -48,7 +48,7 @@ def _preload(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     euler = float(np.pi**2 * min(bending_stiffnesses(m)) / m.length**2)
     sign = float(rng.choice([-1, 1]))
     return Hidden(
-        whole_member(name),
+        entire_member(name),
         (0.02, 0.6 if sign < 0 else 30.0),
         lambda frame, a: frame.with_member(name, tension=sign * a * euler),
         lambda a: {"tension": sign * a * euler},
@@ -138,7 +138,7 @@ def _fluid(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     name, m = some_member(rng, draft)
     along_z, line = bool(rng.integers(2)), m.mass / m.length
     return Hidden(
-        replace(whole_member(name), direction="z" if along_z else "y"),
+        replace(entire_member(name), direction="z" if along_z else "y"),
         (0.01, 2.0),
         lambda frame, a: frame.with_member(name, fluid=(0.0, a * line) if along_z else (a * line, 0.0)),
         lambda a: {"mass": a * line},
@@ -186,7 +186,7 @@ def _rigid_zone(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None
 def _member_loss(rng: Generator, draft: Draft, truth: TrueFrame) -> Hidden | None:
     name, m = some_member(rng, draft)
     return Hidden(
-        whole_member(name),
+        entire_member(name),
         (2e-3, 0.5),
         lambda frame, a: frame.with_member(name, stretches=(Stretch(0.0, m.length, loss=a),)),
         lambda a: {"loss_factor": a},

@@ -86,7 +86,7 @@ def on_member(draft: Draft, name: str, position: float) -> Place:
     return Place(f"member {name} at {position:.3f} m", name, m.place(position), NEAR * m.length)
 
 
-def whole_member(name: str) -> Place:
+def entire_member(name: str) -> Place:
     """Return a member as a place."""
     return Place(f"member {name}", name)
 

@@ -49,9 +49,14 @@ def _limited(draft: Draft) -> Draft:
 
 
 def _judged(
-    settings: CaseSettings, set_name: str, index: int, draft: Draft, truth: TrueFrame,
-    implants: tuple[Implant, ...], rng: Generator,
-) -> Record:  # fmt: skip
+    settings: CaseSettings,
+    set_name: str,
+    index: int,
+    draft: Draft,
+    truth: TrueFrame,
+    implants: tuple[Implant, ...],
+    rng: Generator,
+) -> Record:
     changed = truth
     for i in implants:
         changed = i.hidden.change(changed, i.amplitude)
@@ -66,13 +71,13 @@ def _judged(
         noise = [float(np.median(after.frequency_std)), float(np.median(after.shape_std))]
     else:
         after = _measured(changed, draft, noise, with_shapes, rng)
-    begun = time.process_time()
+    start = time.process_time()
     if set_name.startswith("states"):
         before = _measured(truth, draft, noise, with_shapes, rng)
         found = diagnose_change(model, before, after, nuisances, model_error=0.0)
     else:
         found = diagnose_modes(model, after, nuisances, model_error=0.0)
-    cpu = time.process_time() - begun
+    cpu = time.process_time() - start
     right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
     if not implants:
         right = found.verdict == NOTHING

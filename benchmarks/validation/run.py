@@ -30,9 +30,9 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
         if task[0] in MODAL_SETS:
             record = run_modal_case(settings, *task)
         else:
-            begun = time.perf_counter()
+            start = time.perf_counter()
             case = draw_case(settings, *task)
-            drawn = time.perf_counter() - begun
+            drawn = time.perf_counter() - start
             record = _judged(case) | {"drawing_seconds": drawn}
     messages = sorted({str(w.message) for w in caught})
     return record | {"warnings": messages, "program": fingerprint()}
@@ -40,7 +40,7 @@ def run_case(settings: CaseSettings, task: Task) -> Record:
 
 def _judged(case: Case) -> Record:
     """Diagnose a case and judge the diagnosis."""
-    begun = time.process_time()
+    start = time.process_time()
     diagnosis = diagnose(
         case.model,
         [case.measurement],
@@ -49,7 +49,7 @@ def _judged(case: Case) -> Record:
         model_error=0.0,  # the truth is made of beams
         baseline=case.baseline,
     )
-    cpu = time.process_time() - begun
+    cpu = time.process_time() - start
     record = judge(case, diagnosis) | {"cpu_seconds": cpu}
     if diagnosis.searched is not None:
         record["evidence"] = judge_evidence(case, diagnosis, diagnosis.searched, record)

@@ -279,7 +279,7 @@ def coordinates(frame: SpectralFrame) -> tuple[NDArray[np.float64], dict[int, ND
             raise SpectralError(msg)
         by_second[c.second] = i
     n = len(frame.nodes)
-    own: dict[int, NDArray[np.int64]] = {}
+    extra: dict[int, NDArray[np.int64]] = {}
     relative: dict[int, NDArray[np.int64]] = {}
     n_q = 0
     for node in range(n):
@@ -287,7 +287,7 @@ def coordinates(frame: SpectralFrame) -> tuple[NDArray[np.float64], dict[int, ND
         size = 6 if i is None else 6 - sum(frame.connections[i].rigid)
         place = np.arange(n_q, n_q + size)
         if i is None:
-            own[node] = place
+            extra[node] = place
         else:
             relative[i] = place
         n_q += size
@@ -299,8 +299,8 @@ def coordinates(frame: SpectralFrame) -> tuple[NDArray[np.float64], dict[int, ND
             raise SpectralError(msg)
         if node not in rows:
             T = np.zeros((6, n_q))
-            if node in own:
-                T[:, own[node]] = np.eye(6)
+            if node in extra:
+                T[:, extra[node]] = np.eye(6)
             else:
                 c = frame.connections[by_second[node]]
                 if c.first is not None:
@@ -356,15 +356,15 @@ def receptance(
     if not (np.asarray(frequency) > 0).all():
         msg = f"the lowest frequency is {np.min(frequency):g} Hz; all must be above 0"
         raise SpectralError(msg)
-    whole = Assembly.of(frame, (*responses, *forces))
-    F = np.stack([whole.at_node[id(p)] for p in forces], axis=1)
+    assembly = Assembly.of(frame, (*responses, *forces))
+    F = np.stack([assembly.at_node[id(p)] for p in forces], axis=1)
     out = np.empty((len(frequency), len(responses), len(forces)), dtype=complex)
     for start in range(0, len(frequency), _LINES_AT_ONCE):
         omega = 2 * np.pi * np.asarray(frequency[start : start + _LINES_AT_ONCE], dtype=float)
-        Z = whole.stiffness(omega)
+        Z = assembly.stiffness(omega)
         q = np.linalg.solve(Z, np.broadcast_to(F, (omega.size, *F.shape)).astype(complex))
         for i, p in enumerate(responses):
-            out[start : start + omega.size, i] = (whole.row(p, omega) @ q)[:, 0]
+            out[start : start + omega.size, i] = (assembly.row(p, omega) @ q)[:, 0]
     return out
 
 
@@ -403,8 +403,8 @@ class Assembly:
             Z[:, columns[:, None], columns] += P.T @ segment_stiffness(s, omega) @ P
         for i, c in enumerate(frame.connections):
             free = [d for d in range(6) if not c.rigid[d]]
-            own = _factor(c.law, omega) * c.K + 1j * omega[:, None, None] * c.C
-            Z[:, self.relative[i][:, None], self.relative[i]] += own[:, free][:, :, free]
+            Z_joint = _factor(c.law, omega) * c.K + 1j * omega[:, None, None] * c.C
+            Z[:, self.relative[i][:, None], self.relative[i]] += Z_joint[:, free][:, :, free]
         for b, (columns, P) in zip(frame.bodies, self.bodies, strict=True):
             w = omega[:, None, None]
             Z[:, columns[:, None], columns] += (

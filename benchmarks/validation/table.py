@@ -20,16 +20,16 @@ def as_markdown(records: Sequence[Record], title: str) -> str:
     errors = [e for r in records for e in r.get("errors", ())]
     if errors:
         median = 100 * np.median([e["error"] for e in errors])
-        held = Share.of(e["covered"] for e in errors)
+        covered = Share.of(e["covered"] for e in errors)
         lines += [
             "",
-            f"Parameters of right effects: median error {median:.2g} %; 95 % intervals hold {held}.",
+            f"Parameters of right effects: median error {median:.2g} %; 95 % intervals hold {covered}.",
         ]
     of_one_model = [r for r in records if r["set"] in ("single", "two", "null")]
     right = [r for r in of_one_model if r["outcome"] == "right"]
     if right:
-        left = Share.of(r["db"]["after"] <= FLOOR * r["db"]["floor"] for r in right)
-        lines += ["", f"Error left within {FLOOR:g} times the floor, of right cases: {left}."]
+        near_floor = Share.of(r["db"]["after"] <= FLOOR * r["db"]["floor"] for r in right)
+        lines += ["", f"Error left within {FLOOR:g} times the floor, of right cases: {near_floor}."]
     seconds = [r["seconds"] for r in records]
     lines += ["", f"Seconds of a case: median {np.median(seconds):.0f}, largest {max(seconds):.0f}."]
     if len({r["program"] for r in records}) > 1:

@@ -52,10 +52,10 @@ def true_modes(
         for k in range(1, n)
     ]
     pieces, probes = frame.pieces(cuts, sensors)
-    whole = Assembly.of(_undamped(pieces), probes)
+    assembly = Assembly.of(_undamped(pieces), probes)
 
     def Z(square: float) -> Floats:
-        out = whole.stiffness(np.array([np.sqrt(square)]))[0].real
+        out = assembly.stiffness(np.array([np.sqrt(square)]))[0].real
         return (out + out.T) / 2
 
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
@@ -77,7 +77,7 @@ def true_modes(
     shapes = np.zeros((len(sensors), len(found)))
     for k, (square, q) in enumerate(found):
         omega = np.array([np.sqrt(square)])
-        shapes[:, k] = [float((whole.row(p, omega)[0, 0] @ q).real) for p in probes]
+        shapes[:, k] = [float((assembly.row(p, omega)[0, 0] @ q).real) for p in probes]
     return np.sqrt([s for s, _ in found]) / (2 * np.pi), shapes
 
 

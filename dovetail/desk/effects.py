@@ -14,7 +14,7 @@ from dovetail.desk.widgets import Act, button, card, check, labelled
 from dovetail.report.words import effect_label, number
 from fem.model import Effect, Parameter, parameter_values
 from updating.live.ranking import twins
-from updating.live.weighing import Channel, Weighed
+from updating.live.weighing import Weighed, WeighedChannel
 
 THROTTLE = 0.03
 """Least time between two positions that a slider sends while it is dragged [s]."""
@@ -296,6 +296,6 @@ def _said(text: str, speaks_for: bool) -> None:
     ui.label(text).classes("desk-for" if speaks_for else "desk-against")
 
 
-def _channel_text(c: Channel) -> str:
+def _channel_text(c: WeighedChannel) -> str:
     low, high = c.band
     return f"{c.sensor}, {low:.0f} to {high:.0f} Hz: {c.without:.2f} to {c.present:.2f} dB"

@@ -17,7 +17,7 @@ from updating.diagnosis.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.frf_states import calibrate_frfs
-from updating.inference.belief import FORM_LEFT
+from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
@@ -129,12 +129,12 @@ def between_units(triaged: Triaged, study: Study) -> Between:
 def _form_share(fleet: Fleet, p: Population, model_error: float) -> float:
     """Return the share of the form's error that units do not have in common.
 
-    ``FORM_LEFT`` · ``model_error`` of it is the level that regular units leave beyond noise; an effect has
-    ``CHANGED`` in any case.
+    ``DISCREPANCY_MAX`` · ``model_error`` of it is the level that regular units leave beyond noise; an effect
+    has ``CHANGED`` in any case.
     """
     if model_error == 0:
         return CHANGED
     data, lines = fleet.problem.data, fleet.lines
     beyond = 2 * data.weight[lines] ** 2 * (p.spread**2 - data.noise[lines] ** 2)
     level = float(np.sqrt(max(np.nanmean(np.where(data.mask[lines], beyond, np.nan)), 0.0)))
-    return float(min(1.0, np.hypot(CHANGED, level / (FORM_LEFT * model_error))))
+    return float(min(1.0, np.hypot(CHANGED, level / (DISCREPANCY_MAX * model_error))))

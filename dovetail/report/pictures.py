@@ -35,7 +35,7 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from fem.summary import counted
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
-from updating.diagnosis.fitted_modes import ModePair, modes_of, most_changed, pair_modes
+from updating.diagnosis.fitted_modes import FittedModePair, modes_of, most_changed, pair_modes
 from viz import curves, heat_maps, search
 from viz.interactive.modes import MeasuredShape
 from viz.offscreen import NO_OPENGL, can_draw, why_not
@@ -298,7 +298,7 @@ def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> 
     return text if zeta is None else f"{text}, damping {100 * zeta:.2g} %"
 
 
-def _moved(pair: ModePair) -> str:
+def _moved(pair: FittedModePair) -> str:
     return (
         f"{pair.nominal:.4g} Hz and {100 * pair.nominal_zeta:.2g} % damping without it, {pair.fitted:.4g} "
         "Hz and "

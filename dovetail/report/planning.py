@@ -14,7 +14,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
 from updating.plan.check import FailedTrial, Trial
-from updating.plan.choose import Chosen
+from updating.plan.choose import ChosenChannels
 from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
 from updating.plan.visibility import size_of
@@ -110,7 +110,7 @@ def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
     f = data.frequency
-    error = plan.visibility.left
+    error = plan.visibility.discrepancy
     text = (
         "with the residuals of the measured FRFs"
         if error is None
@@ -199,7 +199,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     return {
         "measured": plan.is_measured,
         "noise_db": plan.visibility.problem.data.noise_db,
-        "left_db": None if plan.is_measured else plan.visibility.left * DB_PER_NEPER,
+        "left_db": None if plan.is_measured else plan.visibility.discrepancy * DB_PER_NEPER,
         "relevant_sizes": {k: getattr(plan.sizes, k) for k in ("connections", "members", "cracks", "masses")},
         "coverage": {what: plan.coverage(what) for what in SHARES},
         "kinds": [{name: getattr(row, name) for name in KindRow.__slots__} for row in kind_rows(plan)],
@@ -218,7 +218,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     }
 
 
-def chosen_lines(chosen: Chosen) -> list[str]:
+def chosen_lines(chosen: ChosenChannels) -> list[str]:
     """Return the chosen sensors and forces as tables of a study file, and the share by their number."""
     out = ["# chosen sensors and forces, for the study file"]
     for table, some in (("sensors", chosen.sensors), ("excitations", chosen.excitations)):
@@ -229,7 +229,7 @@ def chosen_lines(chosen: Chosen) -> list[str]:
     return [*out, "", f"named by the first sensors as they were added: {shares}", ""]
 
 
-def chosen_dict(chosen: Chosen) -> dict[str, Any]:
+def chosen_dict(chosen: ChosenChannels) -> dict[str, Any]:
     """Return chosen sensors and forces for JSON."""
 
     def each(some: Sequence[Sensor]) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
-from fem.analysis.quadratic_roots import Quadratic, Root, all_roots, different, with_laws
+from fem.analysis.quadratic_roots import QuadraticPencil, Root, all_roots, different, with_laws
 from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
 from fem.linalg.solvers import Factor, factorise
@@ -164,7 +164,7 @@ class ComplexModes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
+class _QuadraticProblem:
     """The quadratic problem on the independent coordinates, and the norms of its residuals."""
 
     system: System
@@ -252,7 +252,7 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
 
 
 def _lifted(
-    problem: _Problem, V: NDArray[np.float64], root: Root
+    problem: _QuadraticProblem, V: NDArray[np.float64], root: Root
 ) -> tuple[Root, list[tuple[NDArray[np.complex128], float]]]:
     """Return a root with its vectors in the full system, and the residuals of these."""
     x = V @ root.right
@@ -263,7 +263,7 @@ def _lifted(
     return Root(root.s, x, y), [*missing, problem.residual(root.s, y, left=True)]
 
 
-def _problem(system: System, pairs: Eigenpairs) -> _Problem:
+def _problem(system: System, pairs: Eigenpairs) -> _QuadraticProblem:
     damping = system.model.damping
     D = system.D + damping.loss_factor * system.K
     K = system.K + 1j * D if D.nnz and abs(D).max() > 0 else system.K
@@ -288,10 +288,10 @@ def _problem(system: System, pairs: Eigenpairs) -> _Problem:
             rank = int((sv > 1e-9 * sv.max()).sum())
             rigid = rigid @ Vt[rank:].T
     real = not np.iscomplexobj(K) and not system.laws
-    return _Problem(system, K, C, ratios, factorise(G), G, rigid, real, np.sqrt(10 * abs(shift)))
+    return _QuadraticProblem(system, K, C, ratios, factorise(G), G, rigid, real, np.sqrt(10 * abs(shift)))
 
 
-def _start(problem: _Problem, pairs: Eigenpairs) -> NDArray[np.float64]:
+def _start(problem: _QuadraticProblem, pairs: Eigenpairs) -> NDArray[np.float64]:
     """Return real modes and the responses to the forces of local dampers, or everything of a small system.
 
     Without these responses a mode that creeps in one damper would hide behind faster ones of the basis.
@@ -310,7 +310,9 @@ def _start(problem: _Problem, pairs: Eigenpairs) -> NDArray[np.float64]:
     return V
 
 
-def _grown(problem: _Problem, V: NDArray[np.float64], new: NDArray[np.float64]) -> NDArray[np.float64]:
+def _grown(
+    problem: _QuadraticProblem, V: NDArray[np.float64], new: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return V with new vectors, G-orthonormal and M-orthogonal to rigid-body modes."""
     M, G, R = problem.system.M, problem.G, problem.rigid
 
@@ -333,11 +335,11 @@ def _grown(problem: _Problem, V: NDArray[np.float64], new: NDArray[np.float64]) 
     return np.hstack([V, np.linalg.solve(L, new.T).T])
 
 
-def _projected(problem: _Problem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
+def _projected(problem: _QuadraticProblem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
     """Return the n slowest roots on a basis with Im s ≥ 0, and their partners below."""
     M, K, C = V.T @ (problem.system.M @ V), V.T @ (problem.K @ V), V.T @ problem.damped(V)
     laws = [(law, V.T @ (X @ V)) for law, X in problem.system.laws]
-    small = Quadratic(K, C, M, laws, problem.system.reciprocal)
+    small = QuadraticPencil(K, C, M, laws, problem.system.reciprocal)
     roots = all_roots(small)
     upper, lower = ([r for r in roots if (r.s.imag >= 0) == above] for above in (True, False))
     if laws:
@@ -351,7 +353,7 @@ def _projected(problem: _Problem, V: NDArray[np.float64], n: int) -> tuple[list[
     return upper[:n], lower
 
 
-def _separated(problem: _Problem, roots: list[Root]) -> list[Root]:
+def _separated(problem: _QuadraticProblem, roots: list[Root]) -> list[Root]:
     """Return roots whose vectors are orthogonal in modal A also where poles are equal.
 
     With A_jk = y_jᵀ (2sM + Ĉ) x_k of a set of equal poles, X A^(-1/2) has the unit matrix if all is
@@ -379,7 +381,7 @@ def _separated(problem: _Problem, roots: list[Root]) -> list[Root]:
     return out
 
 
-def _scaled(problem: _Problem, root: Root) -> tuple[Root, complex]:
+def _scaled(problem: _QuadraticProblem, root: Root) -> tuple[Root, complex]:
     """Return a root whose vectors have the modal A of `ComplexModes`, and that modal A."""
     M, (s, x, y) = problem.system.M, root
     symmetric = problem.system.reciprocal
@@ -400,7 +402,7 @@ def _scaled(problem: _Problem, root: Root) -> tuple[Root, complex]:
 
 
 def _result(
-    problem: _Problem, found: list[Root], residual: NDArray[np.float64], n_upper: int
+    problem: _QuadraticProblem, found: list[Root], residual: NDArray[np.float64], n_upper: int
 ) -> ComplexModes:
     Q = problem.system.Q
 

@@ -28,7 +28,7 @@ class Root(NamedTuple):
     left: NDArray[np.complex128]
 
 
-class Quadratic(NamedTuple):
+class QuadraticPencil(NamedTuple):
     """Matrices (m, m) of a problem, with frequency-dependent elements at rest and their laws."""
 
     K: NDArray[Any]
@@ -38,7 +38,7 @@ class Quadratic(NamedTuple):
     symmetric: bool
 
 
-def all_roots(problem: Quadratic, omega: float = 0.0) -> list[Root]:
+def all_roots(problem: QuadraticPencil, omega: float = 0.0) -> list[Root]:
     """Return all finite roots, with laws at one frequency [rad/s], the slowest first.
 
     With s = σ + 1/μ, σ > 0 no root: (μ²P₀ + μP₁ + M) x = 0, P₀ = K + σC + σ²M, P₁ = C + 2σM. μ = 0 are the
@@ -74,7 +74,7 @@ def _unit(X: NDArray[Any]) -> NDArray[np.complex128]:
     return X.astype(complex) / np.linalg.norm(X, axis=0)
 
 
-def with_laws(problem: Quadratic, root: Root) -> Root:
+def with_laws(problem: QuadraticPencil, root: Root) -> Root:
     """Iterate a root until the laws are those of its damped frequency."""
     M = problem.M
     for _ in range(_LAW_ROUNDS):

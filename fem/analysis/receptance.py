@@ -231,7 +231,7 @@ class Superposition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
+class _ModalLines:
     """Superposition at some lines: Z = stiffness + damping, and motions of the proportional part."""
 
     omega: NDArray[np.float64]
@@ -241,7 +241,7 @@ class _Lines:
     undamped: NDArray[Any]
 
     @classmethod
-    def of(cls, s: Superposition, omega: NDArray[np.float64]) -> "_Lines":
+    def of(cls, s: Superposition, omega: NDArray[np.float64]) -> "_ModalLines":
         d = s.damping
         k = 1 + 1j * (d.loss_factor + s.local.loss + omega * d.beta)
         m = 1j * omega * d.alpha - omega**2
@@ -296,7 +296,7 @@ def receptance_blocks(
             yield lines, H
             continue
         with np.errstate(all="ignore"):
-            flexibility = factor[:, None] / _Lines.of(s, omega[lines]).z
+            flexibility = factor[:, None] / _ModalLines.of(s, omega[lines]).z
         for k in range(len(H)):
             np.multiply(s.loads, flexibility[k, :, None], out=work)
             for a, b in pairwise(edges):
@@ -313,7 +313,7 @@ def receptance_blocks(
 def _receptance(
     s: Superposition, omega: NDArray[np.float64], bounds: bool
 ) -> tuple[NDArray[np.complex128], Any]:
-    at, n_in = _Lines.of(s, omega), s.n_in
+    at, n_in = _ModalLines.of(s, omega), s.n_in
     if s.wide:
         return _coupled(s, at), None
     y = s.loads * (1 / at.z)[:, :, None]
@@ -353,7 +353,7 @@ def _receptance(
     return damped, _bound(s, at, y, (W, reaction, back), damped) if bounds else None
 
 
-def _coupled(s: Superposition, at: _Lines) -> NDArray[np.complex128]:
+def _coupled(s: Superposition, at: _ModalLines) -> NDArray[np.complex128]:
     """Return receptances where damping of members couples all vectors: one solution for each line."""
     n = s.n_vectors
     Z = np.zeros((len(at.omega), n, n), dtype=complex)
@@ -372,7 +372,7 @@ def _coupled(s: Superposition, at: _Lines) -> NDArray[np.complex128]:
 
 
 def _bound(
-    s: Superposition, at: _Lines, y: NDArray[Any], damped: Any, H: NDArray[np.complex128]
+    s: Superposition, at: _ModalLines, y: NDArray[Any], damped: Any, H: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
     """Return a bound of the error at each line; see the section "FRFs" of docs/theory-fem.md.
 

@@ -122,7 +122,7 @@ def solve_transient(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
+class _TransientProblem:
     """An excitation and what responds, on the independent coordinates."""
 
     system: System
@@ -149,7 +149,7 @@ def _problem(
     max_frequency: float | None,
     initial: tuple[ArrayLike, ArrayLike] | None,
     about: ArrayLike | None,
-) -> _Problem:
+) -> _TransientProblem:
     model = system.model
     rows, labels = dof_vectors(model, outputs)
     if n_modes is None and max_frequency is None:
@@ -182,7 +182,7 @@ def _problem(
                 f"the modes leave out {100 * (1 - in_modes / mass):.2g} % of the initial {word}, by mass: "
                 "take more"
             )
-    return _Problem(
+    return _TransientProblem(
         system,
         excitation,
         eigenvalues,
@@ -227,7 +227,7 @@ def _start(system: System, initial: tuple[ArrayLike, ArrayLike] | None) -> tuple
 # By modes ---------------------------------------------------------------------------------------------------
 
 
-def _by_modes(problem: _Problem, kept: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_modes(problem: _TransientProblem, kept: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
     """Return motions of the outputs (n_t, n_out), and of all coordinates at the kept samples (n_free, k).
 
     Displacements, velocities and accelerations of the outputs; displacements of the coordinates.
@@ -253,7 +253,7 @@ def _by_modes(problem: _Problem, kept: NDArray[np.int64]) -> tuple[Floats, Float
     return q, v @ L.T, a @ L.T, phi @ y[kept].T + rest @ problem.p[kept].T
 
 
-def _static_rest(problem: _Problem) -> Floats:
+def _static_rest(problem: _TransientProblem) -> Floats:
     """Return the static responses (n_free, k) to loads that the modes lack; 0 of a free structure."""
     system, phi = problem.system, problem.phi
     if system.rigid.shape[1] or not problem.F.shape[1]:
@@ -304,7 +304,7 @@ def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: floa
 
 
 def _by_newmark(
-    problem: _Problem, alpha: float, kept: NDArray[np.int64]
+    problem: _TransientProblem, alpha: float, kept: NDArray[np.int64]
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the same as :func:`_by_modes`."""
     system, h = problem.system, problem.excitation.step

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import ArmForce, Entry, Marker, Relevant, Role, StaticState, Yardstick
+from fem.effects.on_member import AtPosition, WithinMember
 from fem.elements.frame import Frame
 from fem.mesh import Location
 from fem.model import (
@@ -107,7 +108,7 @@ class AddedMass(Effect):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PointMass(Effect):
+class PointMass(AtPosition, WithinMember):
     """A mass on the line of a member at a position that may be estimated.
 
     Attributes
@@ -121,7 +122,6 @@ class PointMass(Effect):
 
     kind: ClassVar[str] = "point_mass"
     role: ClassVar[Role] = Role.MASS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("circle", "green")
     statement: ClassVar[str] = "{member} carries a mass at {at} that the model lacks"
     entry: ClassVar[Entry | None] = Entry(
@@ -129,19 +129,12 @@ class PointMass(Effect):
         meaning="a mass anywhere along a member",
         places="along each member",
     )
-    member: str
-    position: Any
     mass: Any
     span: tuple[float, float] = (0.0, np.inf)
     scale: float = 1.0
 
     def __post_init__(self) -> None:
         refuse_negative(self.name, mass=(self.mass, "kg"))
-
-    @property
-    def where(self) -> str:
-        """Member and position."""
-        return f"member {self.member} at {np.real(self.position):.3f} m"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Mass and position."""
@@ -156,14 +149,6 @@ class PointMass(Effect):
         dofs, N = frame.shapes_at(model.mesh, self.member, self.position)
         N = N[:3]
         return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def point_masses(self, model: Model) -> tuple[tuple[Location, float], ...]:
         """Return the mass at its place."""
@@ -208,10 +193,6 @@ class PointMass(Effect):
     ) -> float | None:
         """Return a relevant mass."""
         return sizes.masses * mass
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the place on the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
 
 
 def too_heavy(name: str, mass: Any, structure: Yardstick) -> Iterator[tuple[str, str]]:

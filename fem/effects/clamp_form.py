@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fem.declarations import Entry, Role
-from fem.effects.held_frame import OnStretches
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.effects.support import Support
+from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter
-from fem.tabulated import Tabulated
+from fem.tabulated import TabulatedEffect
 
 LEAST_U, MOST_U = -1.5, 3.5
 """Least and largest logarithm of a stretch's stiffness [-]."""
@@ -56,13 +56,13 @@ class ClampForm(OnStretches):
         """Return the stiffness that the stretches gain."""
         return (self._stiff(model, self.u),)
 
-    def tabulated(self, model: Model) -> Tabulated | None:
+    def tabulated(self, model: Model) -> TabulatedEffect | None:
         """Return tables of the stiffness that the stretches gain."""
 
-        def made() -> Tabulated | None:
-            return Tabulated.of(lambda u, _: self._stiff(model, u), {}, LEAST_U, MOST_U, planar=False)
+        def made() -> TabulatedEffect | None:
+            return TabulatedEffect.of(lambda u, _: self._stiff(model, u), {}, LEAST_U, MOST_U, planar=False)
 
-        out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
+        out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
         return out
 
     def _stiff(self, model: Model, u: Any) -> Contribution:

@@ -135,10 +135,17 @@ class Crack(GivesWay):
                 half = section_extent(model, m, np.eye(3), np.eye(3)[depth])
                 out.append(
                     cls(
-                        name=f"crack:{m}.{d}", member=m, position=length / 2, compliance=0.0, direction=d,
-                        length=length, reference=reference, nearest=min(half, 0.1 * length), depth=2 * half,
+                        name=f"crack:{m}.{d}",
+                        member=m,
+                        position=length / 2,
+                        compliance=0.0,
+                        direction=d,
+                        length=length,
+                        reference=reference,
+                        nearest=min(half, 0.1 * length),
+                        depth=2 * half,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

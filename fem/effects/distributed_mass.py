@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Environment, Marker, Role
-from fem.effects.places import OnMember, frame_of, member_mass, stiffness_of_sprung
+from fem.effects.on_member import OnMember
+from fem.effects.places import frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.elements.stretches import mass_of_stretch
@@ -61,9 +62,14 @@ class DistributedMass(OnMember):
         """Return a mass per length on all of a member [kg/m]: cladding, insulation, contents."""
         length = mesh.member_length(member)
         return cls(
-            name=f"mass along {member}", member=member, mass=mass, position=length / 2, width=length,
-            length=length, reference=properties.material.rho * properties.section.A,
-        )  # fmt: skip
+            name=f"mass along {member}",
+            member=member,
+            mass=mass,
+            position=length / 2,
+            width=length,
+            length=length,
+            reference=properties.material.rho * properties.section.A,
+        )
 
     @property
     def where(self) -> str:
@@ -125,10 +131,15 @@ class DistributedMass(OnMember):
             length = model.mesh.member_length(m)
             out.append(
                 cls(
-                    name=f"distributed_mass:{m}", member=m, mass=0.0, position=length / 2,
-                    width=length / 4, length=length, reference=member_mass(model, m) / length,
+                    name=f"distributed_mass:{m}",
+                    member=m,
+                    mass=0.0,
+                    position=length / 2,
+                    width=length / 4,
+                    length=length,
+                    reference=member_mass(model, m) / length,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.effects.held_frame import HoldsFrame
-from fem.effects.places import OnMember, elements_of, parameters_of, sheared_frame
+from fem.effects.on_member import OnMember
+from fem.effects.places import elements_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
+from fem.effects.with_frame import WithFrame
 from fem.elements.cut import cut
 from fem.elements.inner_place import InnerPlace, inner_place
 from fem.model import Contribution, Effect, Model, ParameterRef
@@ -61,7 +62,7 @@ class GivesWay(OnMember):
 
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""
-        on = None if isinstance(effect, HoldsFrame) else sheared_frame(model)
+        on = None if isinstance(effect, WithFrame) else sheared_frame(model)
         if effect.gives_way:  # depends on further effects
             return effect.on_line(model, self.member, line)
         out: tuple[Contribution, ...] = self.elements.get(

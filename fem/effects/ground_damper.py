@@ -59,9 +59,13 @@ class GroundDamper(OnPoint):
         m = typical_mass(model) if springs else 0.0
         return tuple(
             cls(
-                name=f"ground_damper:{e.name.partition(':')[2]}", point=e.point, place=e.place,
-                direction=e.direction, damping=0.0, reference=m,
+                name=f"ground_damper:{e.name.partition(':')[2]}",
+                point=e.point,
+                place=e.place,
+                direction=e.direction,
+                damping=0.0,
+                reference=m,
             )
             for e in springs
             if e.direction in DIRECTIONS[:3]
-        )  # fmt: skip
+        )

@@ -87,10 +87,14 @@ class GroundSpring(OnPoint):
                 if d not in fixed.get(point, ()):
                     out.append(
                         cls(
-                            name=f"ground_spring:{label}.{d}", point=point, place=place, direction=d,
-                            stiffness=0.0, reference=reference[d],
+                            name=f"ground_spring:{label}.{d}",
+                            point=point,
+                            place=place,
+                            direction=d,
+                            stiffness=0.0,
+                            reference=reference[d],
                         )
-                    )  # fmt: skip
+                    )
         return tuple(out)
 
     @classmethod

@@ -155,8 +155,13 @@ class DriverForm(Effect):
             x, y, z = (float(v) for v in d / np.linalg.norm(d))
             out.append(
                 cls(
-                    name=f"driver_form:{p}", place=place_name(model, p), point=p, axis=(x, y, z),
-                    mass=0.0, across=0.0, references=references,
+                    name=f"driver_form:{p}",
+                    place=place_name(model, p),
+                    point=p,
+                    axis=(x, y, z),
+                    mass=0.0,
+                    across=0.0,
+                    references=references,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)

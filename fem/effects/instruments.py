@@ -201,10 +201,15 @@ class Stinger(AtPoint):
                 name = f"stinger:{i + 1}.{'across' if across else 'along'}"
                 out.append(
                     cls(
-                        name=name, point=int(p), place=place_name(model, int(p)), axis=(x, y, z),
-                        across=across, stiffness=0.0, reference=k,
+                        name=name,
+                        point=int(p),
+                        place=place_name(model, int(p)),
+                        axis=(x, y, z),
+                        across=across,
+                        stiffness=0.0,
+                        reference=k,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
 

@@ -77,11 +77,17 @@ class JointComplexStiffness(JointStiffness):
         """Return each elastic direction of each joint."""
         return tuple(
             cls(
-                name=f"joint_complex_stiffness:{j.name}.{d}", joints=(j.name,), direction=d, stiffness=k,
-                assumed=k, bounds=(1e-4 * k, 1e4 * k), loss_factor=eta, assumed_loss=eta,
+                name=f"joint_complex_stiffness:{j.name}.{d}",
+                joints=(j.name,),
+                direction=d,
+                stiffness=k,
+                assumed=k,
+                bounds=(1e-4 * k, 1e4 * k),
+                loss_factor=eta,
+                assumed_loss=eta,
             )
             for j in model.of_kind(Joint)
             for d in j.elastic
             for i, eta in [(DIRECTIONS.index(d), float(np.real(j.eta)))]
             for k in [float(np.real(j.K[i, i]))]
-        )  # fmt: skip
+        )

@@ -69,9 +69,16 @@ class JointHole(OnSide):
             for d, across in zip("yz", axes[1:], strict=True):
                 out.append(
                     cls(
-                        name=f"joint_hole:{joint.name}.{member}.{d}", joint=joint.name, side=side,
-                        member=member, at=at, amount=0.0, lower=-2 * size, upper=2 * size,
-                        direction=d, across=across,
+                        name=f"joint_hole:{joint.name}.{member}.{d}",
+                        joint=joint.name,
+                        side=side,
+                        member=member,
+                        at=at,
+                        amount=0.0,
+                        lower=-2 * size,
+                        upper=2 * size,
+                        direction=d,
+                        across=across,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)

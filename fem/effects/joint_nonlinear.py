@@ -77,13 +77,17 @@ class AmplitudeDependent(OnJoint):
         """Return one for each elastic direction of each joint, at an amplitude that a search replaces."""
         return tuple(
             cls(
-                name=f"{cls.kind}:{j.name}.{d}", joint=j.name, direction=d, amplitude=1e-5,
-                reference=float(j.K[i, i]), **values,
+                name=f"{cls.kind}:{j.name}.{d}",
+                joint=j.name,
+                direction=d,
+                amplitude=1e-5,
+                reference=float(j.K[i, i]),
+                **values,
             )
             for j in model.of_kind(Joint)
             for i, d in enumerate(DIRECTIONS)
             if d in j.elastic
-        )  # fmt: skip
+        )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return K and D of the equivalent stiffness."""

@@ -148,10 +148,15 @@ class JointStiffness(Effect):
                 known_names = tuple(e.name for e in known if set(e.joints) & set(group))
                 out.append(
                     cls(
-                        name=name, joints=group, direction=d, stiffness=start, assumed=k, known=known_names,
+                        name=name,
+                        joints=group,
+                        direction=d,
+                        stiffness=start,
+                        assumed=k,
+                        known=known_names,
                         bounds=bounds,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -4,25 +4,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fem.declarations import Entry, Marker, Relevant, Role
+from fem.effects.on_member import WithinMember
 from fem.effects.places import is_sprung, stiffness_of_sprung
 from fem.elements.frame import Frame, changes_between, member_contribution, nominal
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _MemberChange(Effect):
+class _MemberChange(WithinMember):
     of: ClassVar[str]
-    member: str
     change: Any = 0.0
-
-    @property
-    def where(self) -> str:
-        """The member."""
-        return f"member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the relative change."""
@@ -31,14 +23,6 @@ class _MemberChange(Effect):
     def _parts(self, model: Model) -> tuple[Contribution, ...]:
         (frame,) = model.of_kind(Frame)
         return member_contribution(nominal(frame), model, self.member)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def rebased(self, model: Model) -> Self:
         """Return the change relative to the present modulus or density, which stays the same amount."""
@@ -64,12 +48,6 @@ class _MemberChange(Effect):
         members = list(model.mesh.members)
         return tuple(cls(name=f"{cls.kind}:{m}", member=m) for m in members) if len(members) > 1 else ()
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
-            None
-        ]
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MemberStiffness(_MemberChange):
@@ -86,7 +64,6 @@ class MemberStiffness(_MemberChange):
 
     kind: ClassVar[str] = "member_stiffness"
     role: ClassVar[Role] = Role.STIFFNESS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("square", "orange")
     statement: ClassVar[str] = "{where} is {stiffer} than in the model"
     entry: ClassVar[Entry | None] = Entry(
@@ -145,7 +122,6 @@ class MemberDensity(_MemberChange):
 
     kind: ClassVar[str] = "member_density"
     role: ClassVar[Role] = Role.MASS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("square", "green")
     statement: ClassVar[str] = "{where} is {heavier} than in the model"
     entry: ClassVar[Entry | None] = Entry(

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from fem.declarations import Entry, Role
-from fem.effects.places import OnMember, frame_of, material_of
+from fem.effects.on_member import OnMember
+from fem.effects.places import frame_of, material_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Relevant, Role
-from fem.effects.places import OnMember, elements_of, frame_of, is_bar, material_of, sheared_frame
+from fem.effects.on_member import OnMember
+from fem.effects.places import elements_of, frame_of, is_bar, material_of, sheared_frame
 from fem.elements.frame import Frame, changes_between, member_contribution
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of

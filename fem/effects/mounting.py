@@ -175,8 +175,14 @@ class AlongMember(OnSide):
                 reach = REACH * length
                 out.append(
                     cls(
-                        name=f"{cls.kind}:{joint.name}.{member}", joint=joint.name, side=side, member=member,
-                        at=at, amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
+                        name=f"{cls.kind}:{joint.name}.{member}",
+                        joint=joint.name,
+                        side=side,
+                        member=member,
+                        at=at,
+                        amount=0.0,
+                        lower=-min(at, reach),
+                        upper=min(length - at, reach),
                     )
-                )  # fmt: skip
+                )
         return tuple(out)

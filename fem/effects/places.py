@@ -103,33 +103,6 @@ class OnSupports(Effect):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class OnMember(Effect):
-    """An effect of a member of the model.
-
-    Attributes
-    ----------
-    member : str
-        Name of the member.
-    """
-
-    member: str
-
-    @property
-    def where(self) -> str:
-        """The member."""
-        return f"member {self.member}"
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the member."""
-        mesh = model.mesh
-        return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class AtPoint(Effect):
     """An effect at one point of the mesh.
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
-from fem.effects.places import OnMember, frame_of, member_mass
+from fem.effects.on_member import AtPosition
+from fem.effects.places import frame_of, member_mass
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PointInertia(OnMember):
+class PointInertia(AtPosition):
     """A rotary inertia on the line of a member, alike about all axes: M = I NᵀN, N the rotations there.
 
     The mass of the same body is ``point_mass``. At a joint, ``joint_inertia`` is its twin.
@@ -39,18 +39,12 @@ class PointInertia(OnMember):
         meaning="a rotary inertia anywhere along a member",
         places="along each member",
     )
-    position: Any
     inertia: Any
     length: float
     reference: float
 
     def __post_init__(self) -> None:
         refuse_negative(self.name, inertia=(self.inertia, "kg·m²"))
-
-    @property
-    def where(self) -> str:
-        """Member and position."""
-        return f"member {self.member} at {np.real(self.position):.3f} m"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return inertia and position."""
@@ -80,12 +74,12 @@ class PointInertia(OnMember):
             length = model.mesh.member_length(m)
             out.append(
                 cls(
-                    name=f"point_inertia:{m}", member=m, position=length / 2, inertia=0.0, length=length,
+                    name=f"point_inertia:{m}",
+                    member=m,
+                    position=length / 2,
+                    inertia=0.0,
+                    length=length,
                     reference=member_mass(model, m) * length**2 / 12,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the place on the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Relevant, Role
+from fem.effects.on_member import WithinMember
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Preload(Effect):
+class Preload(WithinMember):
     """A constant tension in one member: ∫ N (v'² + w'² + (Iy + Iz)/A a'²) dx, a the twist.
 
     Attributes
@@ -28,7 +28,6 @@ class Preload(Effect):
 
     kind: ClassVar[str] = "preload"
     role: ClassVar[Role] = Role.INITIAL_STRESS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("plus", "sky")
     statement: ClassVar[str] = "{where} is under {tension} that the model lacks"
     entry: ClassVar[Entry | None] = Entry(
@@ -36,14 +35,8 @@ class Preload(Effect):
         meaning="an axial force in a member that stiffens or softens its bending",
         places="each member of several",
     )
-    member: str
     tension: Any
     buckling: float
-
-    @property
-    def where(self) -> str:
-        """The member."""
-        return f"member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the tension."""
@@ -57,14 +50,6 @@ class Preload(Effect):
         """Return the geometric stiffness."""
         (frame,) = model.of_kind(Frame)
         return (frame.geometric_stiffness(model, self.member, self.tension),)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return Young's modulus of a member on springs."""
@@ -95,9 +80,3 @@ class Preload(Effect):
             euler = np.pi**2 * p.material.E * min(p.section.Iy, p.section.Iz) / length**2
             out.append(cls(name=f"preload:{member}", member=member, tension=0.0, buckling=euler))
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, model.mesh.member_length(self.member) / 2))[
-            None
-        ]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
-from fem.elements.geometric_stiffness import Courses, Samples, SectionForces, sample, stress_stiffness
+from fem.elements.geometric_stiffness import Courses, ForceSamples, SectionForces, sample, stress_stiffness
 from fem.elements.levers import lever_stiffness
 from fem.elements.lines import Lines
 from fem.mesh import Mesh
@@ -197,7 +197,9 @@ def _unit_stiffness(effect: Prestress, frame: Frame, mesh: Mesh) -> Contribution
     return Contribution(dofs, K, lines=lines)
 
 
-def _sampled(effect: Prestress, frame: Frame, mesh: Mesh, members: Sequence[str]) -> tuple[Lines, Samples]:
+def _sampled(
+    effect: Prestress, frame: Frame, mesh: Mesh, members: Sequence[str]
+) -> tuple[Lines, ForceSamples]:
     """Return the lines of members, and the section forces at points of quadrature along them."""
     rows = [mesh.members[m] for m in members]
     member = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
@@ -207,7 +209,7 @@ def _sampled(effect: Prestress, frame: Frame, mesh: Mesh, members: Sequence[str]
         {k: effect.forces[m] for k, m in enumerate(members) if m in effect.forces},
     )
     s = mesh.arc_lengths()[g.rows]
-    return g, Samples.joined([sample(g, s, member, Courses.of(forces)) for forces in kinds if forces])
+    return g, ForceSamples.joined([sample(g, s, member, Courses.of(forces)) for forces in kinds if forces])
 
 
 def _some_at_a_time(members: Sequence[str], mesh: Mesh) -> Iterator[list[str]]:

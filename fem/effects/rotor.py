@@ -97,10 +97,14 @@ class Rotor(AtPoint):
             for name, (x, y, z) in zip("xyz", _axes(model, point), strict=True):
                 out.append(
                     cls(
-                        name=f"rotor:{label}.{name}", point=point, axis=(float(x), float(y), float(z)),
-                        momentum=0.0, place=f"{place}, about local {name}", reference=size,
+                        name=f"rotor:{label}.{name}",
+                        point=point,
+                        axis=(float(x), float(y), float(z)),
+                        momentum=0.0,
+                        place=f"{place}, about local {name}",
+                        reference=size,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
-from fem.effects.held_frame import HoldsFrame
 from fem.effects.places import frame_of, is_bar, sheared_frame
+from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter
@@ -34,7 +34,7 @@ ELEMENT = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SectionForm(HoldsFrame):
+class SectionForm(WithFrame):
     """Members of one section that are heavier, and bend and twist otherwise, than it says, alike.
 
     The changes are linear, also of members whose ends are on springs: there a change c of a section errs by

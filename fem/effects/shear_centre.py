@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
+from fem.effects.on_member import WithinMember
 from fem.effects.places import elements_of, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.layout import axes_and_arms, layout_of
@@ -19,7 +19,7 @@ NEAR = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ShearCentre(Effect):
+class ShearCentre(WithinMember):
     """Bending and torsion of a member coupled by the distance of its shear centre from its centroid.
 
     A member bends and twists about the line of its shear centres, and is stretched along that of its
@@ -38,7 +38,6 @@ class ShearCentre(Effect):
 
     kind: ClassVar[str] = "shear_centre"
     role: ClassVar[Role] = Role.STIFFNESS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("cross", "vermilion")
     statement: ClassVar[str] = "{member} twists about its shear centre"
     entry: ClassVar[Entry | None] = Entry(
@@ -46,13 +45,7 @@ class ShearCentre(Effect):
         meaning="part of the distance of the section's shear centre from its centroid, about which it twists",
         places="each member whose section has its shear centre elsewhere",
     )
-    member: str
     share: Any = 1.0
-
-    @property
-    def where(self) -> str:
-        """The member."""
-        return f"member {self.member}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the share."""
@@ -79,14 +72,6 @@ class ShearCentre(Effect):
         changed = [None if X is None else np.swapaxes(T, 1, 2) @ X @ T - X for X in (part.K, part.D)]
         return (Contribution(part.dofs, changed[0], D=changed[1], lines=rows),)
 
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
-
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's stiffness depends."""
         return elements_of(model, self.member, "E")
@@ -104,11 +89,6 @@ class ShearCentre(Effect):
             for name, p in frame.members.items()
             if name in model.mesh.members and is_eccentric(p)
         )
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the member."""
-        middle = model.mesh.member_length(self.member) / 2
-        return model.mesh.point_at(model.mesh.locate(self.member, middle))[None]
 
 
 def is_eccentric(p: MemberProperties) -> bool:

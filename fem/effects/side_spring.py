@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role, Yardstick
-from fem.effects.places import PARALLEL, OnMember, frame_of, is_bar, odd_stiffness, typical_stiffness
+from fem.effects.on_member import AtPosition
+from fem.effects.places import PARALLEL, frame_of, is_bar, odd_stiffness, typical_stiffness
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SideSpring(OnMember):
+class SideSpring(AtPosition):
     """A spring to the ground across a member at a position that may be estimated.
 
     K = k nᵀn, n the motion along the section's axis there. At a member's end ``ground_spring`` is its twin;
@@ -44,7 +44,6 @@ class SideSpring(OnMember):
     )
     connection: ClassVar[bool] = True
     direction: str
-    position: Any
     stiffness: Any
     length: float
     reference: float
@@ -90,10 +89,15 @@ class SideSpring(OnMember):
             for d in () if is_bar(model, m) else ("y", "z"):
                 out.append(
                     cls(
-                        name=f"side_spring:{m}.{d}", member=m, direction=d, position=length / 2,
-                        stiffness=0.0, length=length, reference=reference,
+                        name=f"side_spring:{m}.{d}",
+                        member=m,
+                        direction=d,
+                        position=length / 2,
+                        stiffness=0.0,
+                        length=length,
+                        reference=reference,
                     )
-                )  # fmt: skip
+                )
         return tuple(out)
 
     def acts_along(self, model: Model, direction: str) -> bool:
@@ -105,7 +109,3 @@ class SideSpring(OnMember):
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield an absurd stiffness."""
         yield from odd_stiffness(self, structure)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the place on the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Relevant, Role
+from fem.effects.on_member import AtPosition, WithinMember
 from fem.effects.places import elements_of, is_sprung, sheared_frame
 from fem.elements.stretches import loss_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class StiffnessLoss(Effect):
+class StiffnessLoss(AtPosition, WithinMember):
     """A fraction of the stiffness that is lost over a stretch of a member.
 
     ΔK = -loss ∫ BᵀEB dx, and the material's damping with it.
@@ -36,7 +36,6 @@ class StiffnessLoss(Effect):
 
     kind: ClassVar[str] = "stiffness_loss"
     role: ClassVar[Role] = Role.STIFFNESS
-    within_members: ClassVar[bool] = True
     marker: ClassVar[Marker | None] = Marker("cross", "vermilion")
     statement: ClassVar[str] = "{member} has lost stiffness at {at}"
     entry: ClassVar[Entry | None] = Entry(
@@ -46,17 +45,10 @@ class StiffnessLoss(Effect):
         ),
         places="along each member",
     )
-    member: str
-    position: Any
     loss: Any
     width: float
     length: float
     affine: bool = True
-
-    @property
-    def where(self) -> str:
-        """Member and position."""
-        return f"member {self.member} at {np.real(self.position):.3f} m"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Loss and position."""
@@ -77,14 +69,6 @@ class StiffnessLoss(Effect):
         """Return the lost strain energy of the stretch."""
         ends = self.position - self.width / 2, self.position + self.width / 2
         return (loss_of_stretch(sheared_frame(model), model, self.member, *ends, self.loss),)
-
-    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
-        """Whether it is of the member."""
-        return member == self.member
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's stiffness depends."""
@@ -122,7 +106,3 @@ class StiffnessLoss(Effect):
                 )
             )
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the stretch."""
-        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]

@@ -109,8 +109,13 @@ class SupportShift(Effect):
                 reach = REACH * length
                 out.append(
                     cls(
-                        name=f"support_shift:{support.name}", support=support.name, member=member, at=at,
-                        amount=0.0, lower=-min(at, reach), upper=min(length - at, reach),
+                        name=f"support_shift:{support.name}",
+                        support=support.name,
+                        member=member,
+                        at=at,
+                        amount=0.0,
+                        lower=-min(at, reach),
+                        upper=min(length - at, reach),
                     )
-                )  # fmt: skip
+                )
         return tuple(out)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Environment, Role
 from fem.effects.joint import PointPair, joint_unit
-from fem.laws import FractionalKelvinVoigt, FractionalZener, Table, Zener, check_table
+from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener, check_table
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
 
 LAWS = {"zener": Zener, "fractional_kelvin_voigt": FractionalKelvinVoigt, "fractional_zener": FractionalZener}
@@ -144,6 +144,6 @@ class TabulatedStiffness(PointPair):
                 if not k.any():
                     continue
                 b = B[i] + B[j] if i < j else B[i]
-                law = Table(self.frequency, np.real(k), np.imag(k))
+                law = TabulatedLaw(self.frequency, np.real(k), np.imag(k))
                 parts.append(Contribution(dofs[None], self.factor * np.outer(b, b)[None], law=law))
         return tuple(parts)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
-from fem.effects.held_frame import OnStretches
 from fem.effects.joint import PointPair
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
+from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
 from fem.model import Contribution, Effect, Model, Parameter, dofs_of
 from fem.recent import Recent
-from fem.tabulated import Tabulated
+from fem.tabulated import TabulatedEffect
 
 STIFFEST = 3.5
 """Logarithm of the factor by which a zone is stiffer, at most [-]: more is rigid."""
@@ -94,16 +94,16 @@ class ZoneForm(OnStretches):
         """Return the stiffness and mass that the stretches gain."""
         return self._stiff(model, self.u, self.plane), self._more(model)
 
-    def tabulated(self, model: Model) -> Tabulated | None:
+    def tabulated(self, model: Model) -> TabulatedEffect | None:
         """Return tables of the stiffness and mass that the stretches gain."""
 
-        def made() -> Tabulated | None:
+        def made() -> TabulatedEffect | None:
             mass, inertia = self._heavy(model)
             heavy: dict[str, Contribution] = {"mass": mass, "inertia": inertia}
             low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
-            return Tabulated.of(partial(self._stiff, model), heavy, low, high, planar=bool(self.inside))
+            return TabulatedEffect.of(partial(self._stiff, model), heavy, low, high, planar=bool(self.inside))
 
-        out: Tabulated | None = self.tables.get((self.frame, model.mesh), made)
+        out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
         return out
 
     def on_line(self, model: Model, member: str, line: int) -> tuple[Contribution, ...]:

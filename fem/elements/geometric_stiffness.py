@@ -124,7 +124,7 @@ def _lagrange(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class ForceSamples:
     """Section forces at points of quadrature along the axes of some lines.
 
     Attributes
@@ -148,7 +148,7 @@ class Samples:
     ends: NDArray[np.float64]
 
     @classmethod
-    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
+    def joined(cls, parts: Sequence["ForceSamples"]) -> "ForceSamples":
         """Return the samples of several courses on the same lines, whose forces add up."""
         line, xi, weight, forces = (
             np.concatenate([getattr(p, key) for p in parts]) for key in ("line", "xi", "weight", "forces")
@@ -156,7 +156,7 @@ class Samples:
         return cls(line, xi, weight, forces, np.sum([p.ends for p in parts], axis=0))
 
 
-def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses: Courses) -> Samples:
+def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses: Courses) -> ForceSamples:
     """Return the section forces of lines at points of quadrature; members without a course have none.
 
     Parameters
@@ -201,7 +201,7 @@ def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses:
     inner, left, right = np.split(found, [len(places), len(places) + len(between)])
     at_ends = np.zeros((len(g.L), 2, 6))
     at_ends[some, 0], at_ends[some, 1] = left, right
-    return Samples(
+    return ForceSamples(
         some[each],
         (places - ends[each, 0]) / span[each],
         (length[:, None] * _WEIGHTS).ravel() * (axis / span)[each],
@@ -210,7 +210,7 @@ def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses:
     )
 
 
-def stress_stiffness(g: Lines, samples: Samples) -> Array:
+def stress_stiffness(g: Lines, samples: ForceSamples) -> Array:
     """Return the geometric stiffness of lines under section forces, global, shape (b, 12, 12).
 
     The second derivative of ∫ (n·Γ₂ + m·κ₂) dx. In it N (v'² + w'²)/2 has the axis' full slope, shear

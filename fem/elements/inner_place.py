@@ -165,7 +165,8 @@ def inner_place(
     WW = (spread @ moved).sum(axis=0)
     if cuts and (0 < np.real(x) < 1 or not g.soft.size):  # a place at a node of springs is the node
         M, rigid, S, Q = slip
-        M = M - _slip_of_nodes(g) @ M
+        # less the slips of the ends in their connections by the motion of the nodes
+        M = M - _slip_by(g, local_stiffness(with_rigid_ends(g))[0]) @ M
         jump = _jumps(at_cuts, M, rigid, np.array([x]), local[None])[0]
         jumps = _jumps(at_cuts, M, rigid, s, shapes)
         N, F = N + G @ jump @ S @ Q.T, F + jump @ S @ jump.T
@@ -214,11 +215,6 @@ def _slips(g: Lines, x: Any) -> Array:
     if 0 < np.real(x) < 1:
         return _slip_by(g, local.T)
     return np.zeros((12, 6), dtype=local.dtype)
-
-
-def _slip_of_nodes(g: Lines) -> Array:
-    """Return the slips (12, 12) of a line's ends in their connections by the motion of its nodes."""
-    return _slip_by(g, local_stiffness(with_rigid_ends(g))[0])
 
 
 def _slip_by(g: Lines, force: Array) -> Array:

@@ -133,16 +133,26 @@ def form_lines(
     b = len(rows)
     factors = np.ones((2, b)) if shear_factors is None else shear_factors
     return Lines(
-        rows=rows, dofs=dofs_of(mesh.lines[rows]).reshape(b, 12),
-        T=_end_maps(R, end) if maps else np.zeros((b, 0, 0)), soft=np.zeros(0, dtype=np.int64),
-        slip=np.zeros((0, 12, 12)), ends=np.zeros((0, 12)), fixed=np.zeros((0, 12), dtype=bool),
-        R=R, end=end, zone=layout.zone[rows], span=span, L=L, **table,
+        rows=rows,
+        dofs=dofs_of(mesh.lines[rows]).reshape(b, 12),
+        T=_end_maps(R, end) if maps else np.zeros((b, 0, 0)),
+        soft=np.zeros(0, dtype=np.int64),
+        slip=np.zeros((0, 12, 12)),
+        ends=np.zeros((0, 12)),
+        fixed=np.zeros((0, 12), dtype=bool),
+        R=R,
+        end=end,
+        zone=layout.zone[rows],
+        span=span,
+        L=L,
+        **table,
         phi_y=_shear_parameter(table, "Iz", "ky", L, change.shear),
         phi_z=_shear_parameter(table, "Iy", "kz", L, change.shear),
         tapered=layout.taper[rows] >= 0,
         stations=_stations(layout, rows, span, change, factors),
-        E=E, rho=rho,
-    )  # fmt: skip
+        E=E,
+        rho=rho,
+    )
 
 
 def _constants_of(

@@ -54,7 +54,7 @@ class Front:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class EliminationPlan:
     """The order of elimination of a pattern of entries.
 
     Attributes
@@ -227,7 +227,7 @@ def _postorder(parent: list[int]) -> list[int]:
     return out[::-1]
 
 
-def plan_elimination(A: Any, leaf: int = LEAF) -> Plan:
+def plan_elimination(A: Any, leaf: int = LEAF) -> EliminationPlan:
     """Order the elimination of a matrix with a symmetric pattern of entries.
 
     Parameters
@@ -266,7 +266,7 @@ def plan_elimination(A: Any, leaf: int = LEAF) -> Plan:
         rows = _spread(first_of, boundary)
         children = [(c, fronts[c].boundary) for c in waiting.pop(k)]
         fronts.append(_front(int(first_of[begin]), int(first_of[node]), rows, children, lower))
-    return Plan(permutation, tuple(fronts), entry, lower.indptr, A.indptr, A.indices)
+    return EliminationPlan(permutation, tuple(fronts), entry, lower.indptr, A.indptr, A.indices)
 
 
 def _alike(A: Any) -> NDArray[np.int64]:
@@ -329,12 +329,12 @@ def _runs(at: NDArray[np.int64], p: int) -> list[tuple[int, int, int]]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
+class FactorBlocks:
     """A factorised matrix.
 
     Attributes
     ----------
-    plan : Plan
+    plan : EliminationPlan
     diagonal : list of (ndarray (p, p), ndarray or None)
         For each front the Cholesky factor of its diagonal block and None, or its LU factors and pivots.
     edge : list of ndarray (b, p)
@@ -343,7 +343,7 @@ class Blocks:
         Number of negative eigenvalues; None if the matrix is complex.
     """
 
-    plan: Plan
+    plan: EliminationPlan
     diagonal: list[tuple[NDArray[Any], NDArray[Any] | None]]
     edge: list[NDArray[Any]]
     negative: int | None
@@ -387,7 +387,7 @@ def _kernels(dtype: np.dtype[Any]) -> tuple[Any, Any, Any, Any]:
     return blas.dtrsm, blas.dsyrk, lapack.dgetrf, lapack.dgetrs
 
 
-def factorise_blocks(A: Any, plan: Plan) -> Blocks:
+def factorise_blocks(A: Any, plan: EliminationPlan) -> FactorBlocks:
     """Factorise a symmetric matrix, real or complex, with the pattern of a plan.
 
     A front's diagonal block gets a Cholesky factor if it is real and positive definite, and LU with partial
@@ -397,7 +397,7 @@ def factorise_blocks(A: Any, plan: Plan) -> Blocks:
     Parameters
     ----------
     A : csc_array (n, n)
-    plan : Plan
+    plan : EliminationPlan
 
     Raises
     ------
@@ -433,7 +433,7 @@ def factorise_blocks(A: Any, plan: Plan) -> Blocks:
         edge.append(E)
         if S.size:
             rest[k] = S
-    return Blocks(plan, diagonal, edge, negative if real else None)
+    return FactorBlocks(plan, diagonal, edge, negative if real else None)
 
 
 def _add_remainder(

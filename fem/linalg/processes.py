@@ -48,7 +48,7 @@ def command() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class ProcessEigenpairs:
     """Result of the processes.
 
     Attributes
@@ -72,7 +72,7 @@ class Found:
 
 def lowest_by_processes(
     K: Any, M: Any, shift: float, n: int, known: NDArray[np.float64], start: tuple[str, ...] | None = None
-) -> Found:
+) -> ProcessEigenpairs:
     """Compute the n lowest eigenpairs besides known ones by Krylov-Schur iteration.
 
     The inertia of K - μM, with μ just above the last pair that is apart from the next, counts the eigenvalues
@@ -111,7 +111,7 @@ def lowest_by_processes(
         vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
     following = float(eigenvalues[n]) if len(eigenvalues) > n else np.inf
     usage = found["processes"]
-    return Found(
+    return ProcessEigenpairs(
         RitzPairs(eigenvalues[:n], vectors[:, :n], residual[:n], following),
         found["n_below"],
         tuple(p["cpu_seconds"] for p in usage),

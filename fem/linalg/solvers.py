@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
-from fem.linalg.multifrontal import Plan, factorise_blocks, plan_elimination
+from fem.linalg.multifrontal import EliminationPlan, factorise_blocks, plan_elimination
 
 SMALL = 1000
 """Matrices of fewer equations are left to SuperLU."""
@@ -46,7 +46,7 @@ class Factor:
         raises a `ValueError` if the matrix is complex, or if the factorisation did not keep to the diagonal.
     backend : str
         Which of `BACKENDS` made it.
-    plan : Plan or None
+    plan : EliminationPlan or None
         The order of elimination, for other matrices with the same pattern of entries.
     matrix : sparse (n, n), optional
         The matrix: another process factorises it again, as factors are not sent.
@@ -55,7 +55,7 @@ class Factor:
     solve: Callable[[NDArray[Any]], NDArray[Any]]
     count_negative: Callable[[], int]
     backend: str
-    plan: Plan | None = None
+    plan: EliminationPlan | None = None
     matrix: Any = None
 
     def __reduce__(self) -> tuple[Any, ...]:

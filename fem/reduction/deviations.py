@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fem.model import Contribution
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 
 TINY = 1e-12
 """Smaller parts of the largest entry do not count in single precision: three of them are not subnormal."""
@@ -106,7 +106,7 @@ class DeviatingFRF(ParametricFRF):
         self._constant: tuple[NDArray[np.float32], Floats] | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
-    def matrices(self, values: Floats) -> tuple[dict[str, Any], list[Term]]:
+    def matrices(self, values: Floats) -> tuple[dict[str, Any], list[ReducedTerm]]:
         """Return the sums of all matrices but losses, and single terms."""
         total, alone = super().matrices(values)
         size = values[self._rows[0]]
@@ -137,7 +137,7 @@ class DeviatingFRF(ParametricFRF):
         state: ModalSolution,
         Xi: Complexes,
         total: Mapping[str, Any],
-        alone: Sequence[Term],
+        alone: Sequence[ReducedTerm],
     ) -> tuple[Complexes, Complexes]:
         """Return dH by the parameters and deviations, and by ζ, in single precision.
 
@@ -190,7 +190,7 @@ class DeviatingFRF(ParametricFRF):
         values: Floats,
         state: ModalSolution,
         total: Mapping[str, Any],
-        alone: Sequence[Term],
+        alone: Sequence[ReducedTerm],
         *,
         connections: bool,
     ) -> tuple[list[int], list[Any], NDArray[np.float32]]:

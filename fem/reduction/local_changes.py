@@ -15,7 +15,7 @@ from fem.recent import Recent
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.series import terms_in_series
-from fem.reduction.terms import Term, law_parts, motions_of
+from fem.reduction.terms import ReducedTerm, law_parts, motions_of
 
 _MANY = 12
 """Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
@@ -181,13 +181,13 @@ class LocalChanges:
         """
         return self.with_terms([self._term(effect) for effect in effects])
 
-    def _term(self, effect: Effect) -> Term:
+    def _term(self, effect: Effect) -> ReducedTerm:
         """Return what an effect adds to the state."""
         engine = self.engine
         in_series = terms_in_series(engine.reduced, [effect], engine.candidates, self.values)
         return engine.reduced.value_of(effect) if in_series is None else in_series[0]
 
-    def with_terms(self, terms: Sequence[Term]) -> list[NDArray[np.complex128]]:
+    def with_terms(self, terms: Sequence[ReducedTerm]) -> list[NDArray[np.complex128]]:
         """Return the same for effects that are projected already.
 
         Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together. A term
@@ -196,7 +196,7 @@ class LocalChanges:
         out = [self.H] * len(terms)
         factors = self.engine.factors(self.state)
         groups: dict[Any, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
-        rows: dict[Any, Term] = {}
+        rows: dict[Any, ReducedTerm] = {}
         for i, full in enumerate(terms):
             term = self.engine.restrict(full)
             parts = term.parts(factors, self.engine.omega)
@@ -228,7 +228,7 @@ class LocalChanges:
                 out[i] = self.H - change[:, :, g]
         return out
 
-    def _anew(self, term: Term) -> NDArray[np.complex128]:
+    def _anew(self, term: ReducedTerm) -> NDArray[np.complex128]:
         engine, total = self.engine, dict(self.total)
         engine.add(total, term, 1.0)
         damped = None if term.damps(self.zeta.ndim > 1) else self.damped
@@ -237,7 +237,7 @@ class LocalChanges:
         )
         return np.moveaxis(times((state.V.T @ engine.outputs).T, state.solve(engine.inputs)), 2, 0)
 
-    def _place(self, term: Term, matrices: list[NDArray[np.float64]]) -> _Place:
+    def _place(self, term: ReducedTerm, matrices: list[NDArray[np.float64]]) -> _Place:
         """Return the responses at the motions that a term's matrices act on (computed once).
 
         The flexibility of the structure that the basis lacks is added there.

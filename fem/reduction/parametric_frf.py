@@ -15,7 +15,7 @@ from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, t
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
-from fem.reduction.terms import Term, combined
+from fem.reduction.terms import ReducedTerm, combined
 
 _Forces = dict[int, NDArray[np.complex128]]
 """Forces (m, n_in, n_freq) of parameters, by their rows."""
@@ -33,7 +33,7 @@ def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Scaled:
+class _ScaledEffect:
     """An effect whose matrices are only multiplied by parameters of other effects.
 
     ``parameters`` are the rows of its parameters and their values in ``start``, the term there. That and the
@@ -44,8 +44,8 @@ class _Scaled:
     effect: Effect
     parameters: tuple[tuple[int, float], ...]
     foreign: tuple[tuple[int, float, Mapping[str, int]], ...]
-    start: Term | None
-    slopes: list[Term] | None
+    start: ReducedTerm | None
+    slopes: list[ReducedTerm] | None
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -124,8 +124,8 @@ class ParametricFRF:
         ix = np.ix_(self.active, self.active)
         self._fixed: dict[str, Any] = {key: X[ix].copy() for key, X in reduced.base_sum.items()}
         self._fixed["laws"] = [(f(np.real(self.omega)), X[ix]) for f, X in reduced.base_laws]
-        self._linear: list[tuple[int, float, Term]] = []
-        self._scaled: list[_Scaled] = []
+        self._linear: list[tuple[int, float, ReducedTerm]] = []
+        self._scaled: list[_ScaledEffect] = []
         self._nonlinear: list[tuple[Effect, list[int], list[int]]] = []
         for name, effect in effects.items():
             rows = wanted.get(name, [])
@@ -159,16 +159,18 @@ class ParametricFRF:
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
-        self._last: tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[Term]] | None
+        self._last: (
+            tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[ReducedTerm]] | None
+        )
         self._last = None
-        self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[Term]] | None = None
+        self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[ReducedTerm]] | None = None
 
-    def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[Term]]]:
+    def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[ReducedTerm]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
 
         Their terms there are summed over few DOFs before they are spread over the basis.
         """
-        groups: dict[Any, list[tuple[int, float, Term]]] = {}
+        groups: dict[Any, list[tuple[int, float, ReducedTerm]]] = {}
         for i, start, term in self._linear:
             alone = term.L is None or bool(term.laws)
             groups.setdefault(i if alone else (term.place, term.connection), []).append((i, start, term))
@@ -177,7 +179,7 @@ class ParametricFRF:
 
     def _as_scaled(
         self, effect: Effect, rows: Sequence[int], free: Sequence[Parameter], foreign: Sequence[int]
-    ) -> _Scaled | None:
+    ) -> _ScaledEffect | None:
         """Return an effect whose matrices are only multiplied by parameters of others; None for another."""
         known, nominal = [], self.reduced.nominal
         for i in foreign:
@@ -192,9 +194,11 @@ class ParametricFRF:
             slopes = [self.restrict(self.reduced.derivative_of(effect, p.name, p.value)) for p in free]
             if not all(np.array_equal(start.dofs, s.dofs) for s in slopes):  # type: ignore[arg-type]
                 start = slopes = None
-        return _Scaled(effect, parameters, tuple(known), start, slopes)
+        return _ScaledEffect(effect, parameters, tuple(known), start, slopes)
 
-    def damped_range(self, zeta: NDArray[np.float64], now: Sequence[Term]) -> NDArray[np.float64] | None:
+    def damped_range(
+        self, zeta: NDArray[np.float64], now: Sequence[ReducedTerm]
+    ) -> NDArray[np.float64] | None:
         """Return an orthonormal basis (r, k) of the range of local damping and laws at any values.
 
         None where it depends on the values; ``now`` are the terms of :meth:`matrices` there.
@@ -217,7 +221,7 @@ class ParametricFRF:
         self._damped[connections] = np.zeros((self._n, 0)) if U is None else U
         return self._damped[connections]
 
-    def restrict(self, term: Term) -> Term:
+    def restrict(self, term: ReducedTerm) -> ReducedTerm:
         """Return a term on the active coordinates, without those of constraints that hold."""
         if self._all_active:
             return term
@@ -228,11 +232,11 @@ class ParametricFRF:
         laws = tuple((f, X[ix]) for f, X in term.laws)
         return replace(term, K=K, M=M, C=C, D=D, laws=laws)
 
-    def _add_fixed(self, term: Term, factor: float) -> None:
+    def _add_fixed(self, term: ReducedTerm, factor: float) -> None:
         term = self.restrict(term)
         self.add(self._fixed, term, factor)
 
-    def add(self, total: dict[str, Any], term: Term, factor: float) -> None:
+    def add(self, total: dict[str, Any], term: ReducedTerm, factor: float) -> None:
         """Add a multiple of a term to sums of matrices; arrays in ``total`` are replaced, never changed."""
         for key in "KMCD":
             X = getattr(term, key)
@@ -271,8 +275,12 @@ class ParametricFRF:
         self._anchor = (values, *ParametricFRF.matrices(self, values))
 
     def _matrices_near(
-        self, values: NDArray[np.float64], there: NDArray[np.float64], sums: dict[str, Any], known: list[Term]
-    ) -> tuple[dict[str, Any], list[Term]]:
+        self,
+        values: NDArray[np.float64],
+        there: NDArray[np.float64],
+        sums: dict[str, Any],
+        known: list[ReducedTerm],
+    ) -> tuple[dict[str, Any], list[ReducedTerm]]:
         """Return the results of :meth:`matrices` from those ``there``, where no effect is ``_nonlinear``."""
         total, alone, moved = dict(sums), list(known), values != there
         for rows, _, terms in self._together:
@@ -286,7 +294,7 @@ class ParametricFRF:
                 self.add(total, term.scaled(scaled.factors(at)) if scaled.foreign else term, sign)
         return total, alone
 
-    def _term_of(self, scaled: _Scaled, values: NDArray[np.float64]) -> Term:
+    def _term_of(self, scaled: _ScaledEffect, values: NDArray[np.float64]) -> ReducedTerm:
         """Return the term of an effect before parameters of others multiply it."""
         term = scaled.start
         if term is None:
@@ -295,7 +303,7 @@ class ParametricFRF:
             term = term.plus(slope, values[i] - begin)
         return term
 
-    def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[Term]]:
+    def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[ReducedTerm]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
         if self._anchor is not None and not self._nonlinear:
             return self._matrices_near(values, *self._anchor)
@@ -313,7 +321,7 @@ class ParametricFRF:
 
     def solve(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64]
-    ) -> tuple[ModalSolution, dict[str, Any], list[Term]]:
+    ) -> tuple[ModalSolution, dict[str, Any], list[ReducedTerm]]:
         """Return the state at some values, and the results of :meth:`matrices` there."""
         total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
@@ -329,15 +337,19 @@ class ParametricFRF:
         """Return outputs (r, n_out) and inputs (r, n_in) at some values."""
         return self.outputs, self.inputs
 
-    def slopes(self, values: NDArray[np.float64], alone: Sequence[Term]) -> list[tuple[int, Term]]:
+    def slopes(
+        self, values: NDArray[np.float64], alone: Sequence[ReducedTerm]
+    ) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
         slopes = [(i, term) for i, _, term in self._linear]
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
             for k, i in enumerate(scaled.rows):
-                slope = scaled.slopes[k] if scaled.slopes is not None else self.restrict(
-                    self.reduced.derivative_of(now, self.refs[i][1], float(values[i]))
-                )  # fmt: skip
+                slope = (
+                    scaled.slopes[k]
+                    if scaled.slopes is not None
+                    else self.restrict(self.reduced.derivative_of(now, self.refs[i][1], float(values[i])))
+                )
                 slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
@@ -402,7 +414,7 @@ class ParametricFRF:
         state: ModalSolution,
         Xi: NDArray[np.complex128],
         total: Mapping[str, Any],
-        alone: Sequence[Term],
+        alone: Sequence[ReducedTerm],
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return dH by the parameters and by ζ, from the results of :meth:`solve`."""
         n_par, connections = len(self.refs), zeta.ndim > 1
@@ -429,12 +441,15 @@ class ParametricFRF:
         """Return the factors of K, M, C and D in Z, each (n_freq,)."""
         omega = self.omega
         return {
-            "K": state.stiffness, "connections": state.connections, "M": state.mass, "C": 1j * omega,
+            "K": state.stiffness,
+            "connections": state.connections,
+            "M": state.mass,
+            "C": 1j * omega,
             "D": np.full(len(omega), 1j),
-        }  # fmt: skip
+        }
 
     def _slope_forces(
-        self, slopes: Sequence[tuple[int, Term]], state: ModalSolution, Xi: NDArray[np.complex128]
+        self, slopes: Sequence[tuple[int, ReducedTerm]], state: ModalSolution, Xi: NDArray[np.complex128]
     ) -> tuple[_Forces, list[tuple[NDArray[np.float64], _Forces]]]:
         """Return dZ Hᵢ of the parameters: of those that act everywhere, in modal coordinates, and at places.
 
@@ -443,7 +458,7 @@ class ParametricFRF:
         """
         factors, n_out, n_in = self.factors(state), self.outputs.shape[1], Xi.shape[1]
         everywhere: _Forces = {}
-        groups: dict[bytes, list[tuple[int, Term]]] = {}
+        groups: dict[bytes, list[tuple[int, ReducedTerm]]] = {}
         places = []
         for i, term in slopes:
             if term.L is not None:

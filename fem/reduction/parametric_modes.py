@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import Lacking, ReducedModel
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 
 FIRST_ORDER = 0.01
 """Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]."""
@@ -104,7 +104,7 @@ class ParametricModes:
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
-        self._last: tuple[bytes, list[Term]] | None = None
+        self._last: tuple[bytes, list[ReducedTerm]] | None = None
 
     def at(self, values: Floats, zeta: Floats) -> "ModesAt":
         """Return the modes at some values.
@@ -121,7 +121,7 @@ class ParametricModes:
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
         return ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
 
-    def slopes(self, values: Floats) -> list[tuple[int, Term]]:
+    def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices by parameters, with these."""
         values = np.asarray(values, dtype=float)
         known = self._last is not None and self._last[0] == values.tobytes()
@@ -171,9 +171,7 @@ class ModesAt:
         """Return the modes within the range of some vectors (r, m)."""
         total: dict[str, Any] = {key: W.T @ X @ W for key, X in self._total.items() if key != "laws"}
         total["laws"] = [(f, W.T @ X @ W) for f, X in self._total["laws"]]
-        return ModesAt(
-            self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W
-        )  # fmt: skip
+        return ModesAt(self.reduced, self.omega, self._zeta, total, W.T @ self.outputs, self.columns @ W)
 
     def with_lacking(self, shapes: Lacking, stiffer: float, heavier: float) -> "ModesAt":
         """Return the modes with shapes that the basis lacks as more coordinates.
@@ -196,7 +194,7 @@ class ModesAt:
         columns = sla.block_diag(self.columns, np.eye(k))
         return ModesAt(self.reduced, self.omega, self._zeta, total, outputs, columns)
 
-    def with_term(self, term: Term) -> "ModesAt":
+    def with_term(self, term: ReducedTerm) -> "ModesAt":
         """Return the modes with a term, on the basis's columns, added to the matrices."""
         P = self.columns if term.L is None else term.L @ self.columns
         total = dict(self._total)
@@ -311,7 +309,7 @@ class ModesAt:
         return [DampedMode(complex(v), p.vectors @ z) for v, p, z in zip(values, pairs, y, strict=True)]
 
     def slopes(
-        self, modes: Sequence[tuple[int, int, DampedMode]], terms: Sequence[tuple[int, Term]], n: int
+        self, modes: Sequence[tuple[int, int, DampedMode]], terms: Sequence[tuple[int, ReducedTerm]], n: int
     ) -> tuple[Complexes, list[Complexes]]:
         """Return dλ (n, n_modes), and for each mode dφ at the outputs (n, n_out), by n changes of matrices.
 
@@ -322,16 +320,19 @@ class ModesAt:
         ----------
         modes : sequence of (int, int, DampedMode)
             Frequency, mode and what :meth:`damped` gave.
-        terms : sequence of (int, Term)
+        terms : sequence of (int, ReducedTerm)
             Changes with their numbers, on these coordinates.
         n : int
         """
         omega = self.omega
         at = [i for i, _, _ in modes]
         factors = {
-            "K": self._members, "connections": self._connections, "C": 1j * omega,
-            "D": np.full(len(omega), 1j), "M": np.zeros(len(omega), dtype=complex),
-        }  # fmt: skip
+            "K": self._members,
+            "connections": self._connections,
+            "C": 1j * omega,
+            "D": np.full(len(omega), 1j),
+            "M": np.zeros(len(omega), dtype=complex),
+        }
         for i, _, mode in modes:
             factors["M"][i] = -mode.eigenvalue
         x = np.stack([mode.vector for _, _, mode in modes], axis=1)

@@ -18,10 +18,10 @@ from fem.model import Contribution, Effect, Model, ParameterRef, parameter_value
 from fem.recent import Recent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.sums import Sums
-from fem.reduction.terms import STEP, Term, acting, law_parts, motions_of, real_or_slope, static_part
+from fem.reduction.terms import STEP, ReducedTerm, acting, law_parts, motions_of, real_or_slope, static_part
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
-from fem.tabulated import Tabulated
+from fem.tabulated import TabulatedEffect
 
 LOCAL_LIMIT, LOCAL_SHARE = 60, 0.25
 """Contributions that touch at most this many DOFs, or as many as this share of the basis's vectors, are kept
@@ -124,7 +124,7 @@ class ReducedModel:
     full: FullModelResults = field(default_factory=FullModelResults, repr=False)
     # Of effects of the model, by their names: their projections ("") and those of their derivatives by linear
     # parameters.
-    _terms: dict[tuple[str, str], Term] = field(default_factory=dict, init=False, repr=False)
+    _terms: dict[tuple[str, str], ReducedTerm] = field(default_factory=dict, init=False, repr=False)
     # Of effects of the model that are sums over their parameters: the fixed matrices of these.
     _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
     # Of any effects, by all their fields but one: the projected matrices for a unit of that one.
@@ -197,7 +197,7 @@ class ReducedModel:
             out._summed[name] = np.stack([out._larger(X, full, self.basis) for X, full in pairs])
         return out
 
-    def _grown(self, term: Term, before: Basis, name: str, parameter: str) -> Term | None:
+    def _grown(self, term: ReducedTerm, before: Basis, name: str, parameter: str) -> ReducedTerm | None:
         """Return the term of an effect of the model, or its slope, from that on the basis which was extended.
 
         Only the part of the new vectors is projected. None for one with laws that act on many DOFs, which is
@@ -295,7 +295,7 @@ class ReducedModel:
         inverse: Any = np.linalg.inv((total["K"] - self.basis.shift * total["M"])[others, others])
         return inverse
 
-    def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
+    def project(self, contributions: Sequence[Contribution], imaginary: bool = False) -> ReducedTerm:
         """Project contributions; ``imaginary`` takes the complex-step derivative instead of the value."""
         if (alike := self._alike(contributions, imaginary)) is not None:
             return alike
@@ -316,7 +316,7 @@ class ReducedModel:
             if imaginary and few and not any(c.law for c in contributions):
                 static = [static_part(c, imaginary) for c in contributions]
                 K, M, C, D = (_congruent(T, static, key) for key in "KMCD")
-                return Term(None, K, M, C, D)
+                return ReducedTerm(None, K, M, C, D)
             n, T = len(dofs), T[dofs]
             renumbered = [replace(c, dofs=np.searchsorted(dofs, c.dofs)) for c in contributions]
             full = sum_contributions(tuple(static_part(c, imaginary) for c in renumbered), n)
@@ -327,7 +327,7 @@ class ReducedModel:
                 for factor, X in law_parts(c, imaginary)
             ]
             K, M, C, D = (T.T @ (X @ T) if X.nnz else None for X in full)
-            return Term(None, K, M, C, D, tuple((factor, T.T @ (X @ T)) for factor, X in laws))
+            return ReducedTerm(None, K, M, C, D, tuple((factor, T.T @ (X @ T)) for factor, X in laws))
 
         def summed(pairs: Sequence[tuple[Contribution, Any]]) -> NDArray[Any] | None:
             present = [(c, X) for c, X in pairs if X is not None]
@@ -348,9 +348,9 @@ class ReducedModel:
             for factor, X in law_parts(c, imaginary)
         ]
         laws = tuple((f, X) for f, X in laws if X is not None)
-        return Term(T[dofs], K, M, C, D, laws, dofs)
+        return ReducedTerm(T[dofs], K, M, C, D, laws, dofs)
 
-    def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> Term | None:
+    def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> ReducedTerm | None:
         """Project elements that have one symmetric matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
 
         The inner sums are computed once for all matrices: one costs the same on any mesh. It is less than by
@@ -370,19 +370,19 @@ class ReducedModel:
             return None if part is None else np.tensordot(part[first, second], pairs, axes=1)
 
         K, M, C, D = map(total, (c.K, c.M, c.C, c.D))
-        return Term(None, K, M, C, D)
+        return ReducedTerm(None, K, M, C, D)
 
-    def value_of(self, effect: Effect, model: Model | None = None) -> Term:
+    def value_of(self, effect: Effect, model: Model | None = None) -> ReducedTerm:
         """Project an effect at its present values, on the nominal model or on one with other values."""
         if model is None and (table := self._table_of(effect)) is not None:
             K, M = table.matrices(parameter_values(effect))
-            return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+            return ReducedTerm(self._rows(table.dofs), K, M, None, None, (), table.dofs)
         if model is None and (sums := self._sums_of(effect)) is not None:
             return self._sum(effect, sums.factors(parameter_values(effect)))
         unit = None if model else self._unit(effect)
         return unit[0].times(unit[1]) if unit else self._of(effect, (model or self.model).parts_of(effect))
 
-    def _table_of(self, effect: Effect) -> Tabulated | None:
+    def _table_of(self, effect: Effect) -> TabulatedEffect | None:
         """Return the tables of an effect that has some and touches few DOFs."""
         table = effect.tabulated(self.model) if self.model.ground is None else None
         few = table is not None and len(table.dofs) <= max(LOCAL_LIMIT, LOCAL_SHARE * self.basis.T.shape[1])
@@ -396,7 +396,7 @@ class ReducedModel:
             self.full.sums[effect.name] = Sums.of(effect, self.model)
         return self.full.sums[effect.name]
 
-    def _sum(self, effect: Effect, factors: NDArray[np.float64], which: slice = _ALL) -> Term:
+    def _sum(self, effect: Effect, factors: NDArray[np.float64], which: slice = _ALL) -> ReducedTerm:
         """Return the sum of some of an effect's fixed matrices multiplied by factors."""
         sums, T = self.full.sums[effect.name], self.basis.T
         if effect.name not in self._summed:
@@ -404,14 +404,14 @@ class ReducedModel:
         matrices, keys = self._summed[effect.name][which], sums.keys[which]
         by_key = np.where(keys == np.array(list("KMD"))[:, None], factors, 0.0)
         K, M, D = (by_key @ matrices.reshape(len(keys), -1)).reshape(3, *matrices.shape[1:])
-        return Term(None, K, M, None, D if "D" in keys else None)
+        return ReducedTerm(None, K, M, None, D if "D" in keys else None)
 
     def _rows(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the basis at some DOFs."""
         rows: NDArray[np.float64] = self._dofs.get(dofs.tobytes(), lambda: self.basis.T[dofs])
         return rows
 
-    def _unit(self, effect: Effect) -> tuple[Term, float] | None:
+    def _unit(self, effect: Effect) -> tuple[ReducedTerm, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
 
         It is computed once for all values of that parameter, and kept for the last ``_UNITS`` of all others.
@@ -428,21 +428,25 @@ class ReducedModel:
         unit = self._units.get(key, lambda: self._slope_of(effect, p.name, p.value, self.model))
         return None if unit.laws else (unit, p.value)
 
-    def derivative_of(self, effect: Effect, parameter: str, value: float, model: Model | None = None) -> Term:
+    def derivative_of(
+        self, effect: Effect, parameter: str, value: float, model: Model | None = None
+    ) -> ReducedTerm:
         """Project an effect's derivative with respect to one of its parameters, by a complex step."""
         if model is None and (table := self._table_of(effect)) is not None:
             K, M = table.slopes(parameter_values(effect) | {parameter: value}, parameter)
-            return Term(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+            return ReducedTerm(self._rows(table.dofs), K, M, None, None, (), table.dofs)
         if model is None and (sums := self._sums_of(effect)) is not None:
             return self._sum(effect, *sums.slopes(parameter, value))
         unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
         return unit[0] if unit else self._slope_of(effect, parameter, value, model or self.model)
 
-    def _slope_of(self, effect: Effect, parameter: str, value: float, model: Model) -> Term:
+    def _slope_of(self, effect: Effect, parameter: str, value: float, model: Model) -> ReducedTerm:
         step = {parameter: value + 1j * STEP}
         return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
-    def foreign_derivative_of(self, effect: Effect, ref: ParameterRef, value: float, model: Model) -> Term:
+    def foreign_derivative_of(
+        self, effect: Effect, ref: ParameterRef, value: float, model: Model
+    ) -> ReducedTerm:
         """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
         return self._of(effect, model.with_values({ref: value + 1j * STEP}).parts_of(effect), True)
 
@@ -457,11 +461,13 @@ class ReducedModel:
             known[key] = scaling_exponents(effect, self.model, ref)
         return known[key]
 
-    def _of(self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False) -> Term:
+    def _of(
+        self, effect: Effect, contributions: Sequence[Contribution], imaginary: bool = False
+    ) -> ReducedTerm:
         return replace(self.project(contributions, imaginary), connection=effect.connection)
 
     @cached_property
-    def base(self) -> dict[str, Term]:
+    def base(self) -> dict[str, ReducedTerm]:
         """The projection of each effect of the model at nominal values."""
         for e in self.model.effects:
             if (e.name, "") not in self._terms:
@@ -506,7 +512,7 @@ class ReducedModel:
         """The factors and matrices of all effects that depend on frequency."""
         return [(f, t.spread(X)) for t in self.base.values() for f, X in t.laws]
 
-    def linear(self, effect: Effect, parameter: str, value: float) -> Term:
+    def linear(self, effect: Effect, parameter: str, value: float) -> ReducedTerm:
         """Return the derivative of an effect of the model with respect to a linear parameter, made once."""
         key = effect.name, parameter
         if key not in self._terms:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from fem.effects.giving_way import GivesWay
 from fem.model import Contribution, Effect, Model, ParameterRef
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 
 
 def with_series(model: Model, candidates: Sequence[Effect], tried: Sequence[Effect] = ()) -> Model:
@@ -32,7 +32,7 @@ def terms_in_series(
     effects: Sequence[Effect],
     candidates: Sequence[Effect],
     values: Mapping[ParameterRef, float],
-) -> tuple[Term, ...] | None:
+) -> tuple[ReducedTerm, ...] | None:
     """Return what one effect, at several values, adds to a reduced model where it is in series with others.
 
     With its element the model's and the candidates' flexibilities change, and that of the effect depends on

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.model import Contribution, Effect, Model
 from fem.system import sum_contributions
-from fem.tabulated import Table
+from fem.tabulated import ChebyshevTable
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Sums:
 
     Attributes
     ----------
-    tables : tuple of (str, Table)
+    tables : tuple of (str, ChebyshevTable)
         A parameter, and factors of the next matrices as functions of its logarithm. Those of one parameter
         follow each other.
     keys : ndarray of str (n,)
@@ -33,7 +33,7 @@ class Sums:
     full : tuple of sparse arrays (n_dof, n_dof)
     """
 
-    tables: tuple[tuple[str, Table], ...]
+    tables: tuple[tuple[str, ChebyshevTable], ...]
     keys: NDArray[np.str_]
     full: tuple[Any, ...]
 
@@ -44,7 +44,7 @@ class Sums:
         Of the values at the nodes the few singular vectors that are not negligible are the fixed matrices.
         """
         nominal = {p.name: p.absent for p in effect.parameters()}
-        tables: list[tuple[str, Table]] = []
+        tables: list[tuple[str, ChebyshevTable]] = []
         keys: list[str] = []
         full: list[Any] = []
         for p in effect.parameters():
@@ -59,7 +59,7 @@ class Sums:
                     def flat(s: float, of: Any = parts, key: str = key) -> Floats:
                         return np.concatenate([getattr(c, key).ravel() for c in of(s)])
 
-                    table = Table.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES, NEGLIGIBLE)
+                    table = ChebyshevTable.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES, NEGLIGIBLE)
                     tables.append((p.name, table))
                     for row in table.parts:
                         of_row = _contributions(like, key, row)

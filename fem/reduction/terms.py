@@ -15,7 +15,7 @@ STEP = 1e-200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Term:
+class ReducedTerm:
     """Matrices on the reduced coordinates, X = Lᵀ x L for X in K, M, C, D.
 
     Attributes
@@ -51,17 +51,17 @@ class Term:
         """A key that terms in factored form at the same DOFs have in common."""
         return (b"" if self.L is None else self.L.tobytes()), self.stiffer
 
-    def times(self, factor: float) -> "Term":
+    def times(self, factor: float) -> "ReducedTerm":
         """Return all matrices multiplied by a factor."""
         K, M, C, D = (None if X is None else factor * X for X in (self.K, self.M, self.C, self.D))
         return replace(self, K=K, M=M, C=C, D=D, laws=tuple((f, factor * X) for f, X in self.laws))
 
-    def scaled(self, factors: Mapping[str, float]) -> "Term":
+    def scaled(self, factors: Mapping[str, float]) -> "ReducedTerm":
         """Return K, M, C and D each multiplied by a factor, laws as they are."""
         parts = {key: None if (X := getattr(self, key)) is None else f * X for key, f in factors.items()}
         return replace(self, **parts)
 
-    def plus(self, other: "Term", factor: float) -> "Term":
+    def plus(self, other: "ReducedTerm", factor: float) -> "ReducedTerm":
         """Return the sum with a multiple of a term on the same coordinates, both without laws."""
 
         def total(key: str) -> NDArray[Any] | None:
@@ -94,7 +94,7 @@ class Term:
         return present + [(f(np.real(omega)), X) for f, X in self.laws if X.any()]
 
 
-def combined(terms: Sequence[Term], factors: NDArray[np.float64]) -> Term:
+def combined(terms: Sequence[ReducedTerm], factors: NDArray[np.float64]) -> ReducedTerm:
     """Return the sum of terms on the same coordinates, each multiplied by a factor."""
     first, *others = terms
     out = first.times(float(factors[0]))

@@ -26,9 +26,7 @@ def shape_fields(shape: str, **dimensions: float) -> dict[str, Any]:
         label = f"{label}, {dimensions['n']} sides"
     if dimensions.get("r"):
         label = f"{label}, r {dimensions['r']:g} m"
-    return {
-        "label": label, "shape": shape, "dimensions": dimensions, "estimated_k": shape not in SOLID,
-    }  # fmt: skip
+    return {"label": label, "shape": shape, "dimensions": dimensions, "estimated_k": shape not in SOLID}
 
 
 def check_positive(shape: str, **sizes: float) -> None:

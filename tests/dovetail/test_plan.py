@@ -24,7 +24,7 @@ from fem.declarations import Relevant
 from fem.model import ModelError
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
-from updating.plan.choose import Chosen
+from updating.plan.choose import ChosenChannels
 from viz.interactive.plan import BLIND
 from viz.plan import render_plan
 
@@ -515,7 +515,7 @@ def test_the_list_of_a_report_chooses_the_kind_that_is_drawn(sound, tmp_path, br
 def test_chosen_channels_are_printed_as_a_study_reads_them(planned, tmp_path):
     """What is printed stands in place of the study's own sensors and forces."""
     m = planned.measurement
-    chosen = Chosen(m.sensors, m.excitations, np.array([0.5]), 0.5)
+    chosen = ChosenChannels(m.sensors, m.excitations, np.array([0.5]), 0.5)
     printed = "\n".join(planning.chosen_lines(chosen)).partition("\nnamed by")[0]
     first = min(STUDY.index(f"[[{table}]]") for table in ("sensors", "excitations"))
     read = load_study(written(tmp_path, printed, STUDY[:first]))

@@ -14,7 +14,7 @@ from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
-from fem.laws import FractionalKelvinVoigt, FractionalZener, Table, Zener
+from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Model, ModelError, lever_matrix
 from fem.reduction.local_changes import LocalChanges
@@ -53,7 +53,7 @@ def test_the_loss_factor_of_a_standard_linear_solid_is_highest_where_it_should_b
 
 
 def test_a_table_gives_what_it_holds_and_is_linear_in_between():
-    table = Table.of([10.0, 30.0], [100 + 5j, 300 + 25j])
+    table = TabulatedLaw.of([10.0, 30.0], [100 + 5j, 300 + 25j])
     storage, loss = table(2 * np.pi * np.array([0.0, 10.0, 25.0, 30.0, 99.0]))
     np.testing.assert_allclose(storage + 1j * loss, [100 + 5j, 100 + 5j, 250 + 20j, 300 + 25j, 300 + 25j])
 
@@ -69,7 +69,7 @@ def test_a_table_gives_what_it_holds_and_is_linear_in_between():
 )
 def test_a_bad_table_is_refused(frequency, stiffness, message):
     with pytest.raises(ModelError, match=message):
-        Table.of(frequency, stiffness)
+        TabulatedLaw.of(frequency, stiffness)
 
 
 def rigid_bar_on(*elements):

@@ -189,9 +189,9 @@ def test_springs_side_by_side_at_one_constraint_are_no_hypothesis():
         for feet in (("S1", "S2"), ("S2",), ("S1",))
     )
     given = SimpleNamespace(candidates=(both, one, other))
-    assert Search.fit_beside(given, (one,)) == [other]
-    assert Search.fit_beside(given, (both,)) == []
-    assert Search.fit_beside(given, ()) == [both, one, other]
+    assert Search.compatible_with(given, (one,)) == [other]
+    assert Search.compatible_with(given, (both,)) == []
+    assert Search.compatible_with(given, ()) == [both, one, other]
 
 
 def test_what_is_alike_at_several_places_is_tried_at_each():

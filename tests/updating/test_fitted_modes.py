@@ -14,7 +14,7 @@ from fem.effects.joint import Joint
 from fem.model import Damping
 from fem.system import assemble, connection_stiffness
 from tests.frames import cross_beam
-from updating.diagnosis.fitted_modes import ModePair, damped_modes, most_changed
+from updating.diagnosis.fitted_modes import FittedModePair, damped_modes, most_changed
 from updating.inference.parameters import DampingCurve
 
 CURVE = DampingCurve(np.array([40.0, 1200.0]), np.array([0.003, 0.003]), 0.5, connections=True)
@@ -94,7 +94,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
 
 def test_a_mode_that_grows_is_none_that_changed_most():
     def pair(k, nominal, fitted):
-        return ModePair(k, k, nominal, fitted, 0.01, 0.01, 0.99)
+        return FittedModePair(k, k, nominal, fitted, 0.01, 0.01, 0.99)
 
     assert most_changed((pair(0, 23.0, -16.0), pair(1, 40.0, 41.0), pair(2, 60.0, 60.1))).index == 1
     assert mode_heading(7, 6, -16.0, 0.0) == "Elastic mode 2: -16 Hz, a motion that grows"

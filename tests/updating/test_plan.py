@@ -52,10 +52,10 @@ def measured_at(model, sensors, forces, noise=0.003, band=BAND, direction=UP):
     return planned_measurement(model, *ends, band, noise)
 
 
-def mapped(model, sensors, forces, *nuisances, noise=0.003, left=0.0, band=BAND, **more):
+def mapped(model, sensors, forces, *nuisances, noise=0.003, discrepancy=0.0, band=BAND, **more):
     """Return the map of a beam along x whose form is right unless it is said otherwise."""
     test = measured_at(model, sensors, forces, noise, band)
-    return plan_test(model, test, nuisances, left=left, **{"model_error": 0.0} | more)
+    return plan_test(model, test, nuisances, discrepancy=discrepancy, **{"model_error": 0.0} | more)
 
 
 def seen_sizes(plan):
@@ -198,7 +198,7 @@ def test_averages_show_what_a_test_with_their_noise_does():
     noisy = mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), noise=4e-3)
     counted = noisy.visibility.problem.data.mask
     test = replace(measured_at(halves(), (0.0, 0.2), (0.0,), 2e-3), compared=counted.astype(float))
-    quiet = plan_test(halves(), test, left=0.0, model_error=0.0, kinds=("point_mass",))
+    quiet = plan_test(halves(), test, discrepancy=0.0, model_error=0.0, kinds=("point_mass",))
     sizes = seen_sizes(with_averages(noisy, 4, 12))
     assert sizes == pytest.approx(seen_sizes(quiet), rel=1e-3)
     assert (sizes < 0.8 * seen_sizes(noisy)).all()
@@ -207,13 +207,13 @@ def test_averages_show_what_a_test_with_their_noise_does():
 @pytest.mark.parametrize("model_error", [0.0, 0.1])
 def test_the_more_a_right_model_leaves_the_larger_effects_it_hides(model_error):
     how = {"kinds": ("point_mass",), "model_error": model_error}
-    plans = [mapped(halves(), (0.0, 0.2), (0.0,), left=left, **how) for left in (0.06, 0.09, 0.15)]
+    plans = [mapped(halves(), (0.0, 0.2), (0.0,), discrepancy=d, **how) for d in (0.06, 0.09, 0.15)]
     sizes = np.array([seen_sizes(p) for p in plans])
     assert (np.diff(sizes, axis=0) > 0).all()
 
 
 def test_what_a_right_model_leaves_below_the_noise_hides_effects_too():
-    plans = [mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), left=left) for left in (0.0, 0.03)]
+    plans = [mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), discrepancy=d) for d in (0.0, 0.03)]
     assert (seen_sizes(plans[1]) > 1.1 * seen_sizes(plans[0])).all()
 
 
@@ -312,7 +312,7 @@ def test_effects_that_are_barely_seen_gain_in_fits_what_the_map_says(masses, kin
 
 def test_beside_what_a_right_model_leaves_effects_gain_what_the_map_says():
     """On average, in data that are drawn; far above the noise the gain is that of an estimated level."""
-    plan = mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), left=0.1)
+    plan = mapped(halves(), (0.0, 0.2), (0.0,), kinds=("point_mass",), discrepancy=0.1)
     x = [x for x in plan.visibility.effects if x.effect.kind == "point_mass"][6]
     effect, rng, gains = x.seen, np.random.default_rng(6), []
     problem, _ = receptance_with(plan.visibility.problem, effect)
@@ -420,7 +420,9 @@ def test_drawn_damping_lies_within_its_prior():
     model = damped(planar(beam(20, effects=(fix(0),))), 0.02)
     first = float(solve_modes(assemble(model), n=1).frequency[0])
     test = measured_at(model, (1.0,), (1.0,), noise=1e-4, band=np.linspace(0.5, 1.5, 45) * first)
-    problem = plan_test(model, test, kinds=("point_mass",), model_error=0.0, left=0.0).visibility.problem
+    problem = plan_test(
+        model, test, kinds=("point_mass",), model_error=0.0, discrepancy=0.0
+    ).visibility.problem
     rng = np.random.default_rng(3)
     peaks = [np.abs(drawn(problem, (), 0.0, rng).frf.H).max() for _ in range(40)]
     assert 0.3 < np.std(np.log(peaks)) < 0.75

@@ -13,7 +13,7 @@ ACROSS = (0.0, 1.0, 0.0)
 
 
 def chosen(sensors, forces, n_sensors, n_forces=None, **more):
-    how = {"kinds": ("point_mass",), "sizes": Relevant(masses=0.02), "model_error": 0.0, "left": 0.0}
+    how = {"kinds": ("point_mass",), "sizes": Relevant(masses=0.02), "model_error": 0.0, "discrepancy": 0.0}
     return choose(halves(), sensors, forces, BAND, n_sensors, n_forces, **how | more)
 
 

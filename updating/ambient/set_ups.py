@@ -97,7 +97,7 @@ def _or_dash(value: float, width: int, digits: int) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Parts:
+class _SetUpParts:
     """One mode's shapes in the set-ups that have it, each of length 1 at the shared channels.
 
     ``values`` and ``std`` are (n_channels, n_parts), NaN and 0 at channels that a set-up does not have.
@@ -110,7 +110,7 @@ class _Parts:
     @classmethod
     def of(
         cls, set_ups: Sequence[AmbientModes], members: Members, channels: Sequence[str], shared: Sequence[str]
-    ) -> "_Parts":
+    ) -> "_SetUpParts":
         at = np.isin(channels, list(shared))
         values = np.full((len(channels), len(members)), np.nan, dtype=complex)
         std = np.zeros(values.shape)
@@ -168,7 +168,7 @@ class _Parts:
         for k, s in np.argwhere(self.std > 0):
             moved = self.values.copy()
             moved[k, s] += self.std[k, s]
-            other = _Parts(moved, self.std, self.shared).joined()
+            other = _SetUpParts(moved, self.std, self.shared).joined()
             other = other * np.sign(np.nansum(other * shape))
             out += np.nan_to_num(other - shape) ** 2
         return np.sqrt(out)
@@ -198,7 +198,7 @@ def merge_set_ups(set_ups: Sequence[AmbientModes]) -> MergedModes:
     order = np.argsort([c[0] for c in columns], kind="stable")
     groups, columns = [groups[k] for k in order], [columns[k] for k in order]
     frequency, frequency_std, zeta, zeta_std, scatter = np.array(columns).reshape(-1, 5).T
-    parts = [_Parts.of(set_ups, g, channels, shared) for g in groups]
+    parts = [_SetUpParts.of(set_ups, g, channels, shared) for g in groups]
     shapes = np.array([p.joined() for p in parts]).reshape(-1, len(channels)).T
     spread = np.array([p.spread() for p in parts]).reshape(-1, len(channels)).T
     largest = np.array([c[np.nanargmax(np.abs(c))] for c in shapes.T])
@@ -206,9 +206,15 @@ def merge_set_ups(set_ups: Sequence[AmbientModes]) -> MergedModes:
     modes = Modes(frequency, shapes / largest, zeta, channels)
     std = spread / np.abs(largest)
     return MergedModes(
-        modes, frequency_std, zeta_std, np.where(np.isnan(shapes), np.nan, std), agreement, scatter,
-        tuple(groups), tuple(set_ups),
-    )  # fmt: skip
+        modes=modes,
+        frequency_std=frequency_std,
+        zeta_std=zeta_std,
+        shape_std=np.where(np.isnan(shapes), np.nan, std),
+        agreement=agreement,
+        scatter=scatter,
+        members=tuple(groups),
+        set_ups=tuple(set_ups),
+    )
 
 
 def _grouped(
@@ -245,16 +251,20 @@ _APART = 1e3
 
 
 def _unlike(
-    set_ups: Sequence[AmbientModes], group: Members, s: int, k: int, channels: Sequence[str],
+    set_ups: Sequence[AmbientModes],
+    group: Members,
+    s: int,
+    k: int,
+    channels: Sequence[str],
     shared: Sequence[str],
-) -> float:  # fmt: skip
+) -> float:
     """Return how unlike a set-up's mode is to a group: 1 - MAC and the distance of frequencies over reach."""
     f, f_std, zeta, _, _ = _values(set_ups, group)
     g, g_std, g_zeta, _, _ = _values(set_ups, {s: k})
     reach = zeta * f + g_zeta * g + CONFIDENCE * np.hypot(f_std, g_std)
     if abs(f - g) > reach:
         return _APART
-    one, two = (_Parts.of(set_ups, each, channels, shared).joined() for each in (group, {s: k}))
+    one, two = (_SetUpParts.of(set_ups, each, channels, shared).joined() for each in (group, {s: k}))
     common = ~(np.isnan(one) | np.isnan(two))
     return 1 - _mac(one, two) + abs(f - g) / reach if common.any() else _APART
 
@@ -281,7 +291,7 @@ def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float, float]:
     return mean, float(max(1.0, scatter) / np.sqrt(weight.sum())), scatter
 
 
-def _agreement(parts: _Parts, shape: Floats) -> float:
+def _agreement(parts: _SetUpParts, shape: Floats) -> float:
     macs = [_mac(shape[parts.shared], column[parts.shared]) for column in parts.values.T]
     two = [(~np.isnan(column[parts.shared])).sum() > 1 for column in parts.values.T]
     return min(macs) if len(macs) > 1 and all(two) else np.nan

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
 from updating.inference.formed import builder, refined
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, build_fine
+from updating.inference.preparation import FitOptions, build_fine
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults
 
@@ -21,18 +22,14 @@ def begin(
     measurement: Measurement,
     nuisances: Sequence[Nuisance] = (),
     *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    **settings: Unpack[FitOptions],
 ) -> FitProblem:
     """Return the problem that a diagnosis begins with, but for the form of the frame.
 
     Parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
     """
-    build = builder(
-        measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
-    )
+    build = builder(measurement, nuisances, model_error=model_error, **settings)
     return build_fine(build, refined(model, model_error), model_error)[0]
 
 

@@ -14,7 +14,7 @@ from fem.model import Effect, Model
 from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
-from updating.diagnosis.candidates import propose
+from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.departures import departed
@@ -30,11 +30,18 @@ from updating.diagnosis.diagnosis import (
     Diagnosis,
 )
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, begin_search, searched
+from updating.diagnosis.evidence.diagnosis import (
+    UNKNOWN,
+    Searched,
+    candidates_for_test,
+    prepare_search,
+    search_of_problem,
+    searched,
+)
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
-from updating.diagnosis.frf_states import ONE_STRUCTURE, begin_change
+from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.belief import TWIN_NATS
@@ -43,7 +50,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES, basis_error, fitted_model
+from updating.inference.preparation import N_FIT_LINES, ProblemOptions, basis_error, fitted_model
 from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault, find_faults, settle_faults
@@ -120,26 +127,34 @@ def diagnose(
         How much is tried.
     """
     started = time.perf_counter()
-    more: dict[str, Any] = {
-        "damping_std": damping_std, "band": band, "kinds": kinds, "exclude": exclude, "n_lines": n_lines,
-        "model_error": model_error, "budget": budget,
-    }  # fmt: skip
-    first = None
+    settings: ProblemOptions = {
+        "damping_std": damping_std,
+        "band": band,
+        "n_lines": n_lines,
+        "model_error": model_error,
+    }
+    measured, first = measurements[0], None
     with workers(processes) as crew, beating(progress or (lambda text, done: None)) as say:
-        more["progress"] = say
+        run: dict[str, Any] = {"progress": say, "crew": crew, "budget": budget}
         if baseline is None:
-            initial = begin_search(model, measurements[0], nuisances, modes=modes, crew=crew, **more)
+            say("reducing the model", 0.0)
+            prepared = prepare_search(model, measured, nuisances, kinds=kinds, exclude=exclude, **settings)
+            say("fitting the uncertain parameters", 0.05)
+            initial = search_of_problem(*prepared, modes=modes, **run)
         else:
-            initial, first = begin_change(
-                model,
+            say("calibrating on the first state", 0.0)
+            first, changed, problem = changed_frf_problem(
+                situated(model, kinds),
                 baseline,
-                measurements[0],
+                measured,
                 nuisances,
                 changes=changes,
                 between=between,
-                crew=crew,
-                **more,
+                **settings,
             )
+            say("comparing the second state", 0.1)
+            candidates = candidates_for_test(changed, measured, kinds, exclude)
+            initial = search_change(first, changed, problem, candidates, between=between, **run)
             measurements = measurements[:1]
         found = _diagnosed(initial, model, measurements, kinds, exclude, model_error, say)
     return replace(_since(found, first), seconds=time.perf_counter() - started)
@@ -208,13 +223,28 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     posterior.append(((UNKNOWN,), done.unknown_probability))
     basis_db = basis_error(problem, current, N_CHECKED)
     return Diagnosis(
-        verdict, reason, tuple(findings), faults, tuple(steps), tuple(rounds), problem.data.noise_db,
-        done.mesh_db, basis_db, max(model_error, floor), floor, problem,
-        fitted_model(done.model, current), _notes(done, gates, basis_db, stated=stated), 0.0,
-        with_last_faults(gates, done.proposed_faults, faults), search.candidates,
-        searched=done, places=tuple((s.name, s.residual_ratio) for s in search.scanned),
-        posterior=tuple(posterior), departures=departed(done, problem, current),
-    )  # fmt: skip
+        verdict=verdict,
+        reason=reason,
+        findings=tuple(findings),
+        faults=faults,
+        steps=tuple(steps),
+        rounds=tuple(rounds),
+        noise_db=problem.data.noise_db,
+        discretisation_db=done.mesh_db,
+        basis_db=basis_db,
+        limit=max(model_error, floor),
+        noise_limit=floor,
+        problem=problem,
+        model=fitted_model(done.model, current),
+        notes=_notes(done, gates, basis_db, stated=stated),
+        seconds=0.0,
+        gates=with_last_faults(gates, done.proposed_faults, faults),
+        candidates=search.candidates,
+        searched=done,
+        places=tuple((s.name, s.residual_ratio) for s in search.scanned),
+        posterior=tuple(posterior),
+        departures=departed(done, problem, current),
+    )
 
 
 def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:
@@ -355,9 +385,17 @@ def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:
 
 def _ranked(effect: Effect, result: FitResult, similarity: float, score: float) -> Ranked:
     return Ranked(
-        effect.name, effect.kind, effect.where, parameters_of(effect, result), result.level, result.fit_db,
-        result.held_out_db, similarity, score, result,
-    )  # fmt: skip
+        name=effect.name,
+        kind=effect.kind,
+        where=effect.where,
+        parameters=parameters_of(effect, result),
+        level=result.level,
+        fit_db=result.fit_db,
+        held_out_db=result.held_out_db,
+        similarity=similarity,
+        score=score,
+        result=result,
+    )
 
 
 def _verdict(done: Searched, faults: Sequence[Fault], gates: Gates) -> tuple[str, str]:

@@ -19,7 +19,7 @@ SAME_SHAPE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class ModePair:
+class FittedModePair:
     """A natural mode of the fitted model and the same one of the nominal model.
 
     Attributes
@@ -82,7 +82,7 @@ def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
     )
 
 
-def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[ModePair, ...]:
+def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[FittedModePair, ...]:
     """Pair the elastic modes of two models of one mesh by their shapes at its points; the second's count."""
     a, b = (np.arange(m.n_rigid, m.n_modes) for m in (nominal, fitted))
     alike = (
@@ -98,20 +98,23 @@ def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[ModePair, 
         if j in partner:
             i = int(a[partner[j]])
             same = replace(
-                same, nominal_index=i, nominal=float(nominal.frequency[i]), nominal_zeta=_zeta(nominal, i),
+                same,
+                nominal_index=i,
+                nominal=float(nominal.frequency[i]),
+                nominal_zeta=_zeta(nominal, i),
                 mac=float(alike[partner[j], j]),
-            )  # fmt: skip
+            )
         out.append(same)
     return tuple(out)
 
 
-def most_changed(pairs: tuple[ModePair, ...]) -> ModePair | None:
+def most_changed(pairs: tuple[FittedModePair, ...]) -> FittedModePair | None:
     """Return the mode whose pole moved farthest for its frequency, |Δω|/ω and Δζ together."""
     known = [p for p in pairs if p.nominal_index >= 0]
     return max(known, key=_change, default=None)
 
 
-def _change(pair: ModePair) -> float:
+def _change(pair: FittedModePair) -> float:
     if pair.nominal * pair.fitted <= 0:  # one that grows has no frequency to compare
         return 0.0
     return float(
@@ -119,8 +122,8 @@ def _change(pair: ModePair) -> float:
     ) + 0.05 * (1 - pair.mac)
 
 
-def _pair(k: int, fitted: Modes) -> ModePair:
-    return ModePair(k, -1, np.nan, float(fitted.frequency[k]), np.nan, _zeta(fitted, k), np.nan)
+def _pair(k: int, fitted: Modes) -> FittedModePair:
+    return FittedModePair(k, -1, np.nan, float(fitted.frequency[k]), np.nan, _zeta(fitted, k), np.nan)
 
 
 def _zeta(modes: Modes, k: int) -> float:

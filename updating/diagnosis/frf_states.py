@@ -8,6 +8,7 @@ difference is left to explain.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,9 @@ from fem.analysis.modes import solve_eigenpairs
 from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.diagnosis import (
-    Searched,
-    candidates_for_test,
-    search_of_problem,
-)
+from updating.diagnosis.evidence.diagnosis import Searched, search_of_problem
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.bases import N_BASES
 from updating.inference.belief import UNKNOWN_ODDS
@@ -32,7 +28,7 @@ from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import DampingCurve, Nuisance
-from updating.inference.preparation import N_FIT_LINES, build_problem, fitted_model
+from updating.inference.preparation import FitOptions, ProblemOptions, build_problem, fitted_model
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected, find_faults
@@ -49,26 +45,20 @@ def calibrate_frfs(
     model: Model,
     before: Measurement,
     nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
+    **settings: Unpack[ProblemOptions],
 ) -> CalibratedFrfs:
-    """Fit uncertain parameters, and the form's, to the FRFs of the first state, and set faults right."""
-    problem, formed = formed_problem(
-        model, before, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
-    )
+    """Fit uncertain parameters, and the form's, to the FRFs of the first state, and set faults right.
+
+    Settings as of :func:`updating.inference.preparation.build_problem`.
+    """
+    problem, formed = formed_problem(model, before, nuisances, **settings)
     problem, null = with_form_of_damping(problem, fit(problem, n_lines=FULL_LINES))
     problem, result, faults = find_faults(problem, problem.assessed(null))
     for _ in range(N_BASES):
         problem = _with_modes_of(fitted_model(formed.formed, result), problem)
         result = fit(problem, n_lines=FULL_LINES, stages=problem.stages[-1:], x_from=result)
     model = fitted_model(formed.formed, result)
-    alone = build_problem(
-        model, before, (), damping_std=damping_std, band=band, n_lines=n_lines, connections=True,
-        model_error=model_error,
-    )  # fmt: skip
+    alone = build_problem(model, before, (), connections=True, **settings)
     without_nuisances = replace(alone, data=problem.data, damping=_at_its_fit(problem.damping, result.zeta))
     return CalibratedFrfs(model, problem, problem.assessed(result), faults, formed.mesh_db, without_nuisances)
 
@@ -94,52 +84,10 @@ def changed_frf_problem(
     *,
     changes: Sequence[Effect] = (),
     between: Between = ONE_STRUCTURE,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    **settings: Unpack[FitOptions],
 ) -> tuple[CalibratedFrfs, Model, FitProblem]:
     """Return the calibration on the first state, and model and problem of the second one.
-
-    Parameters as of :func:`begin_change`.
-    """
-    first = before
-    if isinstance(first, Measurement):
-        first = calibrate_frfs(
-            model, first, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
-            model_error=model_error,
-        )  # fmt: skip
-    changed = first.model.in_environment(*model.environment).with_effect(*changes)
-    problem = build_problem(
-        changed, after, between.nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
-        connections=True, model_error=between.form_share * model_error,
-    )  # fmt: skip
-    data = carried_over(first, corrected(problem.data, first.faults), between.form_share)
-    damping = first.alone.damping
-    if between.damping_std is not None:
-        damping = replace(damping, std=between.damping_std)
-    return first, changed, replace(problem, data=data, damping=damping)
-
-
-def begin_change(
-    model: Model,
-    before: Measurement | CalibratedFrfs,
-    after: Measurement,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    changes: Sequence[Effect] = (),
-    between: Between = ONE_STRUCTURE,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    kinds: Sequence[str] | None = None,
-    exclude: Sequence[str] = (),
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
-    progress: Progress,
-    crew: Workers = ALONE,
-    budget: Budget = NORMAL,
-) -> tuple[Searched, CalibratedFrfs]:
-    """Return a search for what has changed, and the calibration on the first state.
 
     Uncertain parameters have one value in both states of one structure. To the first order they do not matter
     to the difference, so that they stay where the first state has put them. ``between`` names those that
@@ -152,23 +100,55 @@ def begin_change(
     before : Measurement or CalibratedFrfs
         Of the first state, or the calibration on it.
     after : Measurement
+    nuisances, model_error, settings
+        As of :func:`updating.inference.preparation.build_problem`.
     changes : sequence of Effect
         Effects that are known to have come since the first state.
     between : Between
-    nuisances, damping_std, band, kinds, exclude, n_lines, model_error
-        As of :func:`updating.diagnosis.diagnose.diagnose`.
+    """
+    first = before
+    if isinstance(first, Measurement):
+        first = calibrate_frfs(model, first, nuisances, model_error=model_error, **settings)
+    changed = first.model.in_environment(*model.environment).with_effect(*changes)
+    problem = build_problem(
+        changed,
+        after,
+        between.nuisances,
+        connections=True,
+        model_error=between.form_share * model_error,
+        **settings,
+    )
+    data = carried_over(first, corrected(problem.data, first.faults), between.form_share)
+    damping = first.alone.damping
+    if between.damping_std is not None:
+        damping = replace(damping, std=between.damping_std)
+    return first, changed, replace(problem, data=data, damping=damping)
+
+
+def search_change(
+    first: CalibratedFrfs,
+    changed: Model,
+    problem: FitProblem,
+    candidates: tuple[Effect, ...],
+    *,
+    between: Between = ONE_STRUCTURE,
+    progress: Progress,
+    crew: Workers = ALONE,
+    budget: Budget = NORMAL,
+) -> Searched:
+    """Return a search for what has changed that knows the second state without effects.
+
+    Parameters
+    ----------
+    first, changed, problem
+        As returned by :func:`changed_frf_problem`.
+    candidates : tuple of Effect
+    between : Between
     progress : callable
     crew : Workers
     budget : Budget
     """
-    progress("calibrating on the first state", 0.0)
-    first, changed, problem = changed_frf_problem(
-        situated(model, kinds), before, after, nuisances, changes=changes, between=between,
-        damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error,
-    )  # fmt: skip
-    progress("comparing the second state", 0.1)
     formed = Formed(changed, changed, (), first.mesh_db)
-    candidates = candidates_for_test(changed, after, kinds, exclude)
     ranking = FrfRanking(form_share=between.form_share)
     searched = search_of_problem(
         problem, formed, candidates, ranking=ranking, progress=progress, crew=crew, budget=budget
@@ -177,7 +157,7 @@ def begin_change(
         f"the calibrated model misses the first state's FRFs by {first.level * DB_PER_NEPER:.2g} dB; what it "
         "leaves there was taken off the second state's, so that only the change remains"
     )
-    return replace(searched, notes=(*poor_baseline(first), note, *searched.notes)), first
+    return replace(searched, notes=(*poor_baseline(first), note, *searched.notes))
 
 
 def poor_baseline(first: CalibratedFrfs) -> tuple[str, ...]:

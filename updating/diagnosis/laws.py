@@ -25,7 +25,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import Scatter
+from updating.inference.scatter import FormScatter
 from updating.least_squares.loss import pseudo_huber
 
 N_LAWS = 4
@@ -41,7 +41,9 @@ LARGE_MOTION = 0.9
 class LevelRanking(FrfRanking):
     """Ranking for several levels of force, which are fitted together."""
 
-    def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
+    def scatter(
+        self, problem: FitProblem, result: FitResult, size: float | None = None
+    ) -> FormScatter | None:
         """Return nothing: errors of modes are those of linear structures."""
         return None
 
@@ -64,9 +66,15 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     problem = LevelProblem.of(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
-        problem, one.fits.form, candidates, one.tell, scanned=one.scanned, ranking=LevelRanking(),
-        workers=one.workers, budget=one.budget,
-    )  # fmt: skip
+        problem,
+        one.fits.form,
+        candidates,
+        one.tell,
+        scanned=one.scanned,
+        ranking=LevelRanking(),
+        workers=one.workers,
+        budget=one.budget,
+    )
     first = one.known[frozenset()]
     nothing = search.full((), (), first)
     bases = [nothing]

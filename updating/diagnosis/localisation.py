@@ -100,9 +100,17 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     )
     by_input = np.array([_rms(comparison.log_ratio[:, :, j].real) for j in range(len(m.inputs))])
     return Localisation(
-        m.outputs, m.inputs, comparison.by_sensor(), by_input, comparison.bands, comparison.by_band(),
-        members, tuple(sorted(places.items(), key=lambda item: -item[1])), points, note,
-    )  # fmt: skip
+        sensors=m.outputs,
+        inputs=m.inputs,
+        by_sensor_db=comparison.by_sensor(),
+        by_input_db=by_input,
+        bands=comparison.bands,
+        by_band_db=comparison.by_band(),
+        members=members,
+        places=tuple(sorted(places.items(), key=lambda item: -item[1])),
+        points=points,
+        note=note,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -32,7 +32,7 @@ from updating.inference.mode_fit import (
     LARGEST_DISCREPANCY,
     ComputedModes,
     ModeProblem,
-    Reading,
+    ModeReading,
     n_below,
 )
 from updating.inference.mode_targets import ModeTargets
@@ -144,13 +144,13 @@ class BadReading:
 
     Attributes
     ----------
-    reading : Reading
+    reading : ModeReading
     frequency : float
         Of the measured mode [Hz].
     probability : float
     """
 
-    reading: Reading
+    reading: ModeReading
     frequency: float
     probability: float
 
@@ -413,9 +413,15 @@ def diagnose_modes(
     """
     start_time = time.perf_counter()
     done = search_modes(
-        model, targets, nuisances, damping_std=damping_std, kinds=kinds, exclude=exclude,
-        model_error=model_error, progress=progress,
-    )  # fmt: skip
+        model,
+        targets,
+        nuisances,
+        damping_std=damping_std,
+        kinds=kinds,
+        exclude=exclude,
+        model_error=model_error,
+        progress=progress,
+    )
     return concluded(done, start_time)
 
 
@@ -435,11 +441,19 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     table = _table(problem, nothing, final, bad)
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
-        verdict, "", tuple(explanations), table,
-        tuple((s.name, s.residual_ratio) for s in search.scanned), (), fitted_model(done.model, final.fitted),
-        there, done, _notes(problem), 0.0,
+        verdict=verdict,
+        reason="",
+        explanations=tuple(explanations),
+        modes=table,
+        places=tuple((s.name, s.residual_ratio) for s in search.scanned),
+        next_measurements=(),
+        model=fitted_model(done.model, final.fitted),
+        problem=there,
+        searched=done,
+        notes=_notes(problem),
+        seconds=0.0,
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
-    )  # fmt: skip
+    )
     return replace(
         out, reason=_reason(out), next_measurements=_next(out), seconds=time.perf_counter() - start_time
     )
@@ -502,9 +516,19 @@ def _table(
     there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     found = there.computed(final.fitted)
     return ModeTable(
-        t.frequency, t.frequency_std, nominal.frequency, fitted.frequency, found.frequency, t.zeta,
-        found.zeta, nominal.mac, found.mac, t.held_out, there.predicted_std(final.fitted), bad,
-    )  # fmt: skip
+        measured=t.frequency,
+        std=t.frequency_std,
+        nominal=nominal.frequency,
+        fitted=fitted.frequency,
+        found=found.frequency,
+        zeta=t.zeta,
+        zeta_found=found.zeta,
+        mac_nominal=nominal.mac,
+        mac_found=found.mac,
+        held_out=t.held_out,
+        found_std=there.predicted_std(final.fitted),
+        bad=bad,
+    )
 
 
 def _reason(d: ModeDiagnosis) -> str:

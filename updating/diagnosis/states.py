@@ -75,10 +75,18 @@ def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
             psi[:, i] += of_shape * _shape_difference(before.shapes[:, k], shapes[:, k], psi[:, i])
             psi_std[i] = np.hypot(psi_std[i], np.sqrt(of_shape) * before.shape_std[k])
     out = ModeTargets.of(
-        f, f_std, zeta=zeta, zeta_std=zeta_std, shapes=psi if after.has_shapes else None, shape_std=psi_std,
-        sensors=after.sensors, plane=after.plane, held_out=np.flatnonzero(after.held_out).tolist(),
-        numbers=None if after.numbers is None else after.numbers.tolist(), name=after.name,
-    )  # fmt: skip
+        f,
+        f_std,
+        zeta=zeta,
+        zeta_std=zeta_std,
+        shapes=psi if after.has_shapes else None,
+        shape_std=psi_std,
+        sensors=after.sensors,
+        plane=after.plane,
+        held_out=np.flatnonzero(after.held_out).tolist(),
+        numbers=None if after.numbers is None else after.numbers.tolist(),
+        name=after.name,
+    )
     return out
 
 
@@ -174,9 +182,13 @@ def second_state(
     """
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
-        changed, corrected(first, after), (), damping_std=damping_std, model_error=CHANGED * model_error,
+        changed,
+        corrected(first, after),
+        (),
+        damping_std=damping_std,
+        model_error=CHANGED * model_error,
         mesh_level=0.0,
-    )  # fmt: skip
+    )
     curve = replace(
         problem.damping,
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
@@ -258,9 +270,13 @@ def diagnose_change(
         candidates = candidates_for(changed, problem.targets, kinds, exclude)
         candidates = tuple(c for c in candidates if not given & set(c.released()))
         search = Search(
-            problem, (), candidates, search_progress(say, start_time), ranking=ModeRanking(),
+            problem,
+            (),
+            candidates,
+            search_progress(say, start_time),
+            ranking=ModeRanking(),
             beforehand=float(weight) + problem.log_density,
-        )  # fmt: skip
+        )
         ways.append((searched_modes(search, changed, say), base))
     ways.sort(key=lambda way: -way[0].best.score)
     (done, base), *others = ways

@@ -6,7 +6,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of, values_of
-from updating.diagnosis.evidence.mode_ranking import Little, ModeRanking
+from updating.diagnosis.evidence.mode_ranking import ModeRanking, SmallModeChange
 from updating.diagnosis.evidence.search import Search
 from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
@@ -43,13 +43,16 @@ def looked_at(search: Search) -> list[Hypothesis]:
     return sorted((_estimated(search, nothing, e, x) for e, x in looked), key=lambda h: -h.score)
 
 
-def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: Little) -> Hypothesis:
+def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: SmallModeChange) -> Hypothesis:
     """Return a hypothesis with one effect, as its slopes have it."""
     before = nothing.fitted
     values = {(effect.name, name): value for name, value in look.values.items()}
     std = {(effect.name, name): value for name, value in look.std.items()}
     fitted = replace(
-        before, effects=(effect,), values={**before.values, **values}, std={**before.std, **std},
+        before,
+        effects=(effect,),
+        values={**before.values, **values},
+        std={**before.std, **std},
         log_evidence=before.log_evidence + look.evidence,
-    )  # fmt: skip
+    )
     return Hypothesis(fitted, search.fits.odds.prior((effect,)))

@@ -94,10 +94,12 @@ def frf_data(
         given["scatter"] = _level(noise, frf.H.shape)
     outs, ins = (tuple(s.name for s in part) for part in (sensors, excitations))
     frf = replace(
-        frf, outputs=outs, inputs=ins,
+        frf,
+        outputs=outs,
+        inputs=ins,
         strain=tuple(name for name, old in zip(outs, frf.outputs, strict=True) if old in frf.strain),
         base=tuple(name for name, old in zip(ins, frf.inputs, strict=True) if old in frf.base),
-    )  # fmt: skip
+    )
     return Measurement(frf, sensors, excitations, **given)
 
 
@@ -188,9 +190,15 @@ def mode_data(
         sensors, psi = channels(model, outputs, labels), np.asarray(shapes)
         _check_shapes(psi, f, len(sensors))
     return ModeTargets.of(
-        f, deviations[0], zeta=zeta, zeta_std=np.asarray(zeta_std, dtype=float), shapes=psi,
-        shape_std=deviations[1], sensors=sensors, numbers=numbers,
-    )  # fmt: skip
+        f,
+        deviations[0],
+        zeta=zeta,
+        zeta_std=np.asarray(zeta_std, dtype=float),
+        shapes=psi,
+        shape_std=deviations[1],
+        sensors=sensors,
+        numbers=numbers,
+    )
 
 
 def _check_shapes(shapes: NDArray[np.number], frequency: NDArray[np.float64], n_out: int) -> None:

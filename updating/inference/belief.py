@@ -42,7 +42,7 @@ FAR_STD = 2.5
 """Prior standard deviations beyond which the value of an uncertain parameter is implausible [-]."""
 RARE = 0.01
 """Hypotheses that are less probable are not named [-]."""
-FORM_LEFT = 0.5
+DISCREPANCY_MAX = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
-FORM_LEAST = 0.05
+DISCREPANCY_MIN = 0.05
 """Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""

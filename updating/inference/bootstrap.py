@@ -99,11 +99,16 @@ class BootstrapModel:
             mean = u.to_value(x + u.std * rng.standard_normal()) if u.has_prior else None
             out.append(
                 Unknown(
-                    u.refs, std=u.std * (1.0 if u.log else u.scale) if u.has_prior else None,
-                    prior="log-normal" if u.log else "normal", mean=mean, start=u.to_value(x),
-                    lower=u.to_value(u.low), upper=u.to_value(u.high), name=u.name,
+                    u.refs,
+                    std=u.std * (1.0 if u.log else u.scale) if u.has_prior else None,
+                    prior="log-normal" if u.log else "normal",
+                    mean=mean,
+                    start=u.to_value(x),
+                    lower=u.to_value(u.low),
+                    upper=u.to_value(u.high),
+                    name=u.name,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)
 
     def _scale(self, kind: str) -> float:
@@ -172,9 +177,13 @@ def refit(model: BootstrapModel, unit: int) -> Floats:
     settings, known = updated.settings, {p.name: p.value for p in updated.parameters}
     problem = model.resample(unit)
     found = fitted_again(
-        problem, updated.fitted, n_lines=settings.n_lines, counted_as=settings.n_lines,
-        max_iterations=settings.max_iterations, tolerance=1e-6,
-    )  # fmt: skip
+        problem,
+        updated.fitted,
+        n_lines=settings.n_lines,
+        counted_as=settings.n_lines,
+        max_iterations=settings.max_iterations,
+        tolerance=1e-6,
+    )
     if not found.solution.converged:
         msg = f"the fit ended {Ending.OUT_OF_ITERATIONS.value[0]}: {Ending.OUT_OF_ITERATIONS.cause}"
         raise ModelError(msg)

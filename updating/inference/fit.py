@@ -19,7 +19,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import DATA_PER_MODE, FORM_LEAST
+from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
@@ -32,7 +32,7 @@ from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
-    from updating.inference.scatter import Scatter
+    from updating.inference.scatter import FormScatter
 
 EXPLAINED_LEVEL = 0.3
 """Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
@@ -60,7 +60,7 @@ class FitProblem:
     model_error : float
         Residual level up to which a model counts as right, because beams are not the structure itself
         [nepers]; 0 if nothing but noise and the mesh may be left.
-    scatter : Scatter, optional
+    scatter : FormScatter, optional
         Small deviations that are uncertain in every fit.
     mesh_level : float
         Residual level that the elements leave of exact members [nepers].
@@ -84,7 +84,7 @@ class FitProblem:
     n_modes: int = 10
     n_lines: int = 160
     model_error: float = EXPLAINED_LEVEL
-    scatter: Scatter | None = None
+    scatter: FormScatter | None = None
     mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
@@ -168,9 +168,17 @@ class FitProblem:
             outputs, inputs = outputs + moved[:, : outputs.shape[1]], inputs + moved[:, outputs.shape[1] :]
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
-            self.reduced, outputs, inputs, frequency, refs, effects, release, projected=True,
-            decay=self.decay, viscous=self.viscous,
-        )  # fmt: skip
+            self.reduced,
+            outputs,
+            inputs,
+            frequency,
+            refs,
+            effects,
+            release,
+            projected=True,
+            decay=self.decay,
+            viscous=self.viscous,
+        )
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
@@ -206,7 +214,7 @@ class FitProblem:
         noise : ndarray
             Their mean square that is put down to noise [nepers²].
         """
-        least = (FORM_LEAST * self.model_error) ** 2 + self.mesh_level**2
+        least = (DISCREPANCY_MIN * self.model_error) ** 2 + self.mesh_level**2
         return Levels(n, noise * n / (self.data.n_parts * size) + least, noise)
 
     def function(

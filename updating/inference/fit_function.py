@@ -13,7 +13,7 @@ from fem.model import Effect, ParameterRef
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import FORM_LEFT
+from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_result import FitResult
@@ -27,7 +27,7 @@ from updating.measurement.channel_errors import N_ERRORS
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
-    from updating.inference.scatter import Scatter
+    from updating.inference.scatter import FormScatter
 
 
 ROBUST = 0.5
@@ -70,7 +70,7 @@ class FitFunction:
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
-    scatter : Scatter, optional
+    scatter : FormScatter, optional
         Small deviations.
     """
 
@@ -79,13 +79,13 @@ class FitFunction:
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
-    scatter: Scatter | None = None
+    scatter: FormScatter | None = None
     # The end of a fit is asked for again.
     _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
         default=None, init=False, repr=False
     )
 
-    def with_scatter(self, scatter: Scatter | None) -> FitFunction:
+    def with_scatter(self, scatter: FormScatter | None) -> FitFunction:
         """Return the function with small deviations among its unknowns."""
         if scatter is None:
             return self
@@ -284,7 +284,7 @@ class FitFunction:
     def allowed_squares(self) -> NDArray[np.float64]:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         problem = self.problem
-        square = (FORM_LEFT * problem.model_error) ** 2 + problem.mesh_level**2
+        square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
         return np.full(len(np.unique(self.groups)), square)
 
     def errors(self, x: NDArray[np.float64]) -> Errors:
@@ -378,10 +378,19 @@ class FitFunction:
             apart = known.deviations(solution.covariance[n:, n:], n_ends)
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
-            solution, values, std, zeta, fitted, np.nan, np.nan, level, covariance=covariance,
-            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start], channels=channels,
+            solution=solution,
+            values=values,
+            std=std,
+            zeta=zeta,
+            effects=fitted,
+            fit_db=np.nan,
+            held_out_db=np.nan,
+            level=level,
+            covariance=covariance,
+            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start],
+            channels=channels,
             channels_std=apart,
-        )  # fmt: skip
+        )
 
 
 def propagated(

@@ -18,7 +18,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import with_modes
 from updating.inference.marginal import by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
-from updating.inference.scatter import Scatter, form_scatter
+from updating.inference.scatter import FormScatter, form_scatter
 from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
@@ -148,7 +148,7 @@ def refit(problem: FitProblem | ModeProblem, result: FitResult, **how: Any) -> F
 def scattered(
     problem: FitProblem | ModeProblem,
     result: FitResult,
-    scatter: Callable[..., Scatter | None] = form_scatter,
+    scatter: Callable[..., FormScatter | None] = form_scatter,
     *,
     n_passes: int = N_PASSES,
     **how: Any,

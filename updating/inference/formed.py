@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 from fem.model import Model
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
@@ -11,7 +12,13 @@ from updating.inference.mode_preparation import build_mode_problem, fine_enough
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.patches import refined_on_patches, with_turning
-from updating.inference.preparation import N_FIT_LINES, build_fine, build_problem, with_higher_mass
+from updating.inference.preparation import (
+    FitOptions,
+    ProblemOptions,
+    build_fine,
+    build_problem,
+    with_higher_mass,
+)
 from updating.inference.scatter import channel_scatter
 from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import Measurement
@@ -49,21 +56,13 @@ class Formed:
 
 
 def builder(
-    measurement: Measurement,
-    nuisances: Sequence[Uncertain] = (),
-    *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
+    measurement: Measurement, nuisances: Sequence[Uncertain] = (), **settings: Unpack[ProblemOptions]
 ) -> Build:
-    """Return what makes the fits' problem of a model; parameters as of a diagnosis."""
+    """Return what makes the fits' problem of a model; settings as of a diagnosis."""
 
     def build(model: Model, nuisances: Sequence[Uncertain] = nuisances) -> FitProblem:
-        return build_problem(
-            model, measurement, with_turning(nuisances, model), damping_std=damping_std, band=band,
-            n_lines=n_lines, connections=True, model_error=model_error,
-        )  # fmt: skip
+        uncertain = with_turning(nuisances, model)
+        return build_problem(model, measurement, uncertain, connections=True, **settings)
 
     return build
 
@@ -79,18 +78,14 @@ def formed_problem(
     measurement: Measurement,
     nuisances: Sequence[Uncertain] = (),
     *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
-    n_lines: int = N_FIT_LINES,
     model_error: float = EXPLAINED_LEVEL,
+    **settings: Unpack[FitOptions],
 ) -> tuple[FitProblem, Formed]:
     """Return the problem of a model on a mesh that is fine enough, its form among the uncertain parameters.
 
-    Parameters as of :func:`updating.inference.preparation.build_problem`.
+    Parameters and settings as of :func:`updating.inference.preparation.build_problem`.
     """
-    build = builder(
-        measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines, model_error=model_error
-    )
+    build = builder(measurement, nuisances, model_error=model_error, **settings)
     problem, model, n, mesh_error, before = build_fine(build, refined(model, model_error), model_error)
     form, std = form_of(model, measurement) if model_error > 0 else ((), ())
     formed = model.with_effect(*form)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.terms import Term
-from updating.inference.belief import FORM_LEFT
+from fem.reduction.terms import ReducedTerm
+from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
@@ -253,14 +253,14 @@ class ModeProblem:
         """Mean squares that a right model may leave beyond noise, of each group of residuals, (n_groups,)."""
         return self.function((), (), self.targets.fitted).allowed_squares()
 
-    def readings(self) -> tuple[Reading, ...]:
+    def readings(self) -> tuple[ModeReading, ...]:
         """Return the readings that fits see, in the order of the groups of residuals."""
         groups = np.unique(self.function((), (), self.targets.fitted).groups)
-        return tuple(Reading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
+        return tuple(ModeReading(int(g % self.targets.n), int(g // self.targets.n)) for g in groups)
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ModeReading:
     """The frequency, damping ratio or shape of a measured mode; modes count from 0."""
 
     mode: int
@@ -296,9 +296,11 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
     """Return the computed partners of some measured modes."""
     t = problem.targets
     some = replace(
-        t, frequency=t.frequency[modes], shapes=t.shapes[:, modes],
+        t,
+        frequency=t.frequency[modes],
+        shapes=t.shapes[:, modes],
         numbers=None if t.numbers is None else t.numbers[modes],
-    )  # fmt: skip
+    )
     pairs = at.pairs(0)
     return match(
         some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
@@ -456,9 +458,14 @@ class ModeFunction(FitFunction):
         least = np.array([d.min() if len(d) else 1.0 for d in self._deviation])
         bad = BAD_STD[kind] * least[kind] / np.concatenate(self._deviation)
         return ModeLevels.up_to(
-            kind, n, size, (least**2 / parts)[kind], self._modes_problem.discrepancy[kind],
-            bad**2 / parts[kind], self._modes_problem.bad_prior,
-        )  # fmt: skip
+            kind,
+            n,
+            size,
+            (least**2 / parts)[kind],
+            self._modes_problem.discrepancy[kind],
+            bad**2 / parts[kind],
+            self._modes_problem.bad_prior,
+        )
 
     def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:
         """Find the x of greatest posterior probability from a start.
@@ -480,7 +487,9 @@ class ModeFunction(FitFunction):
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         levels = self.levels()
-        discrepancy = (FORM_LEFT * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
+        discrepancy = (
+            (DISCREPANCY_MAX * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
+        )
         return SPREAD * levels.noise + discrepancy
 
     def errors(self, x: Floats) -> Errors:
@@ -626,9 +635,13 @@ class ModeFunction(FitFunction):
         return replace(out, residuals=np.where(lost[:, None], away[:, None], out.residuals))
 
     def slopes(
-        self, at: ModesAt, found: Partners, terms: Sequence[tuple[int, Term]], n: int,
+        self,
+        at: ModesAt,
+        found: Partners,
+        terms: Sequence[tuple[int, ReducedTerm]],
+        n: int,
         more: Callable[[DampedMode], NDArray[Any]] | None = None,
-    ) -> Complexes:  # fmt: skip
+    ) -> Complexes:
         """Return what n changes of the matrices do to the residuals, to the first order, (n, m).
 
         ``more`` are their motions of the sensors in a mode, (n, n_out), that other modes do not hold.

@@ -65,9 +65,12 @@ def build_mode_problem(
     knots = np.unique(np.quantile(f, np.linspace(0, 1, n_knots))) if n_knots > 1 else np.array([np.median(f)])
     nominal = nominal_ratio(model, knots, other, connections=True)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), True,
+        knots,
+        np.atleast_2d(nominal(knots))[0],
+        max(damping_std, LEAST_DAMPING_STD),
+        True,
         nominal if np.ptp(model.damping.ratio) or other else None,
-    )  # fmt: skip
+    )
     return ModeProblem(
         reduced, targets, tuple(nuisances), curve, model_error, mesh_level, mass=mass_of(undamped)
     )

@@ -99,9 +99,10 @@ class ModeTargets:
         """
         f = np.asarray(frequency, dtype=float)
         n, order = len(f), np.argsort(f, kind="stable")
-        each = [np.broadcast_to(np.asarray(s, dtype=float), (n,))[order] for s in (
-            frequency_std, np.full(n, np.nan) if zeta is None else zeta, zeta_std, shape_std,
-        )]  # fmt: skip
+        each = [
+            np.broadcast_to(np.asarray(s, dtype=float), (n,))[order]
+            for s in (frequency_std, np.full(n, np.nan) if zeta is None else zeta, zeta_std, shape_std)
+        ]
         psi = np.zeros((0, n)) if shapes is None else np.asarray(shapes)
         if len(psi) and len(sensors) == len(psi):
             psi, sensors = shapes_like_motions(psi, sensors)
@@ -111,16 +112,28 @@ class ModeTargets:
         seen[list(held_out)] = True
         sorted_numbers = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
         return cls(
-            f[order], each[0], np.where(each[1] > 0, each[1], np.nan), each[2], psi, each[3],
-            tuple(sensors), sorted_numbers, plane, seen[order], name, tuple(driven),
-        )  # fmt: skip
+            frequency=f[order],
+            frequency_std=each[0],
+            zeta=np.where(each[1] > 0, each[1], np.nan),
+            zeta_std=each[2],
+            shapes=psi,
+            shape_std=each[3],
+            sensors=tuple(sensors),
+            numbers=sorted_numbers,
+            plane=plane,
+            held_out=seen[order],
+            name=name,
+            driven=tuple(driven),
+        )
 
     def with_deviations(self, factor: float) -> "ModeTargets":
         """Return the same modes with standard deviations that are larger by a factor."""
         return replace(
-            self, frequency_std=factor * self.frequency_std, zeta_std=factor * self.zeta_std,
+            self,
+            frequency_std=factor * self.frequency_std,
+            zeta_std=factor * self.zeta_std,
             shape_std=factor * self.shape_std,
-        )  # fmt: skip
+        )
 
     @property
     def n(self) -> int:

@@ -2,15 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.connection_damping import ConnectionDamping
-from fem.effects.held_frame import HoldsFrame
 from fem.effects.joint import PointPair
+from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.splitting import split
 from fem.linalg.solvers import factorise
@@ -54,6 +54,20 @@ LEAST_LINES = 10
 """Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
 
 
+class FitOptions(TypedDict, total=False):
+    """Damping, band and lines of a problem, as of :func:`build_problem`."""
+
+    damping_std: float
+    band: tuple[float, float] | None
+    n_lines: int
+
+
+class ProblemOptions(FitOptions, total=False):
+    """The same, with the model's error."""
+
+    model_error: float
+
+
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
     return forces_at(model, (*measurement.excitations, *measurement.sensors))
@@ -85,7 +99,7 @@ def with_higher_mass(model: Model) -> Model:
     Weak effects are otherwise found that only take up the mesh's error.
     """
     effects = (
-        e.with_mass_of_higher_order() if isinstance(e, Frame | HoldsFrame) else e for e in model.effects
+        e.with_mass_of_higher_order() if isinstance(e, Frame | WithFrame) else e for e in model.effects
     )
     return replace(model, effects=tuple(effects))
 
@@ -148,9 +162,16 @@ def build_problem(
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
     return FitProblem(
-        reduced, data, tuple(nuisances), curve, stages, max(k, 1), n_lines, model_error,
+        reduced=reduced,
+        data=data,
+        nuisances=tuple(nuisances),
+        damping=curve,
+        stages=stages,
+        n_modes=max(k, 1),
+        n_lines=n_lines,
+        model_error=model_error,
         viscous=measurement.viscous,
-    )  # fmt: skip
+    )
 
 
 def _reduced(
@@ -174,9 +195,12 @@ def _reduced(
     )
     nominal = nominal_ratio(model, knots, other, connections)
     curve = DampingCurve(
-        knots, np.atleast_2d(nominal(knots))[0], max(damping_std, LEAST_DAMPING_STD), connections,
+        knots,
+        np.atleast_2d(nominal(knots))[0],
+        max(damping_std, LEAST_DAMPING_STD),
+        connections,
         nominal if np.ptp(model.damping.ratio) or other else None,
-    )  # fmt: skip
+    )
     return reduced, curve, modes
 
 

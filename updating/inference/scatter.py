@@ -89,7 +89,7 @@ class ChannelScatter:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scatter:
+class FormScatter:
     """Deviations of modes' eigenvalues and damping ratios, and of the loss factors of members and joints.
 
     With s = √λ_r Mφ_r of a fitted model x s sᵀ in K shifts the eigenvalue of mode r by the share x, and
@@ -134,7 +134,7 @@ class Scatter:
 
 def form_scatter(
     problem: FitProblem | ModeProblem, result: FitResult, size: float | None = None, share: float = 1.0
-) -> Scatter | None:
+) -> FormScatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
     Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right;
@@ -170,7 +170,7 @@ def scatter_of(
     damping: float,
     eigenvalue: float,
     sizes: tuple[float, ...] = (),
-) -> Scatter | None:
+) -> FormScatter | None:
     """Return small deviations of damping and of eigenvalues at a fitted model; None if they are 0.
 
     Parameters
@@ -184,7 +184,7 @@ def scatter_of(
         damping.
     eigenvalue : float
     sizes : tuple of float
-        As of :class:`Scatter`.
+        As of :class:`FormScatter`.
     """
     if max(damping, eigenvalue) == 0:
         return None
@@ -195,7 +195,7 @@ def scatter_of(
     lam, modes = _forces(problem, engine, total)
     stiff = modes if eigenvalue > 0 else modes[:, :0]
     if damping == 0:
-        return Scatter(Deviations(stiff, modes[:, :0]), eigenvalue, np.zeros(0), sizes)
+        return FormScatter(Deviations(stiff, modes[:, :0]), eigenvalue, np.zeros(0), sizes)
     loss = 2 * _of_members(problem, result, np.sqrt(lam) / (2 * np.pi))
     typical_loss = 2 * float(np.median(_of_members(problem, result, problem.data.frequency)))
     members = tuple(model.mesh.members) if len(model.mesh.members) > 1 and model.of_kind(Frame) else ()
@@ -206,18 +206,18 @@ def scatter_of(
     of_joints = [problem.damping.std * (_loss_factor(e) + typical_loss) for e in connections]
     std = [np.full(modes.shape[1], damping), np.full(len(members), damping * typical_loss), of_joints]
     lossy = modes * np.sqrt(loss)
-    return Scatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
+    return FormScatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
 
 
-def channel_scatter(problem: FitProblem) -> Scatter | None:
+def channel_scatter(problem: FitProblem) -> FormScatter | None:
     """Return the errors of channels alone that data can know, at the nominal model."""
     none = np.zeros((problem.reduced.model.n_dof, 0))
-    return with_channels(problem, problem.nominal(), Scatter(Deviations(none, none), 0.0, np.zeros(0)))
+    return with_channels(problem, problem.nominal(), FormScatter(Deviations(none, none), 0.0, np.zeros(0)))
 
 
 def with_channels(
-    problem: FitProblem, result: FitResult, scatter: Scatter | None, share: float = 1.0
-) -> Scatter | None:
+    problem: FitProblem, result: FitResult, scatter: FormScatter | None, share: float = 1.0
+) -> FormScatter | None:
     """Return small deviations with the errors of channels that data can know, at a fitted model.
 
     For each channel the left singular vectors of what a standard deviation of its errors changes, counted as

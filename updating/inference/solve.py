@@ -156,9 +156,12 @@ def solve_robust(
     say = None if report is None else lambda point, _: report(point.x, point.cost)
     found = minimise(posterior, posterior.point(x, r, J), bounds, control, say)
     return Solution(
-        found.point.x, found.point.cost, float(found.point.misfit @ posterior.size / len(r)),
-        found.n_iterations, found.stop is not Stop.OUT_OF_ITERATIONS,
-    )  # fmt: skip
+        found.point.x,
+        found.point.cost,
+        float(found.point.misfit @ posterior.size / len(r)),
+        found.n_iterations,
+        found.stop is not Stop.OUT_OF_ITERATIONS,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,14 +172,6 @@ class _Point:
     cost: float
     misfit: NDArray[np.float64]
     derived: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Derived(Linearisation):
-    """The quadratic model with the residuals and the Jacobian that it is made of."""
-
-    r: NDArray[np.complex128]
-    J: NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +202,7 @@ class _Posterior:
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
             return None
 
-    def linearised(self, point: _Point) -> _Derived:
+    def linearised(self, point: _Point) -> Linearisation:
         r, J = self.residual(point.x, True) if point.derived is None else point.derived
         assert J is not None
         g, A = self.normal(r, J, self.worth(point.misfit))
@@ -215,7 +210,7 @@ class _Posterior:
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
-        return _Derived(g, A, r, J)
+        return Linearisation(g, A)
 
     def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much half the square of a residual of each group counts, (n_groups,)."""

@@ -123,10 +123,21 @@ class ScaledUnknown:
         scale = 1.0 if log else abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
         std = np.inf if unknown.std is None else unknown.std / scale
         bare = cls(
-            unknown.name or " ".join(unknown.refs[0]), p.unit, tuple(unknown.refs),
-            np.array([q.value for q in parameters], dtype=float), p.value, log, scale, 0.0, 0.0, 0.0, 0.0,
-            float(std), unknown.std, float(std) if np.isfinite(std) else WIDTH,
-        )  # fmt: skip
+            name=unknown.name or " ".join(unknown.refs[0]),
+            unit=p.unit,
+            refs=tuple(unknown.refs),
+            values=np.array([q.value for q in parameters], dtype=float),
+            nominal=p.value,
+            log=log,
+            scale=scale,
+            start=0.0,
+            low=0.0,
+            high=0.0,
+            mean=0.0,
+            std=float(std),
+            prior_std=unknown.std,
+            width=float(std) if np.isfinite(std) else WIDTH,
+        )
         return replace(
             bare,
             start=bare.to_x(start),

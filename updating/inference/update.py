@@ -151,6 +151,13 @@ def _targets(
         msg = "shapes need the places where they were measured: outputs=…"
         raise ModelError(msg)
     return mode_data(
-        model, frequency, shapes, modes=modes, outputs=() if outputs is None else outputs, numbers=numbers,
-        frequency_std=frequency_std, shape_std=shape_std, **more,
-    )  # fmt: skip
+        model,
+        frequency,
+        shapes,
+        modes=modes,
+        outputs=() if outputs is None else outputs,
+        numbers=numbers,
+        frequency_std=frequency_std,
+        shape_std=shape_std,
+        **more,
+    )

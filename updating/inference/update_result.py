@@ -227,25 +227,45 @@ def _parameters(
         known = deviation < PRIOR_SHARE * u.std if u.has_prior else relative < DETERMINED_STD
         out.append(
             UpdatedParameter(
-                name=u.name, unit=u.unit, refs=u.refs, start=u.to_value(u.start), lower=u.to_value(u.low),
-                upper=u.to_value(u.high), prior_std=u.prior_std, value=value,
-                std=float(u.slope(xi) * deviation), log=u.log, at_bound=at_bound,
+                name=u.name,
+                unit=u.unit,
+                refs=u.refs,
+                start=u.to_value(u.start),
+                lower=u.to_value(u.low),
+                upper=u.to_value(u.high),
+                prior_std=u.prior_std,
+                value=value,
+                std=float(u.slope(xi) * deviation),
+                log=u.log,
+                at_bound=at_bound,
                 determined=bool(known and u.name not in left_out),
                 from_prior=float(abs(xi - u.mean) / u.std) if u.has_prior else np.nan,
             )
-        )  # fmt: skip
+        )
     for f, start, (low, high), k in zip(
-        curve.knots.tolist(), curve.nominal.tolist(), np.exp(curve.limits).tolist(), _damping_rows(function),
+        curve.knots.tolist(),
+        curve.nominal.tolist(),
+        np.exp(curve.limits).tolist(),
+        _damping_rows(function),
         strict=False,
-    ):  # fmt: skip
+    ):
         value = float(np.exp(x[k]))
         out.append(
             UpdatedParameter(
-                name=f"damping at {f:.4g} Hz", unit="-", refs=(), start=start, lower=low, upper=high,
-                prior_std=curve.std, value=value, std=float(value * std[k]), log=True,
-                at_bound=bool(bound[k]), determined=bool(std[k] < PRIOR_SHARE * curve.std),
+                name=f"damping at {f:.4g} Hz",
+                unit="-",
+                refs=(),
+                start=start,
+                lower=low,
+                upper=high,
+                prior_std=curve.std,
+                value=value,
+                std=float(value * std[k]),
+                log=True,
+                at_bound=bool(bound[k]),
+                determined=bool(std[k] < PRIOR_SHARE * curve.std),
             )
-        )  # fmt: skip
+        )
     return tuple(out)
 
 

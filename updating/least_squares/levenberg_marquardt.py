@@ -162,7 +162,7 @@ class Stop(Enum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found(Generic[P, L]):
+class Minimum(Generic[P, L]):
     """Where the loop ended.
 
     Attributes
@@ -193,7 +193,7 @@ def minimise(
     bounds: tuple[Floats, Floats],
     control: Control,
     report: Report[P] | None = None,
-) -> Found[P, L]:
+) -> Minimum[P, L]:
     """Lower a cost by Levenberg-Marquardt steps within bounds.
 
     Damping is by the diagonal of the Gauss-Newton matrix (Marquardt, *J. SIAM* 11, 1963, 431), so that steps
@@ -216,18 +216,18 @@ def minimise(
         x, free = point.x, movable(point.x, linear, bounds)
         if not free.any():
             anything = (np.diag(linear.matrix) > 0).any()
-            return Found(point, linear, Stop.AT_BOUNDS if anything else Stop.NO_INFLUENCE, iteration)
+            return Minimum(point, linear, Stop.AT_BOUNDS if anything else Stop.NO_INFLUENCE, iteration)
         reach = control.reach(x)
         limits = np.maximum(-reach, low - x)[free], np.minimum(reach, high - x)[free]
-        system = _Scaled.of(linear.among(free), linear.gradient[free], limits)
+        system = _ScaledStep.of(linear.among(free), linear.gradient[free], limits)
         trial, step = None, np.zeros(len(x))
         for attempt in range(control.max_trials):
             step[free], promised = system.step(damping)
             trusted = attempt == 0 and damping <= control.trusted_damping
             if trusted and promised < control.promised_gain.of(point.cost):
-                return Found(point, linear, Stop.CONVERGED, iteration)
+                return Minimum(point, linear, Stop.CONVERGED, iteration)
             if n_evaluations >= control.max_evaluations:
-                return Found(point, linear, Stop.OUT_OF_ITERATIONS, iteration)
+                return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, iteration)
             n_evaluations += 1
             trial = objective.at(np.clip(x + step, low, high), point)
             if trial is not None and np.isfinite(trial.cost) and trial.cost < point.cost:
@@ -235,7 +235,7 @@ def minimise(
             trial = None
             damping = min(max(control.raised_by * damping, control.least_raised), LARGEST_DAMPING)
         if trial is None:
-            return Found(point, linear, Stop.NO_DESCENT, iteration)
+            return Minimum(point, linear, Stop.NO_DESCENT, iteration)
         gain, point, expected = point.cost - trial.cost, trial, linear.gain(trial.x - x)
         if report is not None:
             report(point, float(np.linalg.norm(step[free] * system.scale)))
@@ -245,10 +245,10 @@ def minimise(
         # One that gained much less than it promised has crossed a curved valley, and the floor falls on.
         crossed = gain < control.least_gain_ratio * expected
         if gain < control.actual_gain.of(point.cost) and not cut and not crossed:
-            return Found(point, linear, Stop.CONVERGED, iteration)
+            return Minimum(point, linear, Stop.CONVERGED, iteration)
         if iteration < control.max_iterations:
             linear = objective.linearised(point)
-    return Found(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
+    return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
 
 
 def movable(x: Floats, linear: Linearisation, bounds: tuple[Floats, Floats]) -> NDArray[np.bool_]:
@@ -267,7 +267,7 @@ def promised_gain(linear: Linearisation, free: NDArray[np.bool_]) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Scaled:
+class _ScaledStep:
     """The normal equations with a diagonal of 1: their condition does not depend on units then."""
 
     H: Floats
@@ -276,7 +276,7 @@ class _Scaled:
     limits: tuple[Floats, Floats]
 
     @classmethod
-    def of(cls, matrix: Floats, gradient: Floats, limits: tuple[Floats, Floats]) -> "_Scaled":
+    def of(cls, matrix: Floats, gradient: Floats, limits: tuple[Floats, Floats]) -> "_ScaledStep":
         scale = _sizes(matrix)
         return cls(
             matrix / np.outer(scale, scale), gradient / scale, scale, (limits[0] * scale, limits[1] * scale)

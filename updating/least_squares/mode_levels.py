@@ -49,9 +49,15 @@ class ModeLevels:
 
     @classmethod
     def up_to(
-        cls, kind: NDArray[np.int64], n: Floats, size: Floats, variance: Floats, largest: Floats, bad: Floats,
+        cls,
+        kind: NDArray[np.int64],
+        n: Floats,
+        size: Floats,
+        variance: Floats,
+        largest: Floats,
+        bad: Floats,
         bad_prior: float = 0.0,
-    ) -> "ModeLevels":  # fmt: skip
+    ) -> "ModeLevels":
         """Return levels whose discrepancy may be of any order of magnitude up to the largest."""
         share = np.append(0.0, np.geomspace(0.02, 1.0, 12))
         return cls(kind, n, size, variance, np.square(np.outer(largest, share)), bad, bad_prior)

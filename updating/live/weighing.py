@@ -13,7 +13,7 @@ from updating.live.hypothesis import Hypothesis
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class WeighedChannel:
     """A sensor in a band, and its error with and without an effect.
 
     Attributes
@@ -43,7 +43,7 @@ class Weighed:
         Hypotheses without and with it, both fitted if ``refitted``.
     refitted : bool
         Whether all that is left was fitted again without it; otherwise it keeps its values.
-    better, worse : tuple of Channel
+    better, worse : tuple of WeighedChannel
         Where the effect lowers the error most, and where it raises it most.
     at_bound : tuple of str
         Parameters of the effect that are at a bound.
@@ -55,8 +55,8 @@ class Weighed:
     without: Evaluation
     present: Evaluation
     refitted: bool
-    better: tuple[Channel, ...]
-    worse: tuple[Channel, ...]
+    better: tuple[WeighedChannel, ...]
+    worse: tuple[WeighedChannel, ...]
     at_bound: tuple[str, ...]
     strained: tuple[tuple[ParameterRef, float], ...]
 
@@ -97,10 +97,10 @@ def weigh(live: LiveModel, h: Hypothesis, name: str, progress: Progress | None =
     return Weighed(name, without, present, progress is not None, better, worse, bounds, strained)
 
 
-def _channels(without: Comparison, present: Comparison) -> list[Channel]:
+def _channels(without: Comparison, present: Comparison) -> list[WeighedChannel]:
     before, now, edges = without.by_band(), present.by_band(), present.bands
     return [
-        Channel(name, (float(edges[b]), float(edges[b + 1])), float(before[i, b]), float(now[i, b]))
+        WeighedChannel(name, (float(edges[b]), float(edges[b + 1])), float(before[i, b]), float(now[i, b]))
         for i, name in enumerate(present.outputs)
         for b in range(before.shape[1])
         if np.isfinite(before[i, b]) and np.isfinite(now[i, b])

@@ -35,7 +35,7 @@ from updating.modal.poles import (
     track_poles,
 )
 from updating.modal.refinement import scatter_near, synthesise
-from updating.modal.selection import State, Task, complexity_reasons, search_modes
+from updating.modal.selection import SelectionState, Task, complexity_reasons, search_modes
 
 LEAST_MPC, LARGEST_MPD = 0.3, 45.0
 """Shapes are no less collinear [-], and no farther from real ones [degrees], unless the caller says so."""
@@ -322,7 +322,7 @@ def _turned(frf: FRF) -> FRF:
 
 def _result(
     task: Task,
-    found: State,
+    found: SelectionState,
     points: tuple[tuple[int, int, int], ...],
     stabilisation: Stabilisation,
     choices: tuple[str, ...],

@@ -13,7 +13,7 @@ Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scatter:
+class ModalScatter:
     """Covariance of shapes: of (Re ψ_o, Im ψ_o) it is conditional_o + slope_o · covariance · slope_oᵀ.
 
     Attributes
@@ -56,7 +56,7 @@ class ModalFit:
         (measured - synthesised) over the standard deviation that was assumed [-].
     covariance : ndarray (2 n_modes, 2 n_modes)
         Of (ln -Re λ, Im λ / -Re λ), mode by mode: relative to the decay [-].
-    scatter : Scatter
+    scatter : ModalScatter
         Of shapes and of all that they depend on.
     energy : ndarray (n_modes,)
         Rise of the sum of squares of ``misfit`` if the mode is left out and all the rest stays free but the
@@ -75,7 +75,7 @@ class ModalFit:
     H: Complexes
     misfit: Complexes
     covariance: Floats
-    scatter: Scatter
+    scatter: ModalScatter
     energy: Floats
     n_parameters: int
     converged: bool

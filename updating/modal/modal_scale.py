@@ -9,7 +9,7 @@ from updating.correlation.complexity import (
     mean_phase,
     real_shapes,
 )
-from updating.modal.modal_fit import ModalFit, Scatter
+from updating.modal.modal_fit import ModalFit, ModalScatter
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def shape_deviation(
     return out, relative
 
 
-def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: Scatter, r: int) -> Floats:
+def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: ModalScatter, r: int) -> Floats:
     """Return the variances (n,) of quantities with derivatives J (n, m) by the unknowns of a mode."""
     by_shape = J[:, n_other:].reshape(len(J), -1, 2)
     F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.modal.condensed_lines import CondensedLines
-from updating.modal.modal_fit import ModalFit, ModalFitData, Scatter
+from updating.modal.modal_fit import ModalFit, ModalFitData, ModalScatter
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -103,9 +103,15 @@ def fit_modes(
     point, last = found.point, found.linearisation
     slopes = last.slopes if last.at is point else problem.slopes(point)
     return _fit(
-        data, point.linear, slopes, point.poles, point.L, pivot, found.stop is not Stop.OUT_OF_ITERATIONS,
+        data,
+        point.linear,
+        slopes,
+        point.poles,
+        point.L,
+        pivot,
+        found.stop is not Stop.OUT_OF_ITERATIONS,
         found.n_iterations,
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -377,7 +383,7 @@ def _covariance(
     pivot: NDArray[np.int64],
     misfit: Complexes,
     inverse: Floats,
-) -> Scatter:
+) -> ModalScatter:
     """Return (JᵀJ)⁻¹ JᵀVJ (JᵀJ)⁻¹ with V the mean square that ``misfit`` has in each FRF, and the shapes'.
 
     The weights may suit an FRF better or worse: its noise does not follow them. Shapes follow the other
@@ -386,7 +392,9 @@ def _covariance(
     n, (n_freq, n_in), n_out = poles.size, data.spread.shape, misfit.shape[1]
     rows, cols = _free(L.shape, pivot)
     if not n:
-        return Scatter(np.zeros((0, 0)), rows, cols, np.zeros((0, n_out, 2, 2)), np.zeros((0, n_out, 2, 0)))
+        return ModalScatter(
+            np.zeros((0, 0)), rows, cols, np.zeros((0, n_out, 2, 2)), np.zeros((0, n_out, 2, 0))
+        )
     freedom = 1 - min((n + n_in) / n_in, 0.5 * n_freq) / n_freq
     power = (np.abs(misfit) ** 2).mean(axis=0) / (2 * freedom)
     X, mode, J2 = slopes.X, slopes.mode, slopes.square()
@@ -405,7 +413,7 @@ def _covariance(
     )
     turned = (shapes.reshape(2 * n, -1) @ slopes.inside).reshape(n, 2, mode.size, 2)
     slope = -np.einsum("raib,ibo,o->roai", turned, X[mode], data.scale, optimize=True)
-    return Scatter(unsure @ V @ unsure, rows, cols, conditional, slope)
+    return ModalScatter(unsure @ V @ unsure, rows, cols, conditional, slope)
 
 
 def _fit(
@@ -435,19 +443,19 @@ def _fit(
     X = now.shapes(n)
     energy = np.einsum("rao,rao->r", X, np.linalg.solve(block, X)) if n else np.zeros(0)
     return ModalFit(
-        poles,
-        L,
-        shapes,
-        lower,
-        upper,
-        H,
-        misfit,
-        scatter.covariance[: 2 * n, : 2 * n],
-        scatter,
-        energy,
-        2 * (x.shape[1] + n_in),
-        converged,
-        steps,
+        poles=poles,
+        participation=L,
+        shapes=shapes,
+        lower=lower,
+        upper=upper,
+        H=H,
+        misfit=misfit,
+        covariance=scatter.covariance[: 2 * n, : 2 * n],
+        scatter=scatter,
+        energy=energy,
+        n_parameters=2 * (x.shape[1] + n_in),
+        converged=converged,
+        n_steps=steps,
     )
 
 

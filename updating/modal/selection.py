@@ -50,7 +50,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class ModeStart:
     """Initial values of a pole, and the number of orders in which it was found."""
 
     pole: complex
@@ -71,11 +71,11 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class SelectionState:
     """Modes found so far, their fit, and the data with the weights of that fit."""
 
     data: ModalFitData
-    starts: tuple[Start, ...]
+    starts: tuple[ModeStart, ...]
     fit: ModalFit | None
     rejected: tuple[Candidate, ...]
     steps: tuple[str, ...]
@@ -87,10 +87,10 @@ class State:
         return self.fit
 
 
-def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[Start, ...]:
+def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[ModeStart, ...]:
     """Return initial poles, without the decay that a window added."""
     return tuple(
-        Start(
+        ModeStart(
             complex(min(t.pole.real + data.added_decay, 0.01 * t.pole.real), t.pole.imag),
             tuple(t.participation.tolist()),
             len(t.members),
@@ -99,9 +99,11 @@ def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[Start, ...]:
     )
 
 
-def search_modes(task: Task, tracks: Sequence[Track], orders: NDArray[np.int64]) -> tuple[State, int]:
+def search_modes(
+    task: Task, tracks: Sequence[Track], orders: NDArray[np.int64]
+) -> tuple[SelectionState, int]:
     """Find modes among the tracks, then in the residual; return also the number of poles of the residual."""
-    found = _settle(task, State(task.data, starts_of(tracks, task.data), None, (), ()))
+    found = _settle(task, SelectionState(task.data, starts_of(tracks, task.data), None, (), ()))
     more = _overlooked(found, orders)
     if more:
         wider = _settle(task, replace(found, starts=found.starts + more))
@@ -109,7 +111,7 @@ def search_modes(task: Task, tracks: Sequence[Track], orders: NDArray[np.int64])
     return found, len(more)
 
 
-def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
+def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeStart, ...]:
     """Return poles that persist in the residual of the fit, by parts of the band that overlap by half.
 
     In a part, fewer poles describe the residual, and strong modes elsewhere do not matter.
@@ -120,7 +122,7 @@ def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
     size = max(_PART, data.n_freq // _PARTS)
     firsts = np.arange(0, max(data.n_freq - size // 2, 1), max(size // 2, 1))
     low_orders = orders[orders <= _PART_ORDER]
-    out: list[Start] = []
+    out: list[ModeStart] = []
     for first in firsts:
         rows = np.arange(first, min(first + size, data.n_freq))
         part = fit_orders(residual.select(lines=rows), low_orders, found.data.scale, quiet[rows])
@@ -131,7 +133,7 @@ def _overlooked(found: State, orders: NDArray[np.int64]) -> tuple[Start, ...]:
     return tuple(out)
 
 
-def _settle(task: Task, state: State) -> State:
+def _settle(task: Task, state: SelectionState) -> SelectionState:
     """Fit, reject poles that are no modes, and fit again until no pole is rejected."""
     data, starts, rejected, steps = state.data, state.starts, state.rejected, state.steps
     final = False
@@ -149,13 +151,13 @@ def _settle(task: Task, state: State) -> State:
             + ("" if fit.converged else ", not converged yet"),
         )
         starts = tuple(
-            Start(complex(p), tuple(row.tolist()), s.n_orders)
+            ModeStart(complex(p), tuple(row.tolist()), s.n_orders)
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
         reasons = _reasons(task, data, fit)
         if not any(reasons):
             if fit.converged or final:
-                return State(data, starts, fit, rejected, steps)
+                return SelectionState(data, starts, fit, rejected, steps)
             final = True
             continue
         rejected += tuple(

@@ -88,7 +88,7 @@ def trials(
     diagnose : callable
         Returns the diagnosis of data.
     """
-    problem, left = plan.visibility.problem, plan.visibility.left or 0.0
+    problem, discrepancy = plan.visibility.problem, plan.visibility.discrepancy or 0.0
     kinds: dict[str, list[Outlook]] = {}
     for o in plan.relevant:
         if o.visible.named is not None:
@@ -102,7 +102,7 @@ def trials(
         effect = visible.at(amplitude)
         assert effect is not None
         try:
-            found = diagnose(replace(drawn(problem, (effect,), left, rng), name=f"drawn {k + 1}"))
+            found = diagnose(replace(drawn(problem, (effect,), discrepancy, rng), name=f"drawn {k + 1}"))
         except FAILURES as error:  # not Exception: a progress function stops the work by one of its own
             yield FailedTrial(effect, multiple, error)
             continue

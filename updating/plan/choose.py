@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
 from fem.model import Effect, Model
-from updating.diagnosis.candidates import situated
-from updating.diagnosis.evidence.diagnosis import candidates_for_test
+from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference.fit import EXPLAINED_LEVEL
-from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
@@ -31,7 +29,7 @@ LEAST = 1e-12
 N_LINES = 24
 """Lines at which sensors are compared."""
 N_POSITIONS, N_OF_RIVALS = 6, 3
-"""At most so many positions of an effect of a relevant size, and of what it is told from."""
+"""At most so many positions of an effect of a relevant size, and of of its rivals."""
 MOST_EXCITATIONS = 8
 """Of more places for forces those that are driven best count."""
 MOST_PASSES = 3
@@ -42,7 +40,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chosen:
+class ChosenChannels:
     """Sensors and forces of a test.
 
     Attributes
@@ -74,8 +72,8 @@ class _Worth:
     known : ndarray (n_uncertain,)
         Precision of the uncertain parameters beforehand.
     least : ndarray (n_relevant, n_effects)
-        Gains that tell the first effects from all; each from nothing where that is itself; 0 where they need
-        not be told.
+        Gains that distinguish the first effects from all, each from nothing where that is itself; 0 where
+        they need not be distinguished.
     """
 
     information: NDArray[np.float32]
@@ -83,24 +81,24 @@ class _Worth:
     known: Floats
     least: Floats
 
-    def told(self, total: NDArray[np.floating]) -> Floats:
-        """Return what relevant effects gain over what they need, beside their worst rivals, (n_relevant,)."""
+    def margins(self, total: NDArray[np.floating]) -> Floats:
+        """Return what relevant effects gain over what they need, over their worst rivals, (n_relevant,)."""
         u, n = len(self.known), len(self.least)
         each = np.asarray(total, dtype=float)
         A = each.sum(axis=0)
         C = np.linalg.solve(A[:u, :u] + np.diag(self.known), A[:u, u:])
         F = A[u : u + n, u:] - A[:u, u : u + n].T @ C
-        own = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 1e-300)
-        left = np.maximum(1 - F**2 / own[:n, None] / own, 0.0)
-        left[np.arange(n), np.arange(n)] = 1.0
-        # what is left in each group, and of what is known beforehand
+        norm_squared = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 1e-300)
+        sine_squared = np.maximum(1 - F**2 / norm_squared[:n, None] / norm_squared, 0.0)
+        sine_squared[np.arange(n), np.arange(n)] = 1.0
+        # remaining squares of each group, and of the prior
         c = C[:, :n]
         squares = np.einsum("gkk->kg", each[:, u : u + n, u : u + n]).copy()
         squares -= 2 * np.einsum("guk,uk->kg", each[:, :u, u : u + n], c)
         squares += np.einsum("uk,guv,vk->kg", c, each[:, :u, :u], c, optimize=True)
         known = 0.5 * self.known @ c**2
         enough = np.diag(self.least[:, :n])
-        worth = self._worth(np.maximum(squares, 0.0) / self.data, known, enough)[:, None] * left
+        worth = self._worth(np.maximum(squares, 0.0) / self.data, known, enough)[:, None] * sine_squared
         ratio = np.where(self.least > 0, worth / np.where(self.least > 0, self.least, 1.0), np.inf)
         out: Floats = ratio.min(axis=1)
         return out
@@ -125,13 +123,13 @@ class _Worth:
         return enough / high
 
     def value(self, total: NDArray[np.floating]) -> float:
-        """Return the share of effects that are told, and how nearly the others are, on average."""
-        told = self.told(total)
-        return float((told >= 1).mean() + np.minimum(told, 1.0).mean())
+        """Return the share of effects that are distinguished, and how nearly the others are, on average."""
+        margins = self.margins(total)
+        return float((margins >= 1).mean() + np.minimum(margins, 1.0).mean())
 
     def share(self, total: NDArray[np.floating]) -> float:
-        """Return the share of effects that are told."""
-        return float((self.told(total) >= 1).mean())
+        """Return the share of effects that are distinguished."""
+        return float((self.margins(total) >= 1).mean())
 
 
 def choose(
@@ -149,10 +147,10 @@ def choose(
     noise: float = USUAL_NOISE,
     errors: ChannelErrors = USUAL,
     model_error: float = EXPLAINED_LEVEL,
-    left: float | None = None,
+    discrepancy: float | None = None,
     progress: Progress | None = None,
     **settings: Any,
-) -> Chosen:
+) -> ChosenChannels:
     """Choose sensors and forces so that as many effects of a relevant size as possible are named.
 
     Sensors are added one by one and then exchanged as long as that gains. Their masses do not count, nor
@@ -175,7 +173,7 @@ def choose(
     noise : float
         As of :func:`updating.plan.planned.planned_measurement` [-].
     errors : ChannelErrors
-    left : float, optional
+    discrepancy : float, optional
         As of :func:`updating.plan.plan.plan_test` [nepers].
     progress : callable, optional
         Called with a text and the fraction done.
@@ -195,14 +193,12 @@ def choose(
     if n_excitations is not None:
         light = replace(light, driver_mass=0.0, stinger=0.0)
     test = planned_measurement(model, sensors, excitations, frequency, noise, errors=light)
-    whole, formed = formed_problem(
-        situated(model, kinds), test, nuisances, model_error=model_error, **settings
-    )
-    base = whole.nominal()
-    problem = as_planned(whole, base)
-    left = usual_discrepancy(model_error) if left is None else left
-    sight = Sight(problem, base, left, N_LINES, len(frequency) * len(sensors) * len(excitations))
-    candidates = candidates_for_test(formed.model, test, kinds, exclude)
+    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
+    fit_problem, _, candidates = prepare_search(model, test, nuisances, **settings)
+    base = fit_problem.nominal()
+    problem = as_planned(fit_problem, base)
+    discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
+    sight = Sight(problem, base, discrepancy, N_LINES, len(frequency) * len(sensors) * len(excitations))
     odds = Odds.of(candidates, problem.reduced.model)
     n, effects, changes, against = _effects(
         sight, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
@@ -216,7 +212,7 @@ def choose(
     worth = _Worth(channels.of_sensors(pushed), channels.data, channels.known, least)
     taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
     taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
-    return Chosen(
+    return ChosenChannels(
         tuple(sensors[k] for k in sorted(taken)),
         tuple(excitations[k] for k in pushed),
         curve,
@@ -229,7 +225,7 @@ def _effects(
 ) -> tuple[int, list[Effect], NDArray[np.complex128], Floats]:
     """Return effects at some positions, what they do to the residuals (n, m), and the log odds against each.
 
-    The first, so many, are of a relevant size; a little of all others is what they must be told from.
+    The first, so many, are of a relevant size; a little of all others are the rivals.
     """
     problem, mass = sight.problem, members_mass(sight.problem.reduced.model)
     relevant: list[tuple[Effect, NDArray[np.complex128], float]] = []
@@ -266,7 +262,7 @@ class _Channels:
     ----------
     slopes : ndarray (n, m)
         By what is uncertain of all channels together and, behind that, by effects; weighted.
-    own : list of ndarray (n_own, m)
+    errors : list of ndarray (n_errors, m)
         By errors of each sensor, in standard deviations of them.
     known : ndarray (n_uncertain,)
         Precision of the former beforehand.
@@ -277,7 +273,7 @@ class _Channels:
     """
 
     slopes: NDArray[np.complex128]
-    own: list[NDArray[np.complex128]]
+    errors: list[NDArray[np.complex128]]
     known: Floats
     output: Ints
     input: Ints
@@ -299,8 +295,8 @@ class _Channels:
         shared = of < 0
         known = (look.slopes[shared, 2 * m :] ** 2).sum(axis=1)
         slopes = np.vstack([J[shared], changes * np.sqrt(more * look.weights[:m])])
-        own = [J[of == o] for o in range(n_out)]
-        return cls(slopes, own, known, output, input_, look.share.argmax(axis=1), look.likelihood.n)
+        errors = [J[of == o] for o in range(n_out)]
+        return cls(slopes, errors, known, output, input_, look.share.argmax(axis=1), look.likelihood.n)
 
     def of_forces(self) -> NDArray[np.float32]:
         """Return the information of all sensors with each force, (n_forces, n_groups, n, n)."""
@@ -312,16 +308,16 @@ class _Channels:
         Without what errors of that sensor could do.
         """
         out = []
-        for o, own in enumerate(self.own):
+        for o, of_sensor in enumerate(self.errors):
             beat()
             here = (self.output == o) & np.isin(self.input, list(forces))
-            part, errors = self.slopes[:, here], own[:, here]
+            part, errors = self.slopes[:, here], of_sensor[:, here]
             both = (errors @ errors.conj().T).real + np.eye(len(errors))
             C = np.linalg.solve(both, (errors @ part.conj().T).real)
-            left = self.slopes.copy()
-            left[:, here] = part - C.T @ errors
+            rest = self.slopes.copy()
+            rest[:, here] = part - C.T @ errors
             # what is known of these errors beforehand counts in no group more than in another
-            out.append(self._summed(left, here) + (C.T @ C / len(self.data)).astype(np.float32))
+            out.append(self._summed(rest, here) + (C.T @ C / len(self.data)).astype(np.float32))
         return np.array(out)
 
     def _summed(self, slopes: NDArray[np.complex128], here: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -341,7 +337,7 @@ def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
 
 
 def _added(worth: _Worth, n: int, say: Callable[[float], None]) -> tuple[list[int], Floats]:
-    """Return channels added one by one, each the one that gains most, and the shares that are told."""
+    """Return channels added one by one by what they gain, and the shares of effects distinguished."""
     taken: list[int] = []
     total = np.zeros_like(worth.information[0])
     curve = np.zeros(n)

@@ -89,15 +89,15 @@ class _State:
 
     Attributes
     ----------
-    shared, own : ndarray (n_shared, r), (n_own, r)
-    known : ndarray (n_own,)
+    shared, errors : ndarray (n_shared, r), (n_errors, r)
+    known : ndarray (n_errors,)
         Precision of the latter beforehand.
     changes : ndarray (n_effects, r)
         What effects do; NaN of those that the structure cannot have.
     """
 
     shared: Floats
-    own: Floats
+    errors: Floats
     known: Floats
     changes: Floats
 
@@ -136,8 +136,8 @@ class _State:
     def reduced(self) -> Floats:
         """Return the information of shared parameters and effects, without what is uncertain in this test."""
         rows = np.vstack([self.shared, self.changes])
-        cross = rows @ self.own.T
-        A = self.own @ self.own.T + np.diag(np.maximum(self.known, 1e-12))
+        cross = rows @ self.errors.T
+        A = self.errors @ self.errors.T + np.diag(np.maximum(self.known, 1e-12))
         out: Floats = rows @ rows.T - cross @ np.linalg.solve(A, cross.T)
         return out
 
@@ -172,29 +172,29 @@ def perturbed(
         As of :func:`updating.plan.plan.plan_test`.
     """
     say = progress or (lambda text, done: None)
-    left = plan.visibility.left
+    discrepancy = plan.visibility.discrepancy
     slight = [
         (o.visible.slight, next(v.slight for v in plan.visibility.effects if _is_at(v.effect, rival)))
         for o, rival in pairs
     ]
     effects = [e for pair in slight for e in pair]
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
-    first = Sight(plan.visibility.problem, plan.visibility.base, left)
+    first = Sight(plan.visibility.problem, plan.visibility.base, discrepancy)
     refs = first.look.prior_of
     alone = _State.of(first, effects, factors, refs).reduced()
     known = (first.look.slopes[: len(refs), 2 * len(first.look.share) :] ** 2).sum(axis=1)
-    before = [_told(alone, known, k) for k in range(len(pairs))]
+    before = [_separation(alone, known, k) for k in range(len(pairs))]
     enough = float(needed(np.zeros(1))[0])
     best: list[Separation | None] = [None] * len(pairs)
     for number, change in enumerate(changes):
         say(change.text, number / len(changes))
         test = planned_like(plan.measurement, change.model)
-        whole, _ = formed_problem(change.model, test, nuisances, **settings)
-        base = whole.nominal()
-        there = _State.of(Sight(as_planned(whole, base), base, left), effects, factors, refs)
+        fit_problem, _ = formed_problem(change.model, test, nuisances, **settings)
+        base = fit_problem.nominal()
+        there = _State.of(Sight(as_planned(fit_problem, base), base, discrepancy), effects, factors, refs)
         both = alone + there.reduced()
         for k, (o, rival) in enumerate(pairs):
-            gain, alike = _told(both, known, k)
+            gain, alike = _separation(both, known, k)
             last = best[k]
             if np.isfinite(gain) and (last is None or gain / enough > last.ratio):
                 best[k] = Separation(o.relevant, rival, change.text, (before[k][1], alike), gain / enough)
@@ -207,7 +207,7 @@ def _is_at(effect: Effect, other: Effect) -> bool:
     return effect.name == other.name and np.allclose(one, two)
 
 
-def _told(information: Floats, known: Floats, pair: int) -> tuple[float, float]:
+def _separation(information: Floats, known: Floats, pair: int) -> tuple[float, float]:
     """Return the gain of the first effect of a pair over the second, and the cosine between both."""
     u = len(known)
     A = information[:u, :u] + np.diag(np.maximum(known, 1e-12))

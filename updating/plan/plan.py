@@ -9,12 +9,10 @@ import numpy as np
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
 from fem.model import Effect, Model
-from updating.diagnosis.candidates import situated
-from updating.diagnosis.evidence.diagnosis import Searched, candidates_for_test
+from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import distance
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
-from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
@@ -76,7 +74,7 @@ class Plan:
     @property
     def is_measured(self) -> bool:
         """Whether the data are measured ones."""
-        return self.visibility.left is None
+        return self.visibility.discrepancy is None
 
     def coverage(self, what: str = "named") -> float:
         """Return the share of relevant effects that are ``seen``, ``located`` or ``named``."""
@@ -139,7 +137,7 @@ def plan_test(
     exclude: Sequence[str] = (),
     sizes: Relevant = USUAL,
     model_error: float = EXPLAINED_LEVEL,
-    left: float | None = None,
+    discrepancy: float | None = None,
     progress: Progress | None = None,
     **settings: Any,
 ) -> Plan:
@@ -153,8 +151,8 @@ def plan_test(
     nuisances, kinds, exclude, model_error
         As of :func:`updating.diagnosis.diagnose.diagnose`.
     sizes : Relevant
-    left : float, optional
-        Level that a right model leaves beside noise; what beams usually leave unless given [nepers].
+    discrepancy : float, optional
+        Level that a right model leaves besides noise; what beams usually leave unless given [nepers].
     progress : callable, optional
         Called with a text and the fraction done.
     **settings
@@ -162,20 +160,20 @@ def plan_test(
     """
     say = progress or (lambda text, done: None)
     say("reducing the model", 0.0)
-    whole, formed = formed_problem(
-        situated(model, kinds), measurement, nuisances, model_error=model_error, **settings
-    )
-    candidates = candidates_for_test(formed.model, measurement, kinds, exclude)
-    base = whole.nominal()
-    problem = as_planned(whole, base)
+    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
+    fit_problem, formed, candidates = prepare_search(model, measurement, nuisances, **settings)
+    base = fit_problem.nominal()
+    problem = as_planned(fit_problem, base)
     odds = Odds.of(candidates, problem.reduced.model)
-    left = usual_discrepancy(model_error) if left is None else left
-    seen = visibility(problem, base, candidates, odds, left, _from(say, 0.1))
+    discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
+    seen = visibility(
+        problem, base, candidates, odds, discrepancy, lambda text, done: say(text, 0.1 + 0.9 * done)
+    )
     return _plan(seen, formed.model, measurement, sizes)
 
 
-def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
-    """Return what measured data could still have shown beside what a diagnosis has found.
+def plan_from_search(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
+    """Return what measured data could still have shown besides what a diagnosis has found.
 
     Parameters
     ----------
@@ -185,10 +183,10 @@ def plan_beside(searched: Searched, sizes: Relevant = USUAL, progress: Progress 
         Called with a text and the fraction done.
     """
     search, best = searched.search, searched.best
-    whole = search.fits.problem
-    assert isinstance(whole, FitProblem)
-    problem = replace(whole, scatter=search.fits.ranking.scatter(whole, best.fitted, best.fitted.size))
-    candidates = [c for c in search.fit_beside(best.effects) if not c.amplitude_dependent]
+    measured = search.fits.problem
+    assert isinstance(measured, FitProblem)
+    problem = replace(measured, scatter=search.fits.ranking.scatter(measured, best.fitted, best.fitted.size))
+    candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)
     return _plan(seen, problem.reduced.model, problem.data.measurement, sizes)
@@ -209,7 +207,7 @@ def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = N
     candidates = list({x.effect.name: x.little.grid.effect for x in seen.effects}.values())
     say = progress or (lambda text, done: None)
     again = visibility(
-        seen.problem, seen.base, candidates, seen.odds, seen.left, say, averaged=now / (now + more)
+        seen.problem, seen.base, candidates, seen.odds, seen.discrepancy, say, averaged=now / (now + more)
     )
     return _plan(again, plan.model, plan.measurement, plan.sizes)
 
@@ -230,7 +228,3 @@ def _outlook(
     amplitude = x.amplitude(relevant)
     seen, located, named = (amplitude >= each for each in x.enough)
     return Outlook(x, relevant, seen, located, named)
-
-
-def _from(say: Progress, begun: float) -> Progress:
-    return lambda text, done: say(text, begun + (1 - begun) * done)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRFKind
 from fem.model import Model
-from updating.inference.belief import FORM_LEAST, FORM_LEFT
+from updating.inference.belief import DISCREPANCY_MAX, DISCREPANCY_MIN
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.scatter import form_scatter
@@ -86,8 +86,8 @@ def as_planned(problem: FitProblem, base: FitResult) -> FitProblem:
 
 
 def usual_discrepancy(model_error: float) -> float:
-    """Return the level that a right model of beams usually leaves beside noise [nepers].
+    """Return the level that a right model of beams usually leaves besides noise [nepers].
 
     The geometric mean of the least and the most that fits allow (:mod:`updating.inference.belief`).
     """
-    return float(np.sqrt(FORM_LEAST * FORM_LEFT) * model_error)
+    return float(np.sqrt(DISCREPANCY_MIN * DISCREPANCY_MAX) * model_error)

@@ -13,7 +13,7 @@ from updating.measurement.measurement import Measurement
 
 
 def drawn(
-    problem: FitProblem, effects: tuple[Effect, ...], left: float, rng: np.random.Generator
+    problem: FitProblem, effects: tuple[Effect, ...], discrepancy: float, rng: np.random.Generator
 ) -> Measurement:
     """Return data with effects, and with all that is uncertain somewhere within its priors.
 
@@ -26,7 +26,7 @@ def drawn(
         With small deviations among its unknowns.
     effects : tuple of Effect
         At their values.
-    left : float
+    discrepancy : float
         Level that a right model leaves, besides noise [nepers].
     rng : Generator
     """
@@ -38,12 +38,13 @@ def drawn(
     function = problem.function(effects, [parameter_values(e) for e in effects], lines)
     prior = function.prior()
     x = function.start.copy()
-    own = np.arange(len(x)) >= len(function.variables)
-    own[: len(function.variables)] = [v.ref[0] not in {e.name for e in effects} for v in function.variables]
+    uncertain = np.arange(len(x)) >= len(function.variables)
+    names = {e.name for e in effects}
+    uncertain[: len(function.variables)] = [v.ref[0] not in names for v in function.variables]
     std = np.where(np.isfinite(prior.std), prior.std, 0.0)
-    x[own] = (prior.mean + std * rng.standard_normal(len(x)))[own]
+    x[uncertain] = (prior.mean + std * rng.standard_normal(len(x)))[uncertain]
     x = np.clip(x, *function.limits().T)
-    H = function.receptance(x) * np.exp(_discrepancy(problem, left, rng))[:, None, None]
+    H = function.receptance(x) * np.exp(_discrepancy(problem, discrepancy, rng))[:, None, None]
     parts = rng.standard_normal((2, *H.shape))
     H = H * (1 + data.noise * (parts[0] + 1j * parts[1]))
     m = data.measurement
@@ -53,10 +54,10 @@ def drawn(
     return replace(m, frf=frf.as_kind(m.frf.kind), coherence=None, scatter=data.noise, compared=None)
 
 
-def _discrepancy(problem: FitProblem, left: float, rng: np.random.Generator) -> NDArray[np.complex128]:
+def _discrepancy(problem: FitProblem, discrepancy: float, rng: np.random.Generator) -> NDArray[np.complex128]:
     """Return what a right model leaves of ln H at all lines (n_freq,): as many numbers as fits count."""
     f = problem.data.frequency
     knots = np.linspace(f[0], f[-1], max(2, round(DATA_PER_MODE * problem.n_modes / 2)))
     real, imaginary = (np.interp(f, knots, rng.standard_normal(len(knots))) for _ in range(2))
     # between knots, the mean of two has 2/3 of their variance on average
-    return left / np.sqrt(2) * np.sqrt(1.5) * (real + 1j * imaginary)
+    return discrepancy / np.sqrt(2) * np.sqrt(1.5) * (real + 1j * imaginary)

@@ -22,11 +22,11 @@ from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import (
     MOST_VALUES,
     N_DAMPED,
-    N_WHOLE,
+    N_FULL_BAND,
     Complexes,
     Grid,
-    Little,
     Look,
+    SmallChange,
     distance,
 )
 from updating.inference.effect_priors import prior_of
@@ -84,7 +84,7 @@ class Visible:
 
     Attributes
     ----------
-    little : Little
+    little : SmallChange
         Small changes by the effect.
     position : int
         Which of its positions.
@@ -96,14 +96,14 @@ class Visible:
         must be this effect; whatever is plausible.
     nats : (float, float)
         Gains in log likelihood that are expected of the first and the last of these, over nothing and over
-        what the effect is told from last.
+        the last rival.
     rival : Effect
         That, of the size at which it is seen: it imitates the effect best.
     alike : float
         Cosine of the angle between what both do [-].
     """
 
-    little: Little
+    little: SmallChange
     position: int
     sizes: Floats
     amplitudes: Floats
@@ -194,7 +194,7 @@ class Visibility:
     odds : Odds
     effects : tuple of Visible
         Each candidate at each of its positions.
-    left : float or None
+    discrepancy : float or None
         Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
     """
 
@@ -202,7 +202,7 @@ class Visibility:
     base: FitResult
     odds: Odds
     effects: tuple[Visible, ...]
-    left: float | None
+    discrepancy: float | None
 
 
 def visibility(
@@ -210,7 +210,7 @@ def visibility(
     base: FitResult,
     candidates: Sequence[Effect],
     odds: Odds,
-    left: float | None,
+    discrepancy: float | None,
     say: Say = lambda text, done: None,
     averaged: float = 1.0,
 ) -> Visibility:
@@ -225,15 +225,15 @@ def visibility(
     candidates : sequence of Effect
     odds : Odds
         What is believed of them beforehand.
-    left : float or None
+    discrepancy : float or None
         Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
     say : callable
-        Is told what is being done and how far it is.
+        Called with the current step and the fraction done.
     averaged : float
         Averages so far over those that there will be [-].
     """
     problem = replace(problem, data=problem.data.averaged(averaged))
-    sight = Sight(problem, base, left, averaged=averaged)
+    sight = Sight(problem, base, discrepancy, averaged=averaged)
     grids = [Grid.of(problem, effect) for effect in candidates]
     n_positions = [len(grid.slight_points()) for grid in grids]
     if sum(n_positions) > MOST_POSITIONS:
@@ -260,8 +260,8 @@ def visibility(
     seen = sight.amplitudes(squares, enough)
     both = np.array([not little.grid.one_sided() for little in littles])[owner]
     rivals = _Rivals.of(vectors, candidates, owner, _followed(littles), both, most, against)
-    located, named, rival, alike = rivals.told_apart(seen, enough)
-    own = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
+    located, named, rival, alike = rivals.separation_amplitudes(seen, enough)
+    over_rival = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
     found = []
     for i, o in enumerate(owner.tolist()):
         j = int(rival[i])
@@ -270,11 +270,17 @@ def visibility(
         sizes, amplitudes = reach[i]
         found.append(
             Visible(
-                littles[o], int(k[i]), sizes, amplitudes, (seen[i], located[i], named[i]),
-                (enough[i], own[i]), other.grid.effect.with_values(**first), float(alike[i]),
+                little=littles[o],
+                position=int(k[i]),
+                sizes=sizes,
+                amplitudes=amplitudes,
+                enough=(seen[i], located[i], named[i]),
+                nats=(enough[i], over_rival[i]),
+                rival=other.grid.effect.with_values(**first),
+                alike=float(alike[i]),
             )
-        )  # fmt: skip
-    return Visibility(problem, base, odds, tuple(found), left)
+        )
+    return Visibility(problem, base, odds, tuple(found), discrepancy)
 
 
 def _thinned(grid: Grid, most: int) -> Grid:
@@ -310,11 +316,11 @@ def _in_proportion(model: Model, ref: ParameterRef) -> bool:
 
 @dataclass(eq=False)
 class Sight:
-    """What a test would show of effects beside all that is uncertain, and what that is worth.
+    """What a test would show of effects besides all that is uncertain, and what that is worth.
 
     Attributes
     ----------
-    problem, base, left
+    problem, base, discrepancy
         As of :func:`visibility`.
     n_lines, most : int
         So many lines, and values of FRFs at most, are looked at.
@@ -328,8 +334,8 @@ class Sight:
 
     problem: FitProblem
     base: FitResult
-    left: float | None
-    n_lines: int = N_WHOLE
+    discrepancy: float | None
+    n_lines: int = N_FULL_BAND
     most: int = MOST_VALUES
     averaged: float = 1.0
     look: Look = field(init=False)
@@ -341,7 +347,7 @@ class Sight:
         soft = replace(problem, scatter=None, decay=rate)
         soft = replace(soft, data=replace(problem.data, H=soft.receptance(base)))
         self.broad = Look.of(soft, base, N_DAMPED, 0, MOST_VALUES)
-        self.look = Look.of(problem, base, self.n_lines, 0, self.most, self.left, self._stretched())
+        self.look = Look.of(problem, base, self.n_lines, 0, self.most, self.discrepancy, self._stretched())
 
     def _stretched(self) -> dict[ParameterRef, float]:
         """Return how much farther uncertain parameters reach than small changes of them say, by parameter.
@@ -379,9 +385,9 @@ class Sight:
         """Mean squares of the residuals of each group that a right model leaves."""
         level: Floats = pseudo_huber(self.look.now, ROBUST) @ self.look.share
         noise = self.look.likelihood.noise / SYSTEMATIC_FROM**2
-        if self.left is None:  # measured residuals have the noise of the averages so far
+        if self.discrepancy is None:  # measured residuals have the noise of the averages so far
             return np.maximum(level - (1 / self.averaged - 1) * noise, self.averaged * level)
-        return level + noise + self.left**2
+        return level + noise + self.discrepancy**2
 
     @cached_property
     def _learned(self) -> tuple[Floats, Floats]:
@@ -393,14 +399,14 @@ class Sight:
         look, m = self.look, self._n
         J, known = look.slopes[:, : 2 * m] * np.sqrt(np.tile(look.weights[:m], 2)), look.slopes[:, 2 * m :]
         groups = np.tile(look.share > 0, (2, 1)).T
-        said = [J[:, here] @ J[:, here].T for here in groups]
-        total = np.sum(said, axis=0) + known @ known.T
+        information = [J[:, here] @ J[:, here].T for here in groups]
+        total = np.sum(information, axis=0) + known @ known.T
         L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
-        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in said]
+        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in information]
         values, U = np.linalg.eigh(np.sum(parts, axis=0))
         return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
-    def parts(self, littles: Sequence[Little]) -> tuple[Floats, Floats]:
+    def parts(self, littles: Sequence[SmallChange]) -> tuple[Floats, Floats]:
         """Return what nothing uncertain can do of small changes, of n in all.
 
         Mean squares of each group of residuals and, behind these, of what is known beforehand, of shape
@@ -423,8 +429,8 @@ class Sight:
 
     def _parts(self, change: Complexes, replaced: tuple[ParameterRef, ...]) -> tuple[Floats, Floats]:
         """Return the same for changes (n, m) by effects that replace the same parameters."""
-        left, m = self.look.adapted(change, replaced), self._n
-        data, known = left[:, :m], left[:, m:].real
+        residual, m = self.look.adapted(change, replaced), self._n
+        data, known = residual[:, :m], residual[:, m:].real
         squares = np.abs(data) ** 2 @ self.look.share
         root = np.sqrt(np.concatenate([self.look.weights[:m]] * 2 + [self.look.weights[m:]]))
         vector: Floats = np.hstack([data.real, data.imag, known]) * root
@@ -470,7 +476,7 @@ class Sight:
             bottom, high = np.where(short, middle, bottom), np.where(short, high, middle)
         return np.where(seen, high, np.inf)
 
-    def reach(self, effect: Effect, little: Little) -> list[tuple[Floats, Floats]]:
+    def reach(self, effect: Effect, little: SmallChange) -> list[tuple[Floats, Floats]]:
         """Return at each of an effect's positions multiples of its small size, and of what that does.
 
         Both rise.
@@ -485,7 +491,7 @@ class Sight:
         return list(zip(factors, amplitude, strict=True))
 
 
-def _most(little: Little) -> list[float]:
+def _most(little: SmallChange) -> list[float]:
     """Return the largest sizes that are plausible on the side of none on which the small ones are, (n,)."""
     first = little.grid.effect.parameters()[0].name
     out = []
@@ -501,7 +507,7 @@ def _most(little: Little) -> list[float]:
     return out
 
 
-def _followed(littles: Sequence[Little]) -> Ints:
+def _followed(littles: Sequence[SmallChange]) -> Ints:
     """Return the numbers, of all littles' points, of those whose next one is only farther along a member."""
     out, n = [], 0
     for little in littles:
@@ -577,8 +583,8 @@ class _Rivals:
         column = np.concatenate([np.arange(len(owner)), followed])
         return cls(lengths, units, owner, column, np.where(both, -most, 0.0), most, against, unlike, apart)
 
-    def told_apart(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
-        """Return the least amplitudes at which effects are told from their rivals at their best, (n,) each.
+    def separation_amplitudes(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
+        """Return the least amplitudes that separate effects from their rivals at their best, (n,) each.
 
         From all at other places, and from all; then of the last rival its number and the cosine of the angle
         between what both do.
@@ -619,20 +625,20 @@ class _Rivals:
         return np.hstack([single, np.where(between, np.sign(a) * np.sqrt(np.clip(square, 0.0, 1.0)), 0.0)])
 
     def _least(self, seen: Floats, enough: Floats, rows: Ints, cosine: Floats) -> Floats:
-        """Return the least amplitudes at which some effects are told from each other one, (n_rows, n).
+        """Return the least amplitudes that separate some effects from each other one, (n_rows, n).
 
         With x as long as what an effect does, and c what its rival does along it, x² - 2ρxc + c² must be as
         large as what is seen squared, times the gain that is needed over that which is enough. The rival has
         c = ρx, or the largest size that is plausible.
         """
         visible = np.isfinite(seen) & (self.lengths[rows] > 0)
-        own = np.where(visible, self.lengths[rows], 1.0)[:, None]
-        there = (np.where(visible, seen, 1.0)[:, None] * own) ** 2
+        length = np.where(visible, self.lengths[rows], 1.0)[:, None]
+        there = (np.where(visible, seen, 1.0)[:, None] * length) ** 2
         square = there * needed(self.against[rows][:, None] - self.against[self.column]) / enough[:, None]
-        left = np.maximum(1 - cosine**2, 1e-12)
-        free = np.sqrt(square / left)
+        sine_squared = np.maximum(1 - cosine**2, 1e-12)
+        free = np.sqrt(square / sine_squared)
         most = np.where(cosine > 0, *(each[self.column] for each in (self.most, self.least)))
         most *= self.lengths[self.column]
-        capped = cosine * most + np.sqrt(np.maximum(square - most**2 * left, 0.0))
+        capped = cosine * most + np.sqrt(np.maximum(square - most**2 * sine_squared, 0.0))
         x = np.where(np.abs(cosine) * free <= np.abs(most), free, capped)
-        return np.where(visible[:, None], x / own, np.inf)
+        return np.where(visible[:, None], x / length, np.inf)

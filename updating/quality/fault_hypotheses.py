@@ -41,7 +41,7 @@ Losses = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
-class Hypothesis:
+class FaultHypothesis:
     """A fault that a sensor or an excitation may have, and the misfit that it explains.
 
     Attributes
@@ -165,13 +165,13 @@ def judge(
     after: NDArray[np.float64],
     count: int,
     change: float = np.inf,
-) -> Hypothesis:
+) -> FaultHypothesis:
     """Return a hypothesis from the losses (n_lines,) of ``count`` readings without and with a fault."""
     start = np.searchsorted(np.arange(len(before)) * _N_BLOCKS // len(before), np.arange(_N_BLOCKS))
     was, fall = (np.add.reduceat(x, start) for x in (before, before - after))
     tell = was > count / _N_BLOCKS  # blocks with something to explain
     better = float((fall[tell] > 0).mean()) if tell.sum() >= _N_BLOCKS // 3 else 0.0
-    return Hypothesis(
+    return FaultHypothesis(
         fault,
         size,
         least,
@@ -185,7 +185,7 @@ def judge(
 
 def factor_hypotheses(
     series: Series, of: str, name: str, gains: NDArray[np.float64], least: float
-) -> list[Hypothesis]:
+) -> list[FaultHypothesis]:
     """Return the sign, gain and delay of a channel that make the series' two sides agree.
 
     Parameters

@@ -25,7 +25,7 @@ from updating.quality.cross_prediction import (
     less_certain,
     rival_predictions,
 )
-from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses
+from updating.quality.fault_hypotheses import FaultHypothesis, Series, factor_hypotheses
 from updating.quality.sensor_faults import sensor_hypotheses, swap_hypotheses
 
 EXCITATION_GAIN_LEAST = 0.07
@@ -185,12 +185,12 @@ def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...
     return _likeliest(problem, result, options) if options else ()
 
 
-def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> Hypothesis | None:
+def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> FaultHypothesis | None:
     """Return the most convincing fault of a sensor, believed or not."""
     n = len(problem.data.measurement.sensors)
     if n < 3:
         return None
-    found: list[Hypothesis] = []
+    found: list[FaultHypothesis] = []
     suspects = []
     for i in range(n):
         of_sensor = sensor_hypotheses(problem, X, i)
@@ -242,7 +242,7 @@ def _levels_of_others(problem: FitProblem, result: FitResult, names: Collection[
     return out
 
 
-def _needed(problem: FitProblem, X: CrossPrediction, best: Hypothesis) -> bool:
+def _needed(problem: FitProblem, X: CrossPrediction, best: FaultHypothesis) -> bool:
     """Whether a fault is needed even if constraints may give way or a force may act near the sensor."""
     i = [s.name for s in problem.data.measurement.sensors].index(best.fault.sensor)
     rivals = [less_certain(problem, X)] if X.field.loose.any() else []
@@ -276,7 +276,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
     excitations = problem.data.measurement.excitations
     field = X.field
     motion, variance = less_certain(problem, X, 0.3).everywhere(problem.vectors[1].T @ field.shapes)
-    found: list[tuple[Hypothesis, tuple[tuple[Fault, ...], ...]]] = []
+    found: list[tuple[FaultHypothesis, tuple[tuple[Fault, ...], ...]]] = []
     error = X.prior[1]
     forces = [k for k, e in enumerate(excitations) if not isinstance(e, BaseMotion)]
     for n, k in enumerate(forces):
@@ -304,7 +304,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
     return _likeliest(problem, result, max(believed, key=lambda pair: pair[0].gain)[1])
 
 
-def _of_excitation(series: Series) -> list[Hypothesis]:
+def _of_excitation(series: Series) -> list[FaultHypothesis]:
     """Return the faults of an excitation, still without a name, that make a series' two sides agree."""
     return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), EXCITATION_GAIN_LEAST)
 

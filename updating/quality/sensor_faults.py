@@ -13,7 +13,7 @@ from updating.inference.fit import FitProblem
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 from updating.quality.cross_prediction import CrossPrediction
-from updating.quality.fault_hypotheses import Hypothesis, Series, factor_hypotheses, judge, valued
+from updating.quality.fault_hypotheses import FaultHypothesis, Series, factor_hypotheses, judge, valued
 
 GAIN_LEAST = 0.06
 """Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]."""
@@ -25,7 +25,7 @@ SHIFT_LEAST = 0.02
 """Smallest distance from the stated place that is called a fault, in lengths of the member [-]."""
 
 
-def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[Hypothesis]:
+def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[FaultHypothesis]:
     """Return the faults that sensor i alone may have."""
     name, series = problem.data.measurement.sensors[i].name, _series(X, i)
     out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), GAIN_LEAST)
@@ -54,7 +54,7 @@ def _on_member(mesh: Mesh, sensor: Sensor) -> bool:
 
 def _tilt_hypotheses(
     problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
-) -> list[Hypothesis]:
+) -> list[FaultHypothesis]:
     """Return tilts of sensor i about two axes, and about the axis that explains most."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
     point, _ = model.mesh.nearest_point(sensor.point)
@@ -85,7 +85,7 @@ def _tilt_hypotheses(
 
 def _position_hypotheses(
     problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
-) -> list[Hypothesis]:
+) -> list[FaultHypothesis]:
     """Return the best other place of sensor i on its member; none for a sensor on no member."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
     mesh, frames = model.mesh, model.of_kind(Frame)
@@ -105,7 +105,9 @@ def _position_hypotheses(
     return [judge(fault, size, SHIFT_LEAST, before, after, int(series.seen.sum()), change)]
 
 
-def swap_hypotheses(problem: FitProblem, X: CrossPrediction, suspects: Sequence[int]) -> list[Hypothesis]:
+def swap_hypotheses(
+    problem: FitProblem, X: CrossPrediction, suspects: Sequence[int]
+) -> list[FaultHypothesis]:
     """Return the pairs of suspects whose labels may be exchanged, each predicted from all others."""
     sensors = problem.data.measurement.sensors
     names = [s.name for s in sensors]

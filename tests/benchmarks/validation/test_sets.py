@@ -104,9 +104,9 @@ def test_a_direction_that_another_hides_is_not_drawn():
     scale = _Scale(draft, draft.frame, 3e-5, 40)
     hidden = draw_hidden(np.random.default_rng(1), "support_soft", draft, draft.frame)
     one, other = (Implant(p, 10.0, 0.0) for p in hidden.parts[:2])
-    assert scale.beside(one, [other]) > EACH_DB
+    assert scale.added_change(one, [other]) > EACH_DB
     gone = replace(one, amplitude=0.1 * one.hidden.bounds[0])
-    assert scale.beside(gone, [other]) < scale.beside(one, [other])
+    assert scale.added_change(gone, [other]) < scale.added_change(one, [other])
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.mode_fit import ModeProblem
-from updating.inference.unknowns import ScaledUnknown
 
 
 def gains_without(
@@ -41,8 +40,10 @@ def gains_without(
     by_name = {e.name: e for e in effects}
     out = np.full(len(groups), -np.inf)
     for k, names in enumerate(groups):
-        rows = [i for i, v in enumerate(function.variables) if v.ref[0] in names and _sized(by_name, v)]
         every = [i for i, v in enumerate(function.variables) if v.ref[0] in names]
+        # an effect's first parameter is its size
+        first = {e.name: e.parameters()[0].name for e in effects if e.name in names}
+        rows = [i for i in every if function.variables[i].ref[1] == first[function.variables[i].ref[0]]]
         way = np.array([_way(function, by_name, i, float(x[i])) for i in rows])
         known = -0.5 * (off / std)[every] ** 2 - np.log(std[every])
         sized, of_group = C[np.ix_(rows, rows)], C[np.ix_(every, every)]
@@ -52,11 +53,6 @@ def gains_without(
         rest = [e for e in effects if e.name not in names]
         out[k] = evidence + odds.prior(rest) - odds.prior(effects)
     return out
-
-
-def _sized(by_name: dict[str, Effect], v: ScaledUnknown) -> bool:
-    """Whether an unknown is the size of an effect: its first parameter."""
-    return v.ref[1] == by_name[v.ref[0]].parameters()[0].name
 
 
 def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) -> float:

@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.screening import Grid, Little, Look
+from updating.diagnosis.evidence.screening import Grid, Look, SmallChange
 from updating.inference.fit import FitProblem
 
 LEAST_MULTIPLE = 1.0
@@ -49,7 +49,7 @@ class Blocks:
 
     problem: FitProblem
     look: Look
-    _little: dict[str, Little] = field(default_factory=dict, init=False)
+    _little: dict[str, SmallChange] = field(default_factory=dict, init=False)
 
     def of(self, group: Sequence[Effect]) -> Block:
         """Return some effects at the multiples of small changes that together explain the residuals best.
@@ -63,7 +63,7 @@ class Blocks:
         return _block(self.look, [self._little[e.name] for e in group])
 
 
-def _block(look: Look, parts: Sequence[Little]) -> Block:
+def _block(look: Look, parts: Sequence[SmallChange]) -> Block:
     """Return the block of some effects."""
     replaced = tuple(dict.fromkeys(ref for p in parts for ref in p.grid.effect.replaces()))
     change = np.stack([p.change[0] for p in parts])

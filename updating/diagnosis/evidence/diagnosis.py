@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -17,14 +17,14 @@ from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, fit
 from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
-from updating.inference.preparation import N_FIT_LINES
+from updating.inference.preparation import ProblemOptions
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
@@ -141,57 +141,38 @@ def search_by_evidence(
     measurement: Measurement,
     nuisances: Sequence[Nuisance] = (),
     *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
-    modes: ModeTargets | None = None,
     progress: Progress | None = None,
     crew: Workers = ALONE,
-    budget: Budget = NORMAL,
+    **settings: Unpack[ProblemOptions],
 ) -> Searched:
     """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
 
-    Measured ``modes`` are fitted beside the FRFs. A ``crew`` computes independent fits.
+    A ``crew`` computes independent fits.
     """
     say = progress or (lambda text, done: None)
-    initial = begin_search(
-        model, measurement, nuisances, damping_std=damping_std, band=band, kinds=kinds, exclude=exclude,
-        n_lines=n_lines, model_error=model_error, modes=modes, progress=say, crew=crew, budget=budget,
-    )  # fmt: skip
-    return searched(initial, say)
+    say("reducing the model", 0.0)
+    prepared = prepare_search(model, measurement, nuisances, kinds=kinds, exclude=exclude, **settings)
+    say("fitting the uncertain parameters", 0.05)
+    return searched(search_of_problem(*prepared, progress=say, crew=crew), say)
 
 
-def begin_search(
+def prepare_search(
     model: Model,
     measurement: Measurement,
     nuisances: Sequence[Nuisance] = (),
     *,
-    damping_std: float = 0.5,
-    band: tuple[float, float] | None = None,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
-    n_lines: int = N_FIT_LINES,
-    model_error: float = EXPLAINED_LEVEL,
-    modes: ModeTargets | None = None,
-    progress: Progress,
-    crew: Workers = ALONE,
-    budget: Budget = NORMAL,
-) -> Searched:
-    """Return a search that knows the model without effects, with faults of the measurement set right.
+    **settings: Unpack[ProblemOptions],
+) -> tuple[FitProblem, Formed, tuple[Effect, ...]]:
+    """Return the problem of a search, its model with the form's effects, and its candidates.
 
-    Parameters as of :func:`search_by_evidence`.
+    Parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
     """
-    progress("reducing the model", 0.0)
-    problem, formed = formed_problem(
-        situated(model, kinds), measurement, nuisances, damping_std=damping_std, band=band, n_lines=n_lines,
-        model_error=model_error,
-    )  # fmt: skip
-    progress("fitting the uncertain parameters", 0.05)
-    every = candidates_for_test(formed.model, measurement, kinds, exclude)
-    return search_of_problem(problem, formed, every, modes=modes, progress=progress, crew=crew, budget=budget)
+    problem, formed = formed_problem(situated(model, kinds), measurement, nuisances, **settings)
+    return problem, formed, candidates_for_test(formed.model, measurement, kinds, exclude)
 
 
 def search_of_problem(
@@ -225,9 +206,15 @@ def search_of_problem(
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(
-            problem, formed.form, candidates, search_progress(progress, start_time), workers=crew,
-            ranking=ranking or FrfRanking(), beforehand=log_prior(doubtful(faults), read), budget=budget,
-        )  # fmt: skip
+            problem,
+            formed.form,
+            candidates,
+            search_progress(progress, start_time),
+            workers=crew,
+            ranking=ranking or FrfRanking(),
+            beforehand=log_prior(doubtful(faults), read),
+            budget=budget,
+        )
         first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
         nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
         search.known[frozenset()] = nothing

@@ -27,7 +27,7 @@ from updating.inference.workers import Workers
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class HalvingStage:
     """A stage of the halving.
 
     Attributes
@@ -48,9 +48,9 @@ class Stage:
 
 
 STAGES = (
-    Stage(share=0.04, n_lines=14, n_steps=6, kept=0.34, least=4),
-    Stage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=2),
-    Stage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
+    HalvingStage(share=0.04, n_lines=14, n_steps=6, kept=0.34, least=4),
+    HalvingStage(share=0.015, n_lines=24, n_steps=6, kept=0.25, least=2),
+    HalvingStage(share=0.004, n_lines=40, n_steps=8, kept=0.5, least=2),
 )
 ROUGH_NATS = 0.5
 """A fit to damped FRFs ends when it gains less."""
@@ -127,7 +127,7 @@ class Damped:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trial:
+class HalvingTrial:
     """Effects fitted to damped FRFs.
 
     Attributes
@@ -149,7 +149,7 @@ class Trial:
 
 def halved(
     damped: Damped, workers: Workers, blocks: Sequence[Candidate], singles: Sequence[Candidate]
-) -> list[Trial]:
+) -> list[HalvingTrial]:
     """Return the best of candidates on weakly damped FRFs, of each sort the best first.
 
     Parameters
@@ -163,7 +163,7 @@ def halved(
     """
     n_base = len(damped.result.effects)
     sorts: dict[str, Sequence[Candidate]] = {"block": blocks}
-    best: dict[str, list[Trial]] = {}
+    best: dict[str, list[HalvingTrial]] = {}
     for number, stage in enumerate(STAGES):
         damped_problem = damped.at(stage.share)
         if damped_problem is not None:
@@ -183,12 +183,12 @@ def _together(one: Candidate, two: Candidate, n_base: int) -> Candidate:
 
 
 def _tried(
-    problem: FitProblem, workers: Workers, stage: Stage, sorts: Mapping[str, Sequence[Candidate]]
-) -> dict[str, list[Trial]]:
+    problem: FitProblem, workers: Workers, stage: HalvingStage, sorts: Mapping[str, Sequence[Candidate]]
+) -> dict[str, list[HalvingTrial]]:
     """Return the candidates of each sort that go on, the best first."""
     every = [(sort, c) for sort, candidates in sorts.items() for c in candidates]
     trials = workers.map(_fitted, (problem, stage), [c for _, c in every])
-    out: dict[str, list[Trial]] = {sort: [] for sort in sorts}
+    out: dict[str, list[HalvingTrial]] = {sort: [] for sort in sorts}
     for (sort, _), trial in zip(every, trials, strict=True):
         if trial is not None:
             out[sort].append(trial)
@@ -203,7 +203,7 @@ def _tried(
     return out
 
 
-def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | None:
+def _fitted(shared: tuple[FitProblem, HalvingStage], candidate: Candidate) -> HalvingTrial | None:
     """Return a fit; None where there is no structure: more mass taken away than there is."""
     (problem, stage), (effects, start) = shared, candidate
     problem = with_forces(problem, effects, start.values)
@@ -218,4 +218,4 @@ def _fitted(shared: tuple[FitProblem, Stage], candidate: Candidate) -> Trial | N
         )
     except np.linalg.LinAlgError:
         return None
-    return Trial(function.result(solution), solution.cost)
+    return HalvingTrial(function.result(solution), solution.cost)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt
-from fem.reduction.terms import Term, motions_of
+from fem.reduction.terms import ReducedTerm, motions_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
@@ -26,7 +26,7 @@ from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import DOUBT, MetModes, ModeFunction, ModeProblem, Partners
-from updating.inference.scatter import Scatter
+from updating.inference.scatter import FormScatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24
@@ -94,9 +94,12 @@ class ModeChanges:
         constrained = [n for n, e in enumerate(effects) if e.released()]
         each = [self._opened(effects[n]) for n in constrained]
         out[constrained] = self.function.slopes(
-            base, partners, [(k, o.term) for k, o in enumerate(each)], len(constrained),
+            base,
+            partners,
+            [(k, o.term) for k, o in enumerate(each)],
+            len(constrained),
             lambda mode: np.stack([o.moved(mode) for o in each]),
-        )  # fmt: skip
+        )
         return out
 
     def at_points(self, grid: Grid, more: Sequence[dict[str, float]] = ()) -> NDArray[np.complex128]:
@@ -119,7 +122,7 @@ class ModeChanges:
             out[list(met)] = self.function.residuals_of(list(met.values())) - self.found[0]
         return out
 
-    def _restricted(self, term: Term) -> Term:
+    def _restricted(self, term: ReducedTerm) -> ReducedTerm:
         P = self.base.columns
         if term.L is not None:
             return replace(term, L=term.L @ P)
@@ -139,7 +142,7 @@ class ModeChanges:
         compliance: Any = np.linalg.pinv(k)
         return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
 
-    def around(self, released: Key, term: Term) -> ModesAt:
+    def around(self, released: Key, term: ReducedTerm) -> ModesAt:
         """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
 
         Those of a connection that becomes soft are no sum of the modes of a stiff one.
@@ -152,7 +155,7 @@ class ModeChanges:
         still = vectors[:, high] @ ((vectors[:, high].T @ forces) / lam[high, None])
         return at.on(np.hstack([V, _independent_columns(still)]))
 
-    def _with_lacking(self, at: ModesAt, term: Term) -> tuple[ModesAt, Term]:
+    def _with_lacking(self, at: ModesAt, term: ReducedTerm) -> tuple[ModesAt, ReducedTerm]:
         """Return modes and a term on a basis that has the responses to the term's forces as well.
 
         What a hinge lets turn has mass: with the flexibility alone it would turn too late.
@@ -191,7 +194,7 @@ class ModeChanges:
             self._spaces[released] = at, V
         return self._spaces[released]
 
-    def _forces(self, term: Term) -> Floats | None:
+    def _forces(self, term: ReducedTerm) -> Floats | None:
         """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
         if term.L is None:
             return None
@@ -354,11 +357,11 @@ class Opened:
     outputs: Floats
 
     @property
-    def term(self) -> Term:
+    def term(self) -> ReducedTerm:
         """The change of the dynamic stiffness, -fᵀ k⁻¹ f, in powers of -ω²."""
         powers = np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([0.0, 1.0])
         laws = tuple((partial(_power, n), np.kron(which, -self.compliance)) for n, which in enumerate(powers))
-        return Term(np.vstack([self.stiffness, self.mass]), None, None, None, None, laws)
+        return ReducedTerm(np.vstack([self.stiffness, self.mass]), None, None, None, None, laws)
 
     def moved(self, mode: DampedMode) -> NDArray[Any]:
         """Return the motion of the sensors by the opening in a mode, (n_out,)."""
@@ -371,7 +374,7 @@ def _power(n: int, omega: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Little:
+class SmallModeChange:
     """What the best multiple of a candidate's change does, to the first order.
 
     Attributes
@@ -469,7 +472,7 @@ class ModeRanking:
 
     def looked(
         self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]
-    ) -> list[tuple[Effect, Little]]:
+    ) -> list[tuple[Effect, SmallModeChange]]:
         """Return candidates that the data see, with their changes of a fit to first order."""
         grids = _grids(problem, effects)
         ways = [little for _, little in _by_slopes(ModeChanges(problem, current), grids)]
@@ -487,7 +490,9 @@ class ModeRanking:
         without = last.without(last.effects[-1].name)
         return self._looked_at(problem, without, effects, lambda effect: False, N_LOOKED)[:n_best]
 
-    def scatter(self, problem: ModeProblem, result: FitResult, size: float | None = None) -> Scatter | None:
+    def scatter(
+        self, problem: ModeProblem, result: FitResult, size: float | None = None
+    ) -> FormScatter | None:
         """Return None: the discrepancy of damping ratios represents it."""
         return None
 
@@ -536,7 +541,7 @@ def _independent_columns(A: Floats) -> Floats:
     return U[:, s > SAME_FORCE * s.max(initial=0.0)]
 
 
-def _by_slopes(changes: ModeChanges, grids: Sequence[Grid]) -> list[tuple[ModeLook, list[Little]]]:
+def _by_slopes(changes: ModeChanges, grids: Sequence[Grid]) -> list[tuple[ModeLook, list[SmallModeChange]]]:
     """Return the best multiples of the candidates' changes of a fit.
 
     In a look at it, and in one that believes every reading where any seems bad.
@@ -553,7 +558,7 @@ def _best_multiples(
     grids: Sequence[Grid],
     points: list[tuple[int, dict[str, float], float]],
     slopes: Floats,
-) -> list[Little]:
+) -> list[SmallModeChange]:
     """Return what the best multiples of slopes do: of points of grids, whose numbers stand before them."""
     owner = np.array([n for n, _, _ in points], dtype=int)
     slopes, y = np.nan_to_num(slopes), look.misfit
@@ -572,7 +577,9 @@ def _best_multiples(
         each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in rows]
         k = min(rows, key=lambda k: squares[k])
         evidence = float(np.logaddexp.reduce(each) - np.log(len(rows)))
-        out.append(Little(float(squares[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence))
+        out.append(
+            SmallModeChange(float(squares[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence)
+        )
     return out
 
 

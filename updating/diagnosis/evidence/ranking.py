@@ -16,7 +16,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.joint_fit import with_modes
-from updating.inference.scatter import Scatter, form_scatter
+from updating.inference.scatter import FormScatter, form_scatter
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
@@ -69,7 +69,7 @@ class Ranking(Protocol):
         """Return the candidates that come nearest to what the last effect of a fit does."""
         ...
 
-    def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> Scatter | None:
+    def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:
         """Return small deviations that the form has besides its parameters.
 
         ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
@@ -146,7 +146,9 @@ class FrfRanking:
         """Return the candidates whose change of the receptances comes nearest."""
         return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
 
-    def scatter(self, problem: FitProblem, result: FitResult, size: float | None = None) -> Scatter | None:
+    def scatter(
+        self, problem: FitProblem, result: FitResult, size: float | None = None
+    ) -> FormScatter | None:
         """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
         return form_scatter(problem, result, size, self.form_share)
 

@@ -17,7 +17,7 @@ from fem.reduction.local_changes import Fields, LocalChanges
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import terms_in_series
-from fem.reduction.terms import Term
+from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.inference.fit import FitProblem
@@ -29,7 +29,7 @@ from updating.inference.heartbeat import beat
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
-N_WHOLE, N_LOW, N_DAMPED = 44, 24, 24
+N_FULL_BAND, N_LOW, N_DAMPED = 44, 24, 24
 """Lines of the full band, of the low one, and of damped FRFs, at which candidates are evaluated."""
 
 NEAR_BOUND = 0.01
@@ -214,7 +214,7 @@ def screen_near(
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
     """
-    look = Look.of(problem, current, N_WHOLE, 0, MOST_VALUES)
+    look = Look.of(problem, current, N_FULL_BAND, 0, MOST_VALUES)
     best, out = -np.inf, []
     for at_once in (True, False):
         for grid, gain in zip(grids, linear, strict=True):
@@ -232,7 +232,7 @@ def screen_near(
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 
-def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[Term, ...]:
+def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedTerm, ...]:
     """Return what the effect adds at the points, on members and joints as a fit has them.
 
     A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
@@ -271,11 +271,11 @@ def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> "Look
     """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
     if problem.decay:  # broad resonances: few lines, and the full band is as good as a low one
         return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
-    return Look.of(problem, base, N_WHOLE, N_LOW if far else 0, MOST_VALUES)
+    return Look.of(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Little:
+class SmallChange:
     """What a little of a candidate does, at each of its slight points.
 
     Attributes
@@ -390,9 +390,21 @@ class Look:
         at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
         measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
         return cls(
-            problem, base, lines, at, measured, w, at < n_first, refs, slopes, trust, off, prior_of, share,
-            likelihood,
-        )  # fmt: skip
+            problem=problem,
+            base=base,
+            lines=lines,
+            at=at,
+            measured=measured,
+            weight=w,
+            full_band=at < n_first,
+            refs=refs,
+            slopes=slopes,
+            trust=trust,
+            off=off,
+            prior_of=prior_of,
+            share=share,
+            likelihood=likelihood,
+        )
 
     def best_starts(self, grid: Grid) -> list[tuple[float, Start]]:
         """Return the best start of a candidate by each of three measures, and how good it is."""
@@ -429,7 +441,7 @@ class Look:
     ) -> tuple[Floats, Floats]:
         return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
 
-    def little(self, grid: Grid) -> "Little":
+    def little(self, grid: Grid) -> "SmallChange":
         """Return the slopes of the residuals of the full band by a candidate.
 
         An effect that replaces an uncertain parameter does nothing at that parameter's value.
@@ -439,7 +451,7 @@ class Look:
         points = grid.slight_points(absent)
         little = Grid(grid.effect, tuple(point for point, _ in points))
         most = np.array([factor for _, factor in points])
-        return Little(grid, little.points, absent, self.changes(little), most)
+        return SmallChange(grid, little.points, absent, self.changes(little), most)
 
     def changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""

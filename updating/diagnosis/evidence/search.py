@@ -24,7 +24,7 @@ from updating.diagnosis.evidence.fits import (
     around,
     with_forces,
 )
-from updating.diagnosis.evidence.halving import Damped, Trial, halved
+from updating.diagnosis.evidence.halving import Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -64,7 +64,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Proposal:
+class NextHypotheses:
     """Effects to add, and values to start from.
 
     Attributes
@@ -159,7 +159,7 @@ def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
     return fits.continued(quick, [item])
 
 
-def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: Trial) -> Hypothesis:
+def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: HalvingTrial) -> Hypothesis:
     (fits, problem, base), (effects, start) = shared, item.candidate
     ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
     return fits.pruned(problem, ended, base)
@@ -324,13 +324,13 @@ class Search:
             behind = replace(h.fitted, log_evidence=best.score - few[best.key].score + h.fitted.log_evidence)
             self.known.setdefault(key, replace(h, fitted=behind))
 
-    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[Trial]:
+    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[HalvingTrial]:
         """Return candidates that damped FRFs ask for, the best of each sort."""
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
             now = straight(damped.problem, now)
-        compatible = self.fit_beside(base.effects)
+        compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
         others = [e for e in compatible if e.kind not in BLOCK_KINDS]
@@ -430,7 +430,7 @@ class Search:
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
-            compatible = self.fit_beside(rest)
+            compatible = self.compatible_with(rest)
             near = [
                 c
                 for c in compatible
@@ -474,7 +474,7 @@ class Search:
             return h
         kept, wanted = values_of(h.effects), []
         for d in departures(free, h.fitted)[: self.budget.n_departures]:
-            near = [c for c in self.fit_beside(h.effects) if near_to(c) & d.near]
+            near = [c for c in self.compatible_with(h.effects) if near_to(c) & d.near]
             fixed = replace(free, nuisances=tuple(n for n in free.nuisances if n.refs[0][0] != d.effect.name))
             values = {ref: v for ref, v in h.fitted.values.items() if ref[0] != d.effect.name}
             now = replace(h.fitted, values=values)
@@ -492,7 +492,7 @@ class Search:
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[Proposal]:
+    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[NextHypotheses]:
         """Return effects that may be added."""
         current, far = base.fitted, self.fits.is_far(base)
         ranked: tuple[Scanned, ...] = ()
@@ -502,7 +502,7 @@ class Search:
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self.scanned = ranked
-        compatible = self.fit_beside(base.effects)
+        compatible = self.compatible_with(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
         parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
@@ -525,7 +525,7 @@ class Search:
         first = names_at[0] if names_at else set[str]()
         odds = self.fits.odds
         out = [
-            Proposal(
+            NextHypotheses(
                 (s.effect,),
                 s.starts,
                 s.gain - odds.against(base.effects, (s.effect,)),
@@ -535,7 +535,7 @@ class Search:
         ]
         return out + self.blocks(base, quick, now, ranked, key_of(compatible))
 
-    def fit_beside(self, effects: Sequence[Effect]) -> list[Effect]:
+    def compatible_with(self, effects: Sequence[Effect]) -> list[Effect]:
         """Return the candidates that may be added to some effects.
 
         Two that release one constraint are springs side by side there, and one of them says all.
@@ -565,7 +565,7 @@ class Search:
         now: FitResult,
         ranked: Sequence[Scanned],
         names: Set[str],
-    ) -> list[Proposal]:
+    ) -> list[NextHypotheses]:
         """Return the springs of a connection in all directions, and of two connections.
 
         At the first places of the scan, and where their small changes together explain the residuals best. Of
@@ -588,7 +588,7 @@ class Search:
             for k, each in enumerate(blocks)
             if k < n or key_of(each[0].effects) in keys
         ]
-        out: dict[frozenset[str], Proposal] = {}
+        out: dict[frozenset[str], NextHypotheses] = {}
         for each in chosen:
             is_first = each[0].effects in near[:1]
             if self.fits.is_far(base):
@@ -600,7 +600,7 @@ class Search:
             if len(block) > 1 and wins:
                 worth = max(b.gain for b in each) - self.fits.odds.against(base.effects, block)
                 starts = [*(b.start for b in each), *more]
-                out[key_of(block)] = Proposal(block, starts, worth, is_first)
+                out[key_of(block)] = NextHypotheses(block, starts, worth, is_first)
         return list(out.values())
 
     def paying(

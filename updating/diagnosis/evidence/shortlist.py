@@ -7,7 +7,7 @@ import numpy as np
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.screening import (
     MOST_VALUES,
-    N_WHOLE,
+    N_FULL_BAND,
     Complexes,
     Floats,
     Grid,
@@ -25,7 +25,7 @@ HOPELESS = 40.0
 """A rival is not fitted if its best point is so much less likely than that of the effect in its place."""
 N_LISTED = 20
 """Number of the best candidates by each measure on the short list."""
-N_WHOLE_LIST, N_LOW_LIST = 18, 8
+N_FULL_LISTED, N_LOW_LISTED = 18, 8
 """Lines of the whole band, and of the low one, for the short list."""
 MOST_PLACES = 4
 """Largest number of a candidate's places, for the short list."""
@@ -44,7 +44,7 @@ def rivals(problem: FitProblem, best: FitResult, grids: Sequence[Grid], n_best: 
     without = best.without(best.effects[-1].name)
     if len(grids) > MOST_RIVALS:
         grids = [grids[i] for i in shortlist(problem, (without,), grids)]
-    look = Look.of(problem, without, N_WHOLE, 0, MOST_VALUES)
+    look = Look.of(problem, without, N_FULL_BAND, 0, MOST_VALUES)
     found = []
     # measured by its own grid, which is as coarse as those of the others
     replaced_cost = look.levels(Grid.of(problem, best.effects[-1]))[0].min(initial=np.inf)
@@ -65,7 +65,7 @@ def shortlist(problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[G
 
     The ``N_LISTED`` best by each measure go on, and all that release a constraint.
     """
-    looks = [Look.of(problem, base, N_WHOLE_LIST, N_LOW_LIST, MOST_VALUES_LISTED) for base in bases]
+    looks = [Look.of(problem, base, N_FULL_LISTED, N_LOW_LISTED, MOST_VALUES_LISTED) for base in bases]
     levels = _proportional_levels(looks, grids)
     listed = {i for i, grid in enumerate(grids) if grid.effect.released()}
     for row in levels:

@@ -20,7 +20,7 @@ ITERATIONS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class HoldsFrame(Effect):
+class WithFrame(Effect):
     """A change of members, formed by the frame that it contains.
 
     Attributes
@@ -41,7 +41,7 @@ class HoldsFrame(Effect):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class OnStretches(HoldsFrame):
+class OnStretches(WithFrame):
     """A change of stretches of members at one place.
 
     Attributes

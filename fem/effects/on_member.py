@@ -1,0 +1,69 @@
+"""Effects of one member: of its elements, or at a position along it."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Contribution, Effect, Model
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnMember(Effect):
+    """An effect of a member of the model.
+
+    Attributes
+    ----------
+    member : str
+        Name of the member.
+    """
+
+    member: str
+
+    @property
+    def where(self) -> str:
+        """The member."""
+        return f"member {self.member}"
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the middle of the member."""
+        mesh = model.mesh
+        return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
+
+    def alters(self, model: Model, member: str, line: int | None = None) -> bool:
+        """Whether it is of the member."""
+        return member == self.member
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class WithinMember(OnMember):
+    """A change of the elements of a member, whose matrices are part of its stiffness or mass."""
+
+    within_members: ClassVar[bool] = True
+
+    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
+        """Return all its elements."""
+        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class AtPosition(OnMember):
+    """An effect at a position along a member.
+
+    Attributes
+    ----------
+    position : float
+        Arc length from the member's first end [m].
+    """
+
+    position: Any
+
+    @property
+    def where(self) -> str:
+        """Member and position."""
+        return f"member {self.member} at {np.real(self.position):.3f} m"
+
+    def locations(self, model: Model) -> NDArray[np.float64]:
+        """Return the place on the member."""
+        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
