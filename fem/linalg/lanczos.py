@@ -85,9 +85,7 @@ def lowest_eigenpairs(
     new = pairs
     while new.eigenvalues.size and fixed.shape[1] + pairs.vectors.shape[1] < M.shape[0]:
         short = n - len(pairs.eigenvalues)
-        last = pairs.eigenvalues[n - 1] if n else limit
-        # eigenvalues that equal the n-th to rounding belong to it
-        top = np.inf if short > 0 else max(limit, last + EQUAL * abs(last) if n else limit)
+        top = np.inf if short > 0 else max(limit, _above(pairs.eigenvalues[n - 1]) if n else limit)
         full = _largest_set(1 / (new.eigenvalues[new.eigenvalues <= top] - shift)) >= block
         if not (full or ended):
             break
@@ -97,6 +95,11 @@ def lowest_eigenpairs(
         pairs = merged(pairs, new, len(pairs.eigenvalues) + len(new.eigenvalues))
     want = max(n, int((pairs.eigenvalues <= limit).sum()) + 1)
     return pairs if new is pairs else merged(pairs, pairs.head(0), want)
+
+
+def _above(eigenvalue: float) -> float:
+    """Return up to where others are equal to an eigenvalue."""
+    return eigenvalue + EQUAL * abs(eigenvalue)
 
 
 def _search(
