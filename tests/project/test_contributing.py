@@ -62,9 +62,9 @@ def test_it_has_a_role_a_sentence_a_marker_and_a_row(kind, model):
     effect = propose(model, [kind])[1]
     assert effect.role is Role.MASS
     finding = SimpleNamespace(
-        effect=effect, parameters=[SimpleNamespace(name="inertia", value=1e-4)], twins=()
+        effect=effect, parameters=[SimpleNamespace(name="inertia", value=1e-4)], alternatives=()
     )
-    assert words.sentence(finding) == "Point 1 carries a rotary inertia that the model lacks."
+    assert words.sentence([finding]) == "Point 1 carries a rotary inertia that the model lacks."
     assert effect.marker.shape in SHAPES
     assert effect.marker.colour in COLOURS
     row = f"| `{kind}` | `inertia` [kg·m²] | a rotary inertia at a member's end |"
