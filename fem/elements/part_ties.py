@@ -150,6 +150,20 @@ def interface_map(
     return G.tocsr(), n_b
 
 
+def inner_places(matrices: Matrices, G: sp.csr_array, n_b: int) -> NDArray[np.float64] | None:
+    """Return the places (n_z, 3) of the coordinates inside [m]; None if one has no place.
+
+    ``G`` is that of :func:`interface_map`. A coordinate that moves several nodes has the place of one.
+    """
+    if not len(matrices.nodes):
+        return None
+    by_column = sp.csc_array(G[:, n_b:])
+    order = np.argsort(matrices.nodes)
+    node = matrices.node[by_column.indices[by_column.indptr[:-1]]]
+    at = order[np.minimum(np.searchsorted(matrices.nodes, node, sorter=order), len(order) - 1)]
+    return matrices.points[at] if (matrices.nodes[at] == node).all() else None
+
+
 def check_free(matrices: Matrices, where: str) -> None:
     """Raise an error if a rigid-body motion of the part meets resistance."""
     try:
