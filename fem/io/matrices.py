@@ -229,7 +229,8 @@ def read_matrices(
         raise MatricesError(msg)
     if suffix == ".npz" and not path.is_file():
         raise error_at(path, "there is no such file", MatricesError)
-    found = _npz(path) if suffix == ".npz" else read_part(path, None if deck is None else Path(deck))
+    places = None if deck is None else Path(deck)
+    found = _npz(path) if suffix == ".npz" else read_part(path, places, ordered=labels is None)
     for base in {path.stem, matrix_files(path)[0]} if suffix != ".npz" and "K" in found else ():
         table = path.with_name(f"{base}.dofs.csv")
         if table.is_file():
