@@ -25,7 +25,7 @@ FIXED = 1e36
 """What Abaqus adds to the diagonal in a direction that a support holds."""
 
 ORDER = 1e-6
-"""Force of a rigid-body motion, relative to its terms, that shows another order of rows."""
+"""Force of a rigid-body motion, relative to its terms, that shows other rows than were taken."""
 
 _GENERALISED = 100
 """Directions above this are amplitudes of modes; 7 to this are no motions (temperatures and the like)."""
@@ -141,11 +141,17 @@ def rows_in_order(
     free = np.flatnonzero(found["K"].diagonal() < FIXED / 2)
     kept = {key: sp.csr_array(X)[free][:, free] for key, X in found.items()}
     R = lever_matrix(points[order] - points.mean(axis=0))[:, :per_node].reshape(-1, 6)[free]
-    terms = (abs(kept["K"]) @ np.abs(R)).max(axis=1, keepdims=True)
-    resisted = (np.abs(kept["K"] @ R) > ORDER * terms).any(axis=1)
-    if resisted.mean() > 0.5:
+    if not moves_freely(kept["K"], R):
         return {}
     return {**kept, "node": node[free], "direction": direction[free]}
+
+
+def moves_freely(K: sp.csr_array, R: NDArray[np.float64]) -> bool:
+    """Return whether most rows (m, n) of a stiffness that rigid-body motions R (n, 6) reach meet no force."""
+    terms = (abs(K) @ np.abs(R)).max(axis=1)
+    force = np.abs(K @ R).max(axis=1)
+    reached = terms > 0
+    return bool((force > ORDER * terms)[reached].sum() <= reached.sum() / 2)
 
 
 def _check_indices(file: Path, index: NDArray[np.float64]) -> None:
