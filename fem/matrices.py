@@ -204,6 +204,30 @@ class Matrices:
         rows[self.direction[at] - 1] = at
         return rows
 
+    def rows_at(self, nodes: Sequence[int]) -> NDArray[np.int64]:
+        """Return the rows of nodes' directions 1 to 6, as :meth:`rows_of` for each, shape (k, 6)."""
+        wanted = np.asarray(nodes, dtype=np.int64)
+        at = np.flatnonzero(np.isin(self.node, wanted) & (self.direction > 0))
+        order = np.argsort(wanted)
+        rows = np.full((wanted.size, 6), -1)
+        rows[order[np.searchsorted(wanted, self.node[at], sorter=order)], self.direction[at] - 1] = at
+        lost = (rows < 0).all(axis=1)
+        if lost.any():
+            self.rows_of(int(wanted[lost][0]))  # raises an error that lists the nodes with rows
+        return rows
+
+    def places_of(self, nodes: Sequence[int]) -> NDArray[np.float64]:
+        """Return the coordinates of nodes, as :meth:`place_of` for each, shape (k, 3) [m]."""
+        wanted = np.asarray(nodes, dtype=np.int64)
+        known = np.flatnonzero(np.isin(self.nodes, wanted))
+        known = known[np.argsort(self.nodes[known])]
+        at = np.searchsorted(self.nodes[known], wanted)
+        lost = at == len(known)
+        lost[~lost] = self.nodes[known][at[~lost]] != wanted[~lost]
+        if lost.any():
+            self.place_of(int(wanted[lost][0]))  # raises an error that lists the nodes with places
+        return self.points[known[at]]
+
     def rigid_motions(self, about: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the six rigid-body motions of the rows, shape (n, 6) [m and rad per m and rad].
 

@@ -22,6 +22,7 @@ from fem.elements.part_ties import (
     check_attachments,
     check_free,
     check_tied,
+    inner_places,
     interface_map,
     warn_of_units,
 )
@@ -166,7 +167,7 @@ class Superelement(Effect):
                 raise ModelError(msg)
             n_modes = n_z
         psi, modes, omega2, rest, following = reduce_inside(
-            K, M, n_b, n_modes, max_frequency, where, residual
+            K, M, n_b, n_modes, max_frequency, where, residual, inner_places(matrices, G, n_b)
         )
         T = np.zeros((K.shape[0], n_b + modes.shape[1]))
         T[:n_b, :n_b] = np.eye(n_b)

@@ -51,7 +51,7 @@ class Attachment:
 
     def reach(self, matrices: Matrices, mesh: Mesh) -> float:
         """Return the largest distance of its nodes from its point [m]."""
-        places = np.array([matrices.place_of(node) for node in self.nodes])
+        places = matrices.places_of(self.nodes)
         return float(np.linalg.norm(places - mesh.points[self.point], axis=1).max())
 
     def __post_init__(self) -> None:
@@ -90,19 +90,21 @@ def check_attachments(matrices: Matrices, mesh: Mesh, attachments: Sequence[Atta
                 )
                 raise ModelError(msg)
             seen[node] = a.point
-            try:
-                rows = matrices.rows_of(node)
-                matrices.place_of(node)
-            except MatricesError as reason:
-                msg = f"{where}: {reason}"
-                raise ModelError(msg) from reason
-            if (rows[:3] < 0).any():
-                missing = ", ".join(axis for axis, row in zip("XYZ", rows, strict=False) if row < 0)
-                msg = (
-                    f"{where}: node {node} has no row for {missing}; interface nodes need three translations "
-                    "(is it fixed in the model of the part?)"
-                )
-                raise ModelError(msg)
+        try:
+            rows = matrices.rows_at(a.nodes)
+            matrices.places_of(a.nodes)
+        except MatricesError as reason:
+            msg = f"{where}: {reason}"
+            raise ModelError(msg) from reason
+        absent = (rows[:, :3] < 0).any(axis=1)
+        if absent.any():
+            k = int(np.argmax(absent))
+            missing = ", ".join(axis for axis, row in zip("XYZ", rows[k], strict=False) if row < 0)
+            msg = (
+                f"{where}: node {a.nodes[k]} has no row for {missing}; interface nodes need three "
+                "translations (is it fixed in the model of the part?)"
+            )
+            raise ModelError(msg)
 
 
 def interface_map(
@@ -114,8 +116,8 @@ def interface_map(
     n_b = 6 * len(attachments)
     n = n_b
     for k, a in enumerate(attachments):
-        rows = np.array([matrices.rows_of(node) for node in a.nodes])
-        T = np.vstack([lever_matrix(matrices.place_of(node) - mesh.points[a.point]) for node in a.nodes])
+        rows = matrices.rows_at(a.nodes)
+        T = lever_matrix(matrices.places_of(a.nodes) - mesh.points[a.point]).reshape(-1, 6)
         have = rows.ravel() >= 0
         if a.tie == "average":
             have &= np.tile(np.arange(6) < 3, len(a.nodes))  # rotations of the nodes stay inside
@@ -148,6 +150,20 @@ def interface_map(
     index = (np.concatenate(i), np.concatenate(j))
     G = sp.coo_array((np.concatenate(data), index), shape=(matrices.n, n + inside.size))
     return G.tocsr(), n_b
+
+
+def inner_places(matrices: Matrices, G: sp.csr_array, n_b: int) -> NDArray[np.float64] | None:
+    """Return the places (n_z, 3) of the coordinates inside [m]; None if one has no place.
+
+    ``G`` is that of :func:`interface_map`. A coordinate that moves several nodes has the place of one.
+    """
+    if not len(matrices.nodes):
+        return None
+    by_column = sp.csc_array(G[:, n_b:])
+    order = np.argsort(matrices.nodes)
+    node = matrices.node[by_column.indices[by_column.indptr[:-1]]]
+    at = order[np.minimum(np.searchsorted(matrices.nodes, node, sorter=order), len(order) - 1)]
+    return matrices.points[at] if (matrices.nodes[at] == node).all() else None
 
 
 def check_free(matrices: Matrices, where: str) -> None:
@@ -190,7 +206,7 @@ def check_tied(matrices: Matrices, attachments: Sequence[Attachment], where: str
     for k in range(n_pieces):
         motions, tied = np.zeros((0, 6)), []
         for a in attachments:
-            rows = np.concatenate([matrices.rows_of(node) for node in a.nodes])
+            rows = matrices.rows_at(a.nodes)
             rows = rows[rows >= 0]
             rows = rows[piece[rows] == k]
             tied += [str(a.point)] * bool(rows.size)
@@ -228,7 +244,7 @@ def warn_of_units(matrices: Matrices, mesh: Mesh, attachments: Sequence[Attachme
             stacklevel=3,
         )
     for a in attachments:
-        middle = np.mean([matrices.place_of(node) for node in a.nodes], axis=0)
+        middle = matrices.places_of(a.nodes).mean(axis=0)
         gap = float(np.linalg.norm(middle - mesh.points[a.point]))
         if gap > 2 * max(size, mesh.size):
             warnings.warn(

@@ -396,20 +396,40 @@ def abaqus_text(mesh: Mesh) -> str:
 
 
 def read_abaqus_nodes(path: Path) -> tuple[Ints, Floats]:
-    """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes outside parts, in the deck's unit."""
+    """Return the numbers (n,) and coordinates (n, 3) of a deck's nodes, in the deck's unit.
+
+    Nodes are those outside parts; of a deck that has none there, those of its only instance, as Abaqus/CAE
+    writes them.
+    """
+    assembly = DeckReader(path).read()
     notes: list[str] = []
-    nodes = DeckReader(path).read().outside.nodes
+    if _in_one_instance(assembly):
+        raw = assembly.mesh()
+        return np.asarray(raw.point_numbers, dtype=np.int64), raw.points
+    nodes = assembly.outside.nodes
     numbers, rows = nodes.unique(notes)
     _warn(path, notes)
     return numbers, nodes.values(rows)
 
 
 def read_node_sets(path: str | os.PathLike[str]) -> dict[str, tuple[int, ...]]:
-    """Return the node sets of an Abaqus or CalculiX deck outside parts, by their names in capitals."""
+    """Return the node sets of an Abaqus or CalculiX deck by their names in capitals.
+
+    Nodes are those of :func:`read_abaqus_nodes`.
+    """
     assembly = DeckReader(Path(path)).read()
+    if _in_one_instance(assembly):
+        raw = assembly.mesh()
+        of_row = np.asarray(raw.point_numbers, dtype=np.int64)
+        return {name: tuple(of_row[rows].tolist()) for name, rows in raw.point_sets.items()}
     sets, notes = assembly.node_sets()
     _warn(Path(path), notes)
     return {name: tuple(numbers.tolist()) for name, numbers in sets.items()}
+
+
+def _in_one_instance(assembly: Assembly) -> bool:
+    """Return whether all nodes of a deck belong to one instance."""
+    return len(assembly.instances) == 1 and not len(assembly.outside.nodes.unique([])[0])
 
 
 def _warn(path: Path, notes: list[str]) -> None:

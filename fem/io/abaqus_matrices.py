@@ -19,9 +19,13 @@ from numpy.typing import NDArray
 
 from fem.io.columns import cut_number
 from fem.matrices import MatricesError
+from fem.model import lever_matrix
 
 FIXED = 1e36
 """What Abaqus adds to the diagonal in a direction that a support holds."""
+
+ORDER = 1e-6
+"""Force of a rigid-body motion, relative to its terms, that shows other rows than were taken."""
 
 _GENERALISED = 100
 """Directions above this are amplitudes of modes; 7 to this are no motions (temperatures and the like)."""
@@ -106,6 +110,48 @@ def read_entries(files: dict[str, Path]) -> dict[str, Any]:
     free = np.flatnonzero(found["K"].diagonal() < FIXED / 2) if "K" in found else np.arange(dofs.size)
     found = {key: sp.csr_array(X[free][:, free]) for key, X in found.items()}
     return {**found, "node": dofs[free] // 8, "direction": dofs[free] % 8}
+
+
+def rows_in_order(
+    found: dict[str, Any], nodes: NDArray[np.int64], points: NDArray[np.float64]
+) -> dict[str, Any]:
+    """Return matrices of the format ``COORDINATE``, and ``node`` and ``direction`` of their rows.
+
+    Abaqus numbers rows by node, rising, and by direction. Rigid-body motions show whether it did: without
+    supports they meet no force, and with supports none at most nodes.
+
+    Parameters
+    ----------
+    found : dict
+        K, M, perhaps C and D.
+    nodes, points : ndarray (n_nodes,), (n_nodes, 3)
+        All nodes of the deck, and their places.
+
+    Returns
+    -------
+    dict
+        Without the rows that a support holds; empty if the rows are not 3 or 6 for each node in this order.
+    """
+    n = found["K"].shape[0]
+    per_node = n // max(len(nodes), 1)
+    if per_node not in (3, 6) or n != per_node * len(nodes):
+        return {}
+    order = np.argsort(nodes)
+    node, direction = np.repeat(nodes[order], per_node), np.tile(np.arange(1, per_node + 1), len(nodes))
+    free = np.flatnonzero(found["K"].diagonal() < FIXED / 2)
+    kept = {key: sp.csr_array(X)[free][:, free] for key, X in found.items()}
+    R = lever_matrix(points[order] - points.mean(axis=0))[:, :per_node].reshape(-1, 6)[free]
+    if not moves_freely(kept["K"], R):
+        return {}
+    return {**kept, "node": node[free], "direction": direction[free]}
+
+
+def moves_freely(K: sp.csr_array, R: NDArray[np.float64]) -> bool:
+    """Return whether most rows (m, n) of a stiffness that rigid-body motions R (n, 6) reach meet no force."""
+    terms = (abs(K) @ np.abs(R)).max(axis=1)
+    force = np.abs(K @ R).max(axis=1)
+    reached = terms > 0
+    return bool((force > ORDER * terms)[reached].sum() <= reached.sum() / 2)
 
 
 def _check_indices(file: Path, index: NDArray[np.float64]) -> None:

@@ -5,7 +5,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import count, islice, pairwise
+from itertools import count, islice
 from pathlib import Path
 from types import MappingProxyType
 
@@ -188,37 +188,35 @@ def _pieces(deck: FrameDeck, z: Floats) -> Iterator[Ints]:
 
 def _cut(deck: FrameDeck, z: Floats, turned: Bools, chain: Ints) -> Iterator[Ints]:
     """Yield the parts of a chain that can be members."""
-    bars, offset = deck.bars, deck.bars.offsets
+    bars = deck.bars
     p = deck.properties[bars.properties[chain[0]]]
-    sections = [p.section] if p.section2 is None else [p.section, p.section2]
-    mirrored = any(s.angle or s.shear_centre[0] for s in sections)  # seen from its other end
-    alone = p.section2 is not None or (p.theory == "bar" and bool(offset[chain].any()))
-    hinged = np.asarray(np.isfinite(bars.stiffness).any(axis=2))
-    reverse = turned.astype(np.int64)
-    start, by_height, by_z = 0, True, True
-    for k, (i, j) in enumerate(pairwise(chain), start=1):
-        first = chain[start]
-        by_height, by_z = by_height and _alike(bars.height[[first, j]]), by_z and _alike(z[[first, j]])
-        if (
-            alone
-            or hinged[i, 1 - reverse[i]]
-            or hinged[j, reverse[j]]
-            or (mirrored and reverse[i] != reverse[j])
-            or not (np.abs(offset[[i, j]] - offset[i, 0]) <= 1e-9).all()
-            or not (by_height or by_z)
-        ):
-            yield chain[start:k]
-            start, by_height, by_z = k, True, True
-    yield chain[start:]
+    if p.section2 is not None or (p.theory == "bar" and bars.offsets[chain].any()):
+        yield from chain[:, None]
+        return
+    mirrored = p.section.angle or p.section.shear_centre[0]  # seen from its other end
+    hinged = np.asarray(np.isfinite(bars.stiffness[chain]).any(axis=2))
+    offset, reverse = bars.offsets[chain], turned[chain].astype(np.int64)
+    k = np.arange(len(chain))
+    apart = hinged[k, 1 - reverse][:-1] | hinged[k, reverse][1:]
+    for ends in (offset[:-1], offset[1:]):
+        apart |= (np.abs(ends - offset[:-1, :1]) > 1e-9).any(axis=(1, 2))
+    if mirrored:
+        apart |= np.diff(reverse) != 0
+    for piece in np.split(chain, np.flatnonzero(apart) + 1):
+        rest = piece
+        while len(rest):
+            alike = [np.logical_and.accumulate(_like_first(v[rest])) for v in (bars.height, z)]
+            n = int(np.count_nonzero(alike[0] | alike[1]))
+            yield rest[:n]
+            rest = rest[n:]
 
 
-def _alike(vectors: Floats) -> bool:
-    """Return whether vectors have one direction; NaN, the default, is like NaN alone."""
+def _like_first(vectors: Floats) -> Bools:
+    """Return which vectors have the direction of the first; NaN, the default, is like NaN alone."""
     absent = np.isnan(vectors[:, 0])
-    if absent.any():
-        return bool(absent.all())
     unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return bool((np.abs(unit - unit[0]) <= SAME).all())
+    near = (np.abs(unit - unit[0]) <= SAME).all(axis=1)
+    return np.where(absent | absent[0], absent & absent[0], near)
 
 
 class _Properties:
@@ -234,7 +232,7 @@ class _Properties:
         turned = nodes.point[bars.ends[rows, 0]] != lines[:, 0]
         first, last = int(turned[0]), 1 - int(turned[-1])  # the bars' ends at those of the member
         height = bars.height[rows]
-        up = height[0] if _alike(height) else self.z[rows[0]]
+        up = height[0] if _like_first(height).all() else self.z[rows[0]]
         up = None if np.isnan(up).any() else up
         offsets = bars.offsets[rows[0], first], bars.offsets[rows[-1], last]
         ends = bars.stiffness[rows[0], first], bars.stiffness[rows[-1], last]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.io.array_types import Bools, Floats
 from fem.io.frame_deck import Body, Connection, Equation, Link
 from fem.model import DIRECTIONS, lever_matrix
 
@@ -20,17 +20,18 @@ SMALL = 1e-12
 
 
 def axes_along(x: Floats, toward: Floats | None = None) -> Floats:
-    """Return axes with x along a vector, and y in the plane of another one."""
-    x = x / np.linalg.norm(x)
-    y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x) if toward is None else toward
-    y = y - (y @ x) * x
-    y = y / np.linalg.norm(y)
-    return np.stack([x, y, np.cross(x, y)])
+    """Return axes with x along vectors (…, 3), and y in the plane of others, as rows (…, 3, 3)."""
+    x = x / np.linalg.norm(x, axis=-1, keepdims=True)
+    y: Floats = np.cross(np.eye(3)[np.argmin(np.abs(x), axis=-1)], x) if toward is None else toward
+    y = y - np.einsum("...i,...i", y, x)[..., None] * x
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack((x, y, np.cross(x, y)), axis=-2)
 
 
-def parallel(a: Floats, b: Floats, sine: float = 1e-9) -> bool:
-    """Return whether two vectors have one line, or one of them no length."""
-    return not np.linalg.norm(np.cross(a, b)) > sine * np.linalg.norm(a) * np.linalg.norm(b)
+def parallel(a: Floats, b: Floats, sine: float = 1e-9) -> Bools:
+    """Return whether two vectors (…, 3) have one line, or one of them no length."""
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.logical_not(np.linalg.norm(np.cross(a, b), axis=-1) > sine * lengths)
 
 
 def along(component: int, axes: Floats) -> Floats:

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from fem.io.abaqus import read_abaqus_nodes
+from fem.io.abaqus_matrices import moves_freely
 from fem.io.array_types import Floats, Ints
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
@@ -30,6 +31,7 @@ from fem.io.faults import error_at, refuse
 from fem.io.matrix_market import MOST_ROWS
 from fem.io.part_files import ENDINGS, matrix_files, read_part
 from fem.matrices import Matrices, MatricesError
+from fem.model import lever_matrix
 from fem.system import System, sum_contributions
 
 _LABEL = re.compile(r"\s*([0-9]{1,18})\s*(RX|RY|RZ|X|Y|Z)\s*([+-]?)\s*", re.IGNORECASE)
@@ -229,7 +231,8 @@ def read_matrices(
         raise MatricesError(msg)
     if suffix == ".npz" and not path.is_file():
         raise error_at(path, "there is no such file", MatricesError)
-    found = _npz(path) if suffix == ".npz" else read_part(path, None if deck is None else Path(deck))
+    places = None if deck is None else Path(deck)
+    found = _npz(path) if suffix == ".npz" else read_part(path, places, ordered=labels is None)
     for base in {path.stem, matrix_files(path)[0]} if suffix != ".npz" and "K" in found else ():
         table = path.with_name(f"{base}.dofs.csv")
         if table.is_file():
@@ -427,6 +430,7 @@ def read_calculix(
         numbers, places = read_abaqus_nodes(deck)
         keep = np.isin(numbers, node)
         found |= {"nodes": numbers[keep], "points": places[keep]}
+        node, direction = _without_modes(found["K"], node, direction, found["nodes"], found["points"])
     return _built(job.name, found, node, direction, np.ones(node.size), units)
 
 
@@ -441,6 +445,26 @@ def _calculix_dofs(file: Path) -> tuple[Ints, Ints]:
         -1, 2
     )
     return numbers[:, 0], numbers[:, 1]
+
+
+def _without_modes(
+    K: sp.csr_array, node: Ints, direction: Ints, nodes: Ints, points: Floats
+) -> tuple[Ints, Ints]:
+    """Return node and direction of rows; -1 and 0 for incompatible modes of elements such as C3D8I.
+
+    CalculiX gives these modes nodes that the deck does not have, and so it does to the nodes of beams and
+    shells, which it makes solid. Modes rest in rigid-body motions, and such nodes do not.
+    """
+    inner = ~np.isin(node, nodes)
+    if not inner.any() or inner.all():
+        return node, direction
+    order = np.argsort(nodes)
+    at = order[np.searchsorted(nodes, node[~inner], sorter=order)]
+    R = np.zeros((len(node), 6))
+    R[~inner] = lever_matrix(points - points.mean(axis=0))[at, direction[~inner] - 1]
+    if not moves_freely(K[inner], R):
+        return node, direction
+    return np.where(inner, -1, node), np.where(inner, 0, direction)
 
 
 def _triplets(file: Path, n: int, diagonal: bool) -> sp.csr_array:

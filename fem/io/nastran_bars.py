@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.elements.properties import STRAINS
-from fem.io.array_types import Floats
+from fem.io.array_types import Bools, Floats, Ints
 from fem.io.frame_deck import BarProperty, Bars, Connection
 from fem.io.frame_parts import axes_along, entry, parallel
 from fem.io.nastran_deck import Card, NastranDeck
@@ -22,30 +22,67 @@ _PINS = (0, 2, 1, 3, 5, 4)
 """Local direction of each of Nastran's pin flags 1 to 6: its y is local z, and its z is local -y."""
 
 
+_NO_VECTOR: Floats = np.full(3, np.nan)
+_NO_OFFSETS: Floats = np.zeros(6)
+_RIGID: Floats = np.full((2, 6), np.inf)
+
+
 class Bar(NamedTuple):
-    """One bar: its card, as :class:`Bars`, and what its property gives."""
+    """One bar as its card has it, and what its property gives.
+
+    Attributes
+    ----------
+    card : Card
+    ends : (int, int), rows of the grid points
+    place : int, of its property in the list
+    profile : Profile
+    axes : str, OFFT
+    up : ndarray (3,), X1 to X3, NaN where a grid point gives the orientation
+    toward : int, row of that grid point, -1 without one
+    offsets : ndarray (6,), W1A to W3B
+    stiffness : ndarray (2, 6), infinite where rigid and zero where released, in axes of the section
+    """
 
     card: Card
     ends: tuple[int, int]
     place: int
     profile: Profile
-    height: Floats
-    offsets: Floats
-    stiffness: Floats
+    axes: str = "GGG"
+    up: Floats = _NO_VECTOR
+    toward: int = -1
+    offsets: Floats = _NO_OFFSETS
+    stiffness: Floats = _RIGID
 
 
 def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Connection]]:
     """Return the bars, their properties, and the torsional stiffness of rods."""
     properties = Properties(deck)
-    found = [_beam(deck, properties, card) for card in deck.by_number(*BEAMS).values()]
-    beams = {row for b in found for row in b.ends}
+    defaults = {name: next(deck.of(card), None) for name, card in _DEFAULTS.items()}
+    beams = [
+        _beam(deck, properties, _with_defaults(card, defaults[card.name]))
+        for card in deck.by_number(*BEAMS).values()
+    ]
     rods = [_rod(deck, properties, card) for card in deck.by_number(*RODS).values()]
-    _check_numbers(found, rods)
-    twists = [t for rod in rods if (t := _twist(deck, properties, rod, beams)) is not None]
-    found += rods
+    _check_numbers(beams, rods)
+    found = beams + rods
+    ends = np.array([bar.ends for bar in found], dtype=np.int64).reshape(-1, 2)
+    _check_lengths(deck, found, ends)
+    height, offsets = np.full((len(found), 3), np.nan), np.zeros((len(found), 2, 3))
+    if beams:
+        n = len(beams)
+        height[:n], offsets[:n] = _placed(deck, beams, ends[:n])
+    on_beams = {row for bar in beams for row in bar.ends}
+    twists = [t for rod in rods if (t := _twist(deck, properties, rod, on_beams)) is not None]
     deck.notes.plain.extend(properties.notes())
-    rows = [(b.card.integer(0), b.ends, b.place, b.height, b.offsets, b.stiffness) for b in found]
-    return Bars.of(rows), tuple(properties.found), twists
+    bars = Bars(
+        numbers=np.array([bar.card.integer(0) for bar in found], dtype=np.int64),
+        ends=ends,
+        properties=np.array([bar.place for bar in found], dtype=np.int64),
+        height=height,
+        offsets=offsets,
+        stiffness=np.array([bar.stiffness for bar in found]).reshape(-1, 2, 6),
+    )
+    return bars, tuple(properties.found), twists
 
 
 def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:
@@ -57,19 +94,25 @@ def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:
 
 
 def _ends(deck: NastranDeck, card: Card, first: int) -> tuple[int, int]:
-    a, b = deck.node(card, first), deck.node(card, first + 1)
-    if a == b or not np.linalg.norm(deck.points[b] - deck.points[a]) > 0:
-        card.refuse(
-            f"has no length: grid points {card.text(first)} and {card.text(first + 1)} are at one place"
-        )
-    return a, b
+    return deck.node(card, first), deck.node(card, first + 1)
+
+
+def _check_lengths(deck: NastranDeck, bars: list[Bar], ends: Ints) -> None:
+    line = deck.points[ends[:, 1]] - deck.points[ends[:, 0]]
+    k = _first(~(np.linalg.norm(line, axis=1) > 0))
+    if k is not None:
+        a, b = deck.grids.numbers[ends[k]]
+        bars[k].card.refuse(f"has no length: grid points {a} and {b} are at one place")
+
+
+def _first(bad: Bools) -> int | None:
+    return int(np.argmax(bad)) if bad.any() else None
 
 
 def _rod(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     prop = None if card.name == "CONROD" else card.integer(1, card.integer(0))
     ends = _ends(deck, card, 1 if card.name == "CONROD" else 2)
-    place, profile = properties.of(card, prop)
-    return Bar(card, ends, place, profile, np.full(3, np.nan), np.zeros((2, 3)), np.full((2, 6), np.inf))
+    return Bar(card, ends, *properties.of(card, prop))
 
 
 def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int]) -> Connection | None:
@@ -90,7 +133,6 @@ def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int])
 
 
 def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
-    card = _with_defaults(deck, card)
     ends = _ends(deck, card, 2)
     place, profile = properties.of(card, card.integer(1, card.integer(0)))
     if card.name == "CBEAM" and not card.blank(16, 18) and card.reals(16, 18).any():
@@ -99,60 +141,75 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     flags = "GGG" if flags in ("", "1", "2") else flags  # 1 and 2: a vector or G0, of older programs
     if len(flags) != 3 or flags[0] not in "GB" or set(flags[1:]) - set("GO"):
         card.refuse(f"has OFFT = {flags[:8]}; GGG is read, with B in the first and O in the other places")
-    up = _orientation(deck, card, ends, flags[0])
-    plain = deck.points[ends[1]] - deck.points[ends[0]]
-    _check_orientation(card, plain, up)
-    offsets = np.stack([_offset(deck, card, end, ends, flags[1 + end], plain, up) for end in (0, 1)])
-    axis = plain + offsets[1] - offsets[0]
-    if not np.linalg.norm(axis) > 0:
-        card.refuse("has no length between its offset ends")
-    _check_orientation(card, axis, up)
-    offsets = offsets + profile.centroid @ axes_along(axis, up)[1:]
-    if profile.centroid.any():
-        deck.notes.add(
-            "the bar's axis is that of the centroids; coupling of bending and torsion by the shear centre, "
-            "which is elsewhere, needs the effect of the shear centre", profile.card)  # fmt: skip
-    stiffness = np.stack([_pins(card, 8 + end) for end in (0, 1)])
-    return Bar(card, ends, place, profile, up, offsets, _turned(card, _needed(stiffness), profile))
+    up, toward = _NO_VECTOR, -1
+    if card.text(4).isdigit() and card.blank(5, 7):
+        toward = deck.node(card, 4)
+    elif card.blank(4, 7):
+        card.refuse("has no orientation: neither X1 to X3, G0 nor a default by BAROR or BEAMOR")
+    else:
+        up = card.reals(4, 7)
+    stiffness = _RIGID
+    if not card.blank(8, 10):
+        stiffness = _turned(card, _needed(np.stack([_pins(card, 8), _pins(card, 9)])), profile)
+    offsets = _NO_OFFSETS if card.blank(10, 16) else card.reals(10, 16)
+    return Bar(card, ends, place, profile, flags, up, toward, offsets, stiffness)
 
 
-def _with_defaults(deck: NastranDeck, card: Card) -> Card:
+def _with_defaults(card: Card, given: Card | None) -> Card:
     """Return a card with the blanks that BAROR or BEAMOR fills."""
-    given = next(deck.of(_DEFAULTS[card.name]), None)
+    if given is None:
+        return card
     fields = [card.text(k) for k in range(18)]
-    if given is not None:
-        if not fields[1]:
-            fields[1] = given.text(1)
-        if not any(fields[4:7]):
-            fields[4:7] = [given.text(k) for k in (4, 5, 6)]
-        if not fields[7]:
-            fields[7] = given.text(7)
+    if not fields[1]:
+        fields[1] = given.text(1)
+    if not any(fields[4:7]):
+        fields[4:7] = [given.text(k) for k in (4, 5, 6)]
+    if not fields[7]:
+        fields[7] = given.text(7)
     return replace(card, fields=fields)
 
 
-def _orientation(deck: NastranDeck, card: Card, ends: tuple[int, int], flag: str) -> Floats:
-    """Return Nastran's y axis, roughly: a vector, or towards a grid point."""
-    text = card.text(4)
-    if text.isdigit() and card.blank(5, 7):
-        return deck.points[deck.node(card, 4)] - deck.points[ends[0]]
-    if card.blank(4, 7):
-        card.refuse("has no orientation: neither X1 to X3, G0 nor a default by BAROR or BEAMOR")
-    vector = card.reals(4, 7)
-    return vector if flag == "B" else vector @ deck.axes(ends[0])
+def _placed(deck: NastranDeck, beams: list[Bar], ends: Ints) -> tuple[Floats, Floats]:
+    """Return the orientations (n, 3) and offsets (n, 2, 3) of bars in global axes."""
+    start = deck.points[ends[:, 0]]
+    plain = deck.points[ends[:, 1]] - start
+    axes = np.array([bar.axes for bar in beams])
+    up = np.array([bar.up for bar in beams])
+    basic = axes.astype("U1") == "B"
+    up = np.where(basic[:, None], up, np.einsum("ni,nij->nj", up, deck.axes(ends[:, 0])))
+    toward = np.array([bar.toward for bar in beams])
+    up = np.where(toward[:, None] < 0, up, deck.points[toward] - start)
+    _check_orientations(beams, plain, up)
+
+    offsets = np.array([bar.offsets for bar in beams]).reshape(-1, 2, 3) * deck.units.length
+    local = np.array([[flag == "O" for flag in bar.axes[1:]] for bar in beams])
+    R = np.where(local[..., None, None], axes_along(plain, up)[:, None], deck.axes(ends))
+    offsets = np.einsum("nei,neij->nej", offsets, R)
+    axis = plain + offsets[:, 1] - offsets[:, 0]
+    k = _first(~(np.linalg.norm(axis, axis=1) > 0))
+    if k is not None:
+        beams[k].card.refuse("has no length between its offset ends")
+    _check_orientations(beams, axis, up)
+
+    places = np.array([bar.place for bar in beams])
+    for place, profile in {bar.place: bar.profile for bar in beams}.items():
+        if not profile.centroid.any():
+            continue
+        rows = np.flatnonzero(places == place)
+        offsets[rows] += profile.centroid @ axes_along(axis[rows], up[rows])[:, 1:]
+        for _ in rows:
+            deck.notes.add(
+                "the bar's axis is that of the centroids; coupling of bending and torsion by the shear "
+                "centre, which is elsewhere, needs the effect of the shear centre",
+                profile.card,
+            )
+    return up, offsets
 
 
-def _check_orientation(card: Card, axis: Floats, up: Floats) -> None:
-    if parallel(axis, up, 1e-6):
-        card.refuse("has its orientation vector along the bar; give one across it")
-
-
-def _offset(
-    deck: NastranDeck, card: Card, end: int, ends: tuple[int, int], flag: str, axis: Floats, up: Floats
-) -> Floats:
-    """Return an offset in global axes [m]; O has it in axes of the bar without offsets."""
-    start = 10 + 3 * end
-    offset = card.reals(start, start + 3) * deck.units.length
-    return offset @ (axes_along(axis, up) if flag == "O" else deck.axes(ends[end]))
+def _check_orientations(beams: list[Bar], axis: Floats, up: Floats) -> None:
+    k = _first(parallel(axis, up, 1e-6))
+    if k is not None:
+        beams[k].card.refuse("has its orientation vector along the bar; give one across it")
 
 
 def _pins(card: Card, k: int) -> Floats:

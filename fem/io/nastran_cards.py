@@ -255,6 +255,8 @@ def _key(line: str) -> str:
     if not head.strip():
         return " "
     words = line.split(None, 1)
+    if head.split()[1:] == ["*"]:  # MSC Nastran pads the name of a card in large field: CORD2R *
+        return head
     return (
         f"{words[0]} "
         if len(head.split()) > 1 or (len(line.rstrip()) > 8 and _between_blanks(line))
@@ -279,7 +281,7 @@ def _between_blanks(line: str) -> bool:
 def _name_of(key: str) -> str:
     if key.startswith("="):
         return "="
-    name = key.strip(" ,").rstrip("*").upper()
+    name = key.strip(" ,").rstrip("* ").upper()
     return name if _NAME.fullmatch(name) else ""
 
 
@@ -329,7 +331,7 @@ def fields_of(bulk: BulkData, first: int, length: int) -> tuple[str, list[str]]:
     for k in range(first, first + length):
         head, values, label = _split(bulk, k)
         if k == first:
-            name = head.rstrip("*").upper()
+            name = head.rstrip("* ").upper()
         else:
             mine = head.strip("+* ")
             if mine and tail and mine != tail:

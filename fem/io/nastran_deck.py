@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.io.array_types import Floats, Ints
 from fem.io.deck import integer
 from fem.io.deck_units import Units
 from fem.io.faults import error_at
@@ -139,7 +139,7 @@ class NastranDeck:
         found: dict[int, Card] = {}
         for card in self.of(*names):
             old = found.setdefault(card.integer(0), card)
-            if (old.name, list(old.fields)) != (card.name, list(card.fields)):
+            if old is not card and (old.name, list(old.fields)) != (card.name, list(card.fields)):
                 card.refuse(f"is already defined, differently, at {old.place}; give one another number")
         return found
 
@@ -153,15 +153,22 @@ class NastranDeck:
             card.refuse(f"refers to grid point {number}, which the file does not have")
         return self.rows[number]
 
-    def axes(self, row: int) -> Floats:
-        """Return the axes of a grid point's motions, as rows (3, 3)."""
-        cd = int(self.grids.displacement[row])
-        if cd <= 0:
-            return np.eye(3)
-        place = next(
-            (c.place for c in self.of("GRID") if c.text(0) == str(self.grids.numbers[row])), self.file
-        )
-        return self.system_axes(cd, row, f"{place}: grid point {self.grids.numbers[row]}")
+    def axes(self, rows: int | Ints) -> Floats:
+        """Return the axes of grid points' motions, as rows (…, 3, 3)."""
+        rows = np.asarray(rows)
+        systems = self.grids.displacement[rows]
+        axes = np.broadcast_to(np.eye(3), (*rows.shape, 3, 3)).copy()
+        for at in np.argwhere(systems > 0).tolist():
+            axes[*at] = self._axes_of_point(int(systems[*at]), int(rows[*at]))
+        return axes
+
+    def _axes_of_point(self, system: int, row: int) -> Floats:
+        number = self.grids.numbers[row]
+        if system in self.grids.systems.named:
+            return self.system_axes(system, row, f"{self.file}: grid point {number}")
+        # only the message needs the line, and a search of all cards costs
+        place = next((c.place for c in self.of("GRID") if c.text(0) == str(number)), self.file)
+        return self.system_axes(system, row, f"{place}: grid point {number}")
 
     def system_axes(self, system: int, row: int, place: str) -> Floats:
         """Return the axes of a coordinate system at a grid point."""

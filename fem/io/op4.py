@@ -105,14 +105,25 @@ def _text(file: Path, data: bytes) -> Iterator[_Matrix]:
     lines = data.decode("ascii", errors="replace").splitlines()
     at = 0
     while at < len(lines) and lines[at].strip():
-        width = 8 if lines[at][:8].strip() else 16
-        numbers = _ints(file, at, lines[at][: 4 * width], width, 4)
-        rest = lines[at][4 * width :]
+        width, numbers, rest = _heading(file, at, lines[at])
         form = _FORMAT.search(rest[8:]) or ("", "5", "16")  # Nastran's default is 1P,5E16.9
         name = rest[:8].strip().upper()
         matrix = _opened(file, f"line {at + 1}", numbers, name, 8 if width == 16 else 4)
         at = yield from _columns(file, lines, at + 1, matrix, width, (int(form[1]), int(form[2])))
         yield matrix
+
+
+def _heading(file: Path, at: int, line: str) -> tuple[int, list[int], str]:
+    """Return the width of the whole numbers that follow a heading, its four numbers, and its rest.
+
+    Files of 64-bit integers have 16 columns for each number. Others have as many only for the numbers of
+    columns and rows of a matrix too large for eight, and say so after its format.
+    """
+    if line[:8].strip():
+        return 8, _ints(file, at, line[:32], 8, 4), line[32:]
+    if line.rstrip().upper().endswith("|I16"):
+        return 8, _ints(file, at, line[:32], 16, 2) + _ints(file, at, line[32:48], 8, 2), line[48:]
+    return 16, _ints(file, at, line[:64], 16, 4), line[64:]
 
 
 def _columns(

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.io.abaqus import read_abaqus_nodes
-from fem.io.abaqus_matrices import number_rows, read_entries, read_substructure
+from fem.io.abaqus_matrices import number_rows, read_entries, read_substructure, rows_in_order
 from fem.io.arrays import TableError
 from fem.io.harwell_boeing import read_harwell_boeing, read_mapping
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
@@ -37,6 +37,8 @@ _WORDS = {
     "Q": ("Q",),
 }
 """Words at the end of a file's name that say which matrix it has."""
+_NUMBER = frozenset("-0123456789")
+"""How an entry of ``*MATRIX OUTPUT`` begins; internal nodes of Abaqus have negative numbers."""
 _KEY_OF = {word: key for key, words in _WORDS.items() for word in words}
 
 
@@ -65,13 +67,15 @@ def matrix_files(path: Path) -> tuple[str, dict[str, Path]]:
     return base, found
 
 
-def read_part(path: Path, deck: Path | None = None) -> dict[str, Any]:
+def read_part(path: Path, deck: Path | None = None, *, ordered: bool = True) -> dict[str, Any]:
     """Read the matrices of a part, and what the files say of their rows and of places.
 
     Parameters
     ----------
     path, deck : path
         The matrices; a deck with the places of nodes, instead of one with the same name.
+    ordered : bool
+        Whether rows without labels may be those of the deck's nodes in their order.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def read_part(path: Path, deck: Path | None = None) -> dict[str, Any]:
     MatricesError
         If a file is missing or cannot be read.
     """
-    found = _read(path, deck)
+    found = _read(path, deck, ordered)
     if "nodes" in found and "node" in found:
         known = np.isin(found["nodes"], found["node"])
         found |= {"nodes": found["nodes"][known], "points": found["points"][known]}
@@ -93,7 +97,7 @@ def read_part(path: Path, deck: Path | None = None) -> dict[str, Any]:
     return found
 
 
-def _read(path: Path, deck: Path | None) -> dict[str, Any]:
+def _read(path: Path, deck: Path | None, ordered: bool) -> dict[str, Any]:
     suffix = path.suffix.lower()
     if suffix not in (".mtx", *HARWELL_BOEING) and not path.is_file():
         msg = f"{path}: there is no such file"
@@ -109,7 +113,12 @@ def _read(path: Path, deck: Path | None) -> dict[str, Any]:
     base, files = matrix_files(path)
     found = _mtx(path, files) if suffix == ".mtx" else _harwell_boeing(path, files)
     deck = deck or _companion(path, base, (".nodes.csv", ".inp"))
-    return {**found, **(places(deck) if deck else {})}
+    known = places(deck) if deck else {}
+    tables = {path.with_name(f"{name}.dofs.csv") for name in (path.stem, base)}
+    unlabelled = "node" not in found and suffix == ".mtx" and _has_entries(files["K"])
+    if known and ordered and unlabelled and not any(table.is_file() for table in tables):
+        found |= rows_in_order(found, known["nodes"], known["points"])
+    return {**found, **known}
 
 
 def _companion(path: Path, base: str, endings: tuple[str, ...], but: Path | None = None) -> Path | None:
@@ -149,6 +158,12 @@ def places(deck: Path) -> dict[str, Any]:
 def _mtx(path: Path, files: dict[str, Path]) -> dict[str, Any]:
     """Read ``.mtx`` files: Matrix Market, or those of Abaqus."""
     if not files and path.is_file():
+        if _start(path)[:1] in _NUMBER:
+            msg = (
+                f"{path.name}: it is one matrix of *MATRIX OUTPUT; K and M are needed, in files with names "
+                "such as job_STIF1.mtx and job_MASS1.mtx"
+            )
+            raise MatricesError(msg)
         return read_substructure(path)
     for key in "KM":
         if key not in files:
@@ -158,11 +173,20 @@ def _mtx(path: Path, files: dict[str, Path]) -> dict[str, Any]:
                 f"such as {file.name}"
             )
             raise MatricesError(msg)
-    with files["K"].open("rb") as start:
-        first = start.read(80).lstrip().upper()
-    if first[:1].isdigit() or first.startswith(b"**"):
+    if _has_entries(files["K"]):
         return read_entries({key: file for key, file in files.items() if key != "Q"})
     return {key: read_matrix_market(file) for key, file in files.items()}
+
+
+def _has_entries(file: Path) -> bool:
+    """Return whether a file is one of ``*MATRIX OUTPUT``: it begins with a number or a comment of Abaqus."""
+    first = _start(file)
+    return first[:1] in _NUMBER or first.startswith("**")
+
+
+def _start(file: Path) -> str:
+    with file.open("rb") as start:
+        return start.read(80).decode("latin-1").lstrip()
 
 
 def _harwell_boeing(path: Path, files: dict[str, Path]) -> dict[str, Any]:

@@ -76,7 +76,12 @@ def one_thread() -> AbstractContextManager[Any]:
     return _pools().limit(limits=1, user_api="blas")
 
 
-def factorise(A: Any, like: Factor | None = None, backend: str | None = None) -> Factor:
+def factorise(
+    A: Any,
+    like: Factor | None = None,
+    backend: str | None = None,
+    places: NDArray[np.float64] | None = None,
+) -> Factor:
     """Factorise a sparse symmetric matrix, real or complex.
 
     Below `SMALL` equations SuperLU with minimum degree on A + Aᵀ and no pivoting off the diagonal; else the
@@ -93,6 +98,9 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     backend : str, optional
         One of `BACKENDS`, whatever the size; otherwise the one that the environment variable
         ``DOVETAIL_SOLVER`` names, if it is set.
+    places : ndarray (n, d), optional
+        Where in space each equation acts: the multifrontal method then finds a better order of elimination
+        for solid elements.
 
     Raises
     ------
@@ -112,7 +120,7 @@ def factorise(A: Any, like: Factor | None = None, backend: str | None = None) ->
     if chosen == "superlu":
         return _superlu(A)
     if chosen == "multifrontal" or (chosen == "pardiso" and np.iscomplexobj(A.data)):
-        return _multifrontal(A, like)
+        return _multifrontal(A, like, places)
     if chosen == "pardiso":
         return _pardiso(A)
     msg = f"there is no solver {chosen!r}; there are {', '.join(BACKENDS)}, and for modes {SLEPC}"
@@ -146,14 +154,14 @@ def _superlu(A: Any) -> Factor:
     return Factor(lu.solve, count_negative, "superlu", matrix=A)
 
 
-def _multifrontal(A: Any, like: Factor | None) -> Factor:
+def _multifrontal(A: Any, like: Factor | None, places: NDArray[np.float64] | None) -> Factor:
     A = sp.csc_array(A)
     if not A.has_canonical_format:
         A = A.copy()
         A.sum_duplicates()
     plan = like.plan if like is not None else None
     if plan is None or not plan.fits(A):
-        plan = plan_elimination(A)
+        plan = plan_elimination(A, places=places)
     try:
         blocks = factorise_blocks(A, plan)
     except ZeroDivisionError as error:

@@ -168,6 +168,42 @@ def test_damaged_calculix_files_are_refused(tmp_path, ending, change, message):
         read_calculix(tmp_path / "brick.sti")
 
 
+def write_calculix(folder, K, dofs):
+    """Write a brick's files with another stiffness: one triangle, and node.direction of the rows."""
+    upper = sp.coo_array(sp.triu(K))
+    entries = zip(*upper.coords, upper.data, strict=True)
+    (folder / "brick.sti").write_text("".join(f"{i + 1} {j + 1} {v:.14e}\n" for i, j, v in entries))
+    (folder / "brick.dof").write_text("".join(f"{dof}\n" for dof in dofs))
+    for part in ("inp", "mas"):
+        (folder / f"brick.{part}").write_text((BRICK / f"brick.{part}").read_text())
+
+
+def test_incompatible_modes_of_calculix_are_coordinates_of_a_part(tmp_path):
+    """C3D8I: the modes have nodes that the deck lacks, no mass, and rest in rigid-body motions."""
+    brick = read_calculix(BRICK / "brick.sti")
+    dofs = [f"{p}.{d}" for p, d in zip(brick.node, brick.direction, strict=True)]
+    G = np.random.default_rng(0).standard_normal((brick.n, 3)) / 10
+    KG = brick.K @ G  # forces of the modes balance: RᵀKG = 0
+    inner = G.T @ KG + np.diag(np.full(3, 0.1 * brick.K.max()))
+    K = sp.csr_array(sp.block_array([[brick.K, KG], [KG.T, inner]]))
+    write_calculix(tmp_path, K, [*dofs, "900.1", "900.2", "900.3"])
+    found = read_calculix(tmp_path / "brick.sti")
+    assert found.labels[:48] == brick.labels
+    assert found.labels[48:] == ("q48", "q49", "q50")
+    assert abs(found.K @ found.rigid_motions()).max() < 1e-12 * abs(K).max()
+
+
+def test_nodes_that_calculix_adds_to_a_deck_stay_nodes(tmp_path):
+    """Beams and shells become solid: without the places of their nodes no motion of the part is rigid."""
+    brick = read_calculix(BRICK / "brick.sti")
+    dofs = [f"{p if p < 9 else p + 900}.{d}" for p, d in zip(brick.node, brick.direction, strict=True)]
+    write_calculix(tmp_path, brick.K, dofs)
+    found = read_calculix(tmp_path / "brick.sti")
+    assert found.direction.min() == 1
+    with pytest.raises(MatricesError, match="the place of node 909 is not known"):
+        found.rigid_motions()
+
+
 def test_a_missing_calculix_file_is_named(tmp_path):
     with pytest.raises(MatricesError, match=r"SOLVER=MATRIXSTORAGE"):
         read_calculix(tmp_path / "nothing.sti")

@@ -8,6 +8,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
+from fem.io import read_node_sets
 from fem.io.matrices import matrices_of, read_matrices
 from fem.matrices import Matrices, MatricesError
 from fem.system import assemble
@@ -76,6 +77,22 @@ def card(cells, layout):
 
 def grid_cards():
     return [f"GRID,{p},,{x!r},{y!r},{z!r}" for p, (x, y, z) in GRIDS.items()]
+
+
+def test_names_of_cards_in_large_field_are_padded(tmp_path):
+    """The assembly punch file of an external superelement has ``GRID   *`` and ``CORD2R *``."""
+    grids = [
+        f"{'GRID   *'}{p:<16d}{5:<16d}{x:<16.9f}{y:<16.9f}\n*       {z:<16.9f}"
+        for p, (x, y, z) in GRIDS.items()
+    ]
+    system = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0)
+    cells = "".join(f"{v:<16.1f}" for v in system[:2])
+    rest = ["*       " + "".join(f"{v:<16.1f}" for v in system[k : k + 4]) for k in (2, 6)]
+    text = ["BEGIN SUPER     111     ", f"CORD2R *{5:<16d}{0:<16d}{cells}", *rest, *grids]
+    (tmp_path / "part.pch").write_text("\n".join(text) + "\n")
+    lines = [*op4_text("KGG", BEAM.K.toarray(), None), *op4_text("MGG", BEAM.M.toarray(), None)]
+    (tmp_path / "part.op4").write_text("\n".join(lines) + "\n")
+    same(read_matrices(tmp_path / "part.op4"), 1e-15)
 
 
 @pytest.mark.parametrize(("layout", "digits"), [("large", 1e-9), ("free", 1e-15)])
@@ -224,6 +241,19 @@ def test_output4_in_text_with_the_grid_points_of_a_deck(tmp_path, bigmat):
 
 
 @pytest.mark.parametrize("bigmat", LAYOUTS)
+def test_output4_with_wide_counts_in_the_heading_alone(tmp_path, bigmat):
+    """MSC Nastran writes counts of columns and rows in 16 columns each, and |I16, where eight do not do."""
+    lines: list[str] = []
+    for name, X in (("KGG", BEAM.K), ("MGG", BEAM.M)):
+        heading, *rest = op4_text(name, X.toarray(), bigmat)
+        columns, rows, kind = heading[:8], heading[8:16], heading[16:]
+        lines += [f"{columns:>16}{rows:>16}{kind}|I16", *rest]
+    (tmp_path / "part.op4").write_text("\n".join(lines) + "\n")
+    (tmp_path / "part.bdf").write_text("\n".join(grid_cards()) + "\n")
+    same(read_matrices(tmp_path / "part.op4"), 1e-15)
+
+
+@pytest.mark.parametrize("bigmat", LAYOUTS)
 @pytest.mark.parametrize(("order", "kind"), [("<", 2), (">", 2), ("<", 1), (">", 1)])
 def test_output4_in_binary(tmp_path, bigmat, order, kind):
     data = b"".join(
@@ -303,16 +333,78 @@ def test_entries_of_abaqus_with_labels(tmp_path, triangle):
         read_matrices(tmp_path / "job.mtx")
 
 
-def test_coordinates_of_abaqus_need_a_table(tmp_path):
-    for word, X in (("STIF", BEAM.K), ("MASS", BEAM.M)):
+def write_coordinates(folder, K, M):
+    for word, X in (("STIF", K), ("MASS", M)):
         Y = sp.coo_array(X)
-        rows = [f"{i + 1} {j + 1} {v:.15e}" for i, j, v in zip(*Y.coords, Y.data, strict=True)]
-        (tmp_path / f"job_{word}1.mtx").write_text("\n".join(rows) + "\n")
+        rows = [f"{i + 1} {j + 1}  {v:.15e}" for i, j, v in zip(*Y.coords, Y.data, strict=True)]
+        (folder / f"job_{word}1.mtx").write_text("\n".join(rows) + "\n")
+
+
+def test_coordinates_of_abaqus_need_a_table(tmp_path):
+    write_coordinates(tmp_path, BEAM.K, BEAM.M)
     with pytest.raises(MatricesError, match=r"write job_STIF1\.dofs\.csv next to it"):
         read_matrices(tmp_path / "job_STIF1.mtx")
     labels = [f"{p}{x.lstrip('0123456789')}" for p, x in zip(NODE, BEAM.labels, strict=True)]
     places = {"nodes": list(GRIDS), "points": list(GRIDS.values())}
     same(read_matrices(tmp_path / "job.mtx", labels=labels, **places))
+
+
+CAE = """*Heading
+*Part, name=bar
+*End Part
+*Assembly, name=Assembly
+*Instance, name=bar-1, part=bar
+*Node
+{nodes}
+*Nset, nset=ENDS
+{ends}
+*End Instance
+*End Assembly
+"""
+"""A deck as Abaqus/CAE writes it for an orphan mesh: the nodes are in the only instance."""
+
+
+def by_nodes():
+    """Return the rows of BEAM by node, rising, and by direction."""
+    return np.lexsort((BEAM.direction, NODE))
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_coordinates_of_abaqus_are_in_the_order_of_the_nodes(tmp_path, flat):
+    order = by_nodes()
+    write_coordinates(tmp_path, BEAM.K[order][:, order], BEAM.M[order][:, order])
+    rows = [f"{p}, {x!r}, {y!r}, {z!r}" for p, (x, y, z) in reversed(GRIDS.items())]
+    ends = ", ".join(map(str, list(GRIDS)[:2]))
+    deck = CAE.format(nodes="\n".join(rows), ends=ends)
+    (tmp_path / "job.inp").write_text(
+        "\n".join(["*NODE", *rows, "*NSET, NSET=ENDS", ends, ""]) if flat else deck
+    )
+    same(read_matrices(tmp_path / "job_STIF1.mtx"))
+    assert set(read_node_sets(tmp_path / "job.inp")["ENDS"]) == set(list(GRIDS)[:2])
+
+
+def test_coordinates_of_abaqus_in_another_order_need_a_table(tmp_path):
+    order = by_nodes()[::-1]
+    write_coordinates(tmp_path, BEAM.K[order][:, order], BEAM.M[order][:, order])
+    write_inp(tmp_path, "job.inp")
+    with pytest.raises(MatricesError, match=r"write job_STIF1\.dofs\.csv next to it"):
+        read_matrices(tmp_path / "job_STIF1.mtx")
+
+
+def test_internal_nodes_of_abaqus_are_named(tmp_path):
+    """Elements such as B33 have nodes without a number, whose entries may come first."""
+    (tmp_path / "job_STIF1.mtx").write_text("-1,1, -1,1,  2.0e+07\n1,1, -1,1, -1.0e+07\n")
+    (tmp_path / "job_MASS1.mtx").write_text("-1,1, -1,1,  6.0\n1,1, -1,1, 3.0\n")
+    with pytest.raises(MatricesError, match=r"job_MASS1\.mtx: an entry of -1, 1, -1, 1: nodes count from 1"):
+        read_matrices(tmp_path / "job_STIF1.mtx")
+
+
+def test_a_single_matrix_of_abaqus_is_not_enough(tmp_path):
+    (tmp_path / "jobSTIF1.mtx").write_text("1 1  2.0e+07\n")
+    with pytest.raises(
+        MatricesError, match=r"jobSTIF1\.mtx: it is one matrix of \*MATRIX OUTPUT; K and M are"
+    ):
+        read_matrices(tmp_path / "jobSTIF1.mtx")
 
 
 def test_a_substructure_of_abaqus(tmp_path):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_info
 
 from fem.linalg.lanczos import EQUAL, lowest_eigenpairs
-from fem.linalg.multifrontal import LEAF, plan_elimination
+from fem.linalg.multifrontal import COLUMN_MAJOR, LEAF, plan_elimination
 from fem.linalg.solvers import BACKENDS, SingularMatrixError, SolverError, factorise, one_thread
 
 EPS = np.finfo(float).eps
@@ -82,6 +82,35 @@ def test_grids(A):
     assert backward_error(A, x, b) < 100 * EPS
     np.testing.assert_allclose(factor.solve(b[:, 0]), x[:, 0], rtol=1e-12, atol=1e-12 * abs(x).max())
     assert factor.count_negative() == 0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["definite", "negative"])
+def test_places_give_planes_as_separators(sign):
+    """The last separator of a cube of n³ nodes, each coupled to 26 others, is a plane of n² nodes."""
+    n = 12
+    line = sp.diags_array([np.ones(n - 1), np.ones(n), np.ones(n - 1)], offsets=[-1, 0, 1])
+    coupled = sp.kron(sp.kron(line, line), line)
+    A = sp.csc_array(sign * (sp.diags_array(np.asarray(coupled.sum(axis=1)).ravel() + 1.0) - coupled / 2))
+    places = np.argwhere(np.ones((n, n, n))) * [0.1, 0.1, 0.1]
+    last = [plan_elimination(A, places=at).fronts[-1] for at in (places, None)]
+    assert last[0].last - last[0].first == n**2 < last[1].last - last[1].first
+    # fronts of many coordinates have kernels of their own
+    factor = factorise(A, backend="multifrontal", places=places)
+    b = np.random.default_rng(0).standard_normal((n**3, 9))
+    assert backward_error(A, factor.solve(b), b) < 100 * EPS
+    assert factor.count_negative() == (0 if sign > 0 else n**3)
+
+
+def test_wide_fronts():
+    """A full matrix is one front, above the size from which right-hand sides are copied by columns."""
+    for kind in ("definite", "indefinite", "complex"):
+        A = sp.csc_array(random_matrix(COLUMN_MAJOR + 40, 60, 3, kind).toarray())
+        A = sp.csc_array(A + sp.csc_array(np.full(A.shape, 1e-3)))
+        A = sp.csc_array(sp.block_array([[A, None], [None, grid(30, 30)]]))
+        b = np.random.default_rng(0).standard_normal((A.shape[0], 3))
+        factor = factorise(A, backend="multifrontal")
+        assert any(front.last - front.first >= COLUMN_MAJOR for front in factor.plan.fronts)
+        assert backward_error(A, factor.solve(b), b) < 1000 * EPS
 
 
 def test_complex_forces_on_a_real_matrix():

@@ -18,7 +18,7 @@ from fem.elements.frame import Frame
 from fem.elements.part_ties import Attachment
 from fem.elements.properties import MemberProperties
 from fem.io.matrices import matrices_of, read_matrices
-from fem.matrices import Matrices
+from fem.matrices import Matrices, MatricesError
 from fem.mesh import Mesh
 from fem.model import Damping, Model, ModelError, dofs_of, lever_matrix
 from fem.reduction.parametric_frf import ParametricFRF
@@ -267,6 +267,17 @@ def test_a_frame_on_a_bracket_misses_what_is_predicted():
     check_predicted(
         found.frequency, expected.frequency, se.frequency_error(small, found.frequency, found.shapes), se
     )
+
+
+def test_rows_and_places_of_several_nodes():
+    nodes = BRACKET.nodes[[5, 0, 17]].tolist()
+    np.testing.assert_array_equal(BRACKET.rows_at(nodes), [BRACKET.rows_of(n) for n in nodes])
+    np.testing.assert_array_equal(BRACKET.places_of(nodes), [BRACKET.place_of(n) for n in nodes])
+    with pytest.raises(MatricesError, match="the matrices have no row of node 0"):
+        BRACKET.rows_at([nodes[0], 0])
+    for lost in (0, 10**9):
+        with pytest.raises(MatricesError, match=f"the place of node {lost} is not known"):
+            BRACKET.places_of([nodes[0], lost])
 
 
 def test_inner_motion_is_recovered():
