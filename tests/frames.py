@@ -183,7 +183,11 @@ def mounted(size=0.1):
                 factor=1.1,
             ),
             Joint(
-                name="spring", point1=4, point2=9, location=np.array([0.1, 0.02, 0]), axes=TURNED,
+                name="spring",
+                point1=4,
+                point2=9,
+                location=np.array([0.1, 0.02, 0]),
+                axes=TURNED,
                 K=np.diag([1e4, 0, 0, 0, 0, 0]),
             ),
             RigidLink(name="link", point=5, dependents=(6,)),
@@ -191,7 +195,7 @@ def mounted(size=0.1):
             AddedMass(name="lump", point=3, mass=0.4, arm=np.array([0.01, 0, 0.02])),
         ),
         Damping.structural(0.004),
-    )  # fmt: skip
+    )
 
 
 def welded(size=0.05, **beam):

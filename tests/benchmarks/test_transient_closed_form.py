@@ -90,9 +90,14 @@ def newmark_free(steps_per_radian, n, alpha=0.0):
     t = wh / omega * np.arange(n)
     start = tip_force(model, 1.0), np.zeros(model.n_dof)
     found = solve_transient(
-        assemble(model), Excitation.of(model, t), [(1, "x")],
-        method="newmark", alpha=alpha, initial=start, n_modes=1,
-    )  # fmt: skip
+        assemble(model),
+        Excitation.of(model, t),
+        [(1, "x")],
+        method="newmark",
+        alpha=alpha,
+        initial=start,
+        n_modes=1,
+    )
     return found.displacement[:, 0], wh
 
 

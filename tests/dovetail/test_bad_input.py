@@ -437,11 +437,14 @@ def test_arguments(arguments, capsys):
     assert "usage: dovetail" in capsys.readouterr().err
 
 
+ODD_WORDS = '0 -1 1e300 1e-300 nan -inf "" "x" [] [1] {} true "all" 1979-05-27'
 ODD = (
-    "0", "-1", "1e300", "1e-300", "nan", "-inf", '""', '"x"', "[]", "[1]", "[nan, 0, 0]", "{}", "{a = 1}",
-    "true",
-    '"all"', "[[1, 2], [3]]", "1979-05-27", '{ member = "bar", position = "end" }',
-)  # fmt: skip
+    *ODD_WORDS.split(),
+    "[nan, 0, 0]",
+    "{a = 1}",
+    "[[1, 2], [3]]",
+    '{ member = "bar", position = "end" }',
+)
 VALUES = [m.span(1) for m in re.finditer(r"= (.+)$", GOOD, re.MULTILINE)]
 
 

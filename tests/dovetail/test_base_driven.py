@@ -187,9 +187,7 @@ def test_a_universal_file_keeps_transmissibilities(tmp_path):
 )
 def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
     f, values = np.array([1.0, 2.0, 3.0]), np.array([1 + 2j, 3j, 4.0])
-    record = Function(
-        5, "3X+", "1X+", "", "", f, values, 18, *types, "Hz", *labels, ("T",), 0, 0, "", "Hz"
-    )  # fmt: skip
+    record = Function(5, "3X+", "1X+", "", "", f, values, 18, *types, "Hz", *labels, ("T",), 0, 0, "", "Hz")
     write_uff(tmp_path / "t.uff", functions=[record])
     frf = read_quietly(tmp_path / "t.uff").frf()
     assert frf.kind == kind
@@ -199,13 +197,11 @@ def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
 def test_a_force_in_place_of_the_base_is_refused_where_the_file_says_otherwise(tmp_path):
     path = mast(tmp_path)
     f = load_study(path).measurements[0].frf
+    units = (18, 12, 12, "Hz", "g", "g")
     records = [
-        Function(
-            5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], 18, 12, 12, "Hz", "g", "g", ("T",),
-            0, 0, "", "Hz",
-        )
+        Function(5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], *units, ("T",), 0, 0, "", "Hz")
         for i in range(3)
-    ]  # fmt: skip
+    ]
     write_uff(tmp_path / "frf.uff", functions=records)
     text = path.read_text().replace("frf.npz", "frf.uff")
     for k, name in enumerate(("tip", "middle", "low"), 3):

@@ -71,9 +71,15 @@ def study_of(folder, E=0.04, joints=0.0, damping=0.0):
 
 def model_of(study, seed=1):
     return SampledModel.of(
-        study.model, study.nuisances, study.damping_std, study.frequency, study.sensors, study.excitations,
-        FRFKind.ACCELERANCE, seed,
-    )  # fmt: skip
+        study.model,
+        study.nuisances,
+        study.damping_std,
+        study.frequency,
+        study.sensors,
+        study.excitations,
+        FRFKind.ACCELERANCE,
+        seed,
+    )
 
 
 def test_quantiles_of_frequencies_are_those_of_the_modulus(tmp_path):

@@ -65,9 +65,13 @@ def test_an_attachment_is_a_rigid_joint_that_costs_nothing(tmp_path):
     assert set(joint.rigid) == set(DIRECTIONS)
     assert (joint.point2,) == part.points
     direct = Superelement.from_matrices(
-        "bracket", read_matrices(DATA / "bracket.npz"), model.mesh, [Attachment(joint.point1, tuple(END))],
-        max_frequency=400.0, residual=True,
-    )  # fmt: skip
+        "bracket",
+        read_matrices(DATA / "bracket.npz"),
+        model.mesh,
+        [Attachment(joint.point1, tuple(END))],
+        max_frequency=400.0,
+        residual=True,
+    )
     tied = model.without_effect("bracket.1", "bracket").with_effect(direct)
     tied = tied.with_mesh(model.mesh)
     expected = solve_modes(assemble(model), n=14).frequency

@@ -39,15 +39,22 @@ def tapered():
     """Return a portal of tapered columns and a beam by constants, in decks' words."""
     points = [[0, 0, 0], [0, 0, 0.5], [0, 0, 1], [1, 0, 1], [1, 0, 0]]
     column = BarProperty(
-        name="column", material=STEEL, section=Section.i_section(b=0.1, h=0.1, tf=0.01, tw=0.006),
+        name="column",
+        material=STEEL,
+        section=Section.i_section(b=0.1, h=0.1, tf=0.01, tw=0.006),
         section2=Section.i_section(b=0.1, h=0.2, tf=0.01, tw=0.006),
-    )  # fmt: skip
+    )
     beam = BarProperty(name="beam", material=STEEL, section=Section(A=2e-3, Iy=4e-6, Iz=2e-6, J=1e-6))
     damping = Damping(np.array([1.0, 9.0]), np.array([0.01, 0.02]), 0.1, 1e-5, 0.02)
     return deck(
-        points, [(0, 1), (2, 1), (2, 3), (4, 3)], column, beam, kinds=[0, 0, 1, 0], damping=damping,
+        points,
+        [(0, 1), (2, 1), (2, 3), (4, 3)],
+        column,
+        beam,
+        kinds=[0, 0, 1, 0],
+        damping=damping,
         supports={0: ("x", "y", "z", "rx", "ry", "rz"), 4: ("x", "y", "z")},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("make", [everything, tapered])

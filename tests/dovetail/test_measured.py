@@ -158,10 +158,12 @@ def test_a_sensor_of_another_kind_is_named_with_that_kind(load, computed):
 @pytest.mark.parametrize(
     ("kind", "called"),
     [
-        ("receptance", "accelerance"), ("mobility", "accelerance"), ("accelerance", "receptance"),
+        ("receptance", "accelerance"),
+        ("mobility", "accelerance"),
+        ("accelerance", "receptance"),
         ("accelerance", "mobility"),
     ],
-)  # fmt: skip
+)
 def test_another_kind_is_refused_with_the_right_one(load, computed, kind, called):
     H = computed.as_kind(kind).H
     with pytest.raises(StudyError, match=f'give kind = "{kind}"'):
@@ -243,9 +245,13 @@ def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load,
     path = tmp_path / "study.toml"
     load(size.astype(complex))
     np.savez(
-        tmp_path / "n.npz", frequency=computed.frequency, H=size, kind="accelerance",
-        outputs=computed.outputs, inputs=computed.inputs,
-    )  # fmt: skip
+        tmp_path / "n.npz",
+        frequency=computed.frequency,
+        H=size,
+        kind="accelerance",
+        outputs=computed.outputs,
+        inputs=computed.inputs,
+    )
     for name in ("m", "n"):
         path.write_text(STUDY + FILE.replace("m.npz", f"{name}.npz"), encoding="utf-8")
         study = load_study(path)
@@ -284,13 +290,11 @@ def test_amplitudes_that_could_be_parts_are_refused(computed, tmp_path):
     path.write_text(every + 'form = "magnitude"\n', encoding="utf-8")
     np.savetxt(tmp_path / "m.csv", np.column_stack([computed.frequency, size[:, :, 0]]), delimiter=",")
     np.testing.assert_allclose(load_study(path).amplitudes[0].frf.H, size)
+    units = (18, 12, 13, "Hz", "m/s^2", "N")
     records = [
-        Function(
-            4, f"{node}X+", "3X+", "", "", computed.frequency, size[:, k, 0], 18, 12, 13, "Hz", "m/s^2", "N",
-            (), 0, 0, "",
-        )
+        Function(4, f"{node}X+", "3X+", "", "", computed.frequency, size[:, k, 0], *units, (), 0, 0, "")
         for k, node in enumerate((1, 2, 3))
-    ]  # fmt: skip
+    ]
     write_uff(tmp_path / "m.uff", functions=records)
     path.write_text(f'{STUDY}[[measurements]]\nfile = "m.uff"\n', encoding="utf-8")
     with pytest.raises(StudyError, match=f"its values are real: {re.escape(WITHOUT_PHASE)}"):
@@ -392,9 +396,10 @@ BROKEN = {
     "an excitation nowhere": ('[[excitations]]\nsensor = "none"\n', ""),
     "no modes": ("", '[modes]\nfile = "none.unv"\n'),
     "held out": (
-        '[[sensors]]\nname = "z"\npoint = [9, 9, 9]\ndirection = "z"\n', '[fit]\nheld_out = ["z"]\n',
+        '[[sensors]]\nname = "z"\npoint = [9, 9, 9]\ndirection = "z"\n',
+        '[fit]\nheld_out = ["z"]\n',
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BROKEN)

@@ -97,9 +97,15 @@ def test_keys_that_a_format_does_not_use_are_refused(tmp_path):
 def test_coherence_and_averages_of_an_archive_give_the_noise(tmp_path):
     gamma = RNG.uniform(0.5, 1.0, H.shape)
     np.savez(
-        tmp_path / "m.npz", frequency=F, H=H, outputs=["s1", "s2"], inputs=["s2"], kind="accelerance",
-        coherence=gamma, averages=8,
-    )  # fmt: skip
+        tmp_path / "m.npz",
+        frequency=F,
+        H=H,
+        outputs=["s1", "s2"],
+        inputs=["s2"],
+        kind="accelerance",
+        coherence=gamma,
+        averages=8,
+    )
     found = load(tmp_path, 'file = "m.npz"\nband = [2.0, 40.0]\n').measurements[0]
     keep = (F >= 2) & (F <= 40)
     np.testing.assert_array_equal(found.coherence, gamma[keep])

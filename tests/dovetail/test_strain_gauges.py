@@ -108,10 +108,14 @@ def exact(frequency, k=np.inf, names=(*PLACES, *MOTIONS)):
 
         def waves(x, d=0, b=b):
             """Return the d-th derivatives of the four waves; those that decay do so from either end."""
-            return np.array([
-                (1j * b) ** d * np.exp(1j * b * x), (-1j * b) ** d * np.exp(-1j * b * x),
-                b**d * np.exp(b * (x - L)), (-b) ** d * np.exp(-b * x),
-            ])  # fmt: skip
+            return np.array(
+                [
+                    (1j * b) ** d * np.exp(1j * b * x),
+                    (-1j * b) ** d * np.exp(-1j * b * x),
+                    b**d * np.exp(b * (x - L)),
+                    (-b) ** d * np.exp(-b * x),
+                ]
+            )
 
         root = waves(0, 1) if np.isinf(k) else EI * waves(0, 2) - k * waves(0, 1)
         a = np.linalg.solve(np.array([waves(0), root, waves(L, 2), EI * waves(L, 3)]), [0, 0, 0, -1.0])
@@ -192,10 +196,13 @@ def test_a_root_that_gives_way_is_found_from_strains(tmp_path, sensors, names):
 
 @pytest.mark.parametrize(
     ("sensors", "names", "wrong"),
-    [(GAUGES, tuple(PLACES), "G2"), (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "G2"),
-     (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "A2")],
+    [
+        (GAUGES, tuple(PLACES), "G2"),
+        (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "G2"),
+        (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "A2"),
+    ],
     ids=["among gauges", "among both", "accelerometer"],
-)  # fmt: skip
+)
 def test_a_channel_that_is_wired_in_reverse_is_found(tmp_path, sensors, names, wrong):
     found = measured(tmp_path, sensors, names, **{wrong: -1.0}).diagnose()
     assert [f.name for f in found.faults] == [f"sensor_sign:{wrong}"]

@@ -78,9 +78,13 @@ def test_viscoelastic_joints_are_viscoelastic_elements():
     )
     for effect, law in pairs:
         element = Viscoelastic(
-            name="v", point1=joint.point1, point2=joint.point2, location=joint.location,
-            K=np.diag([0, 0, 0, 3e3, 0, 0]), law=law,
-        )  # fmt: skip
+            name="v",
+            point1=joint.point1,
+            point2=joint.point2,
+            location=joint.location,
+            K=np.diag([0, 0, 0, 3e3, 0, 0]),
+            law=law,
+        )
         bare = replace(joint, K=np.diag([*np.diag(joint.K)[:3], 0, *np.diag(joint.K)[4:]]), eta=0.0)
         whole = replace(joint, eta=0.0)
         others = (model.effects[0],)

@@ -37,9 +37,12 @@ def lap(n=40, *, angle=90.0, overhang=0.02, sections=(FLAT, FLAT), **joint):
     one, two = mesh.point_names["JA"], mesh.point_names["JB"]
     frame = Frame(members={m: MemberProperties(STEEL, s) for m, s in zip("AB", sections, strict=True)})
     between = Joint(
-        name="J", point1=one, point2=two, location=(mesh.points[one] + mesh.points[two]) / 2,
+        name="J",
+        point1=one,
+        point2=two,
+        location=(mesh.points[one] + mesh.points[two]) / 2,
         **(joint or {"rigid": RIGID}),
-    )  # fmt: skip
+    )
     return Model(mesh.refined(size=0.6 / n), (frame, between), Damping.structural(0.01))
 
 

@@ -36,10 +36,13 @@ def sensor(name, point, direction):
 def described():
     """Return the channels of a test as it describes them."""
     sensors = (
-        sensor("post x", (0, 0, 0.3), (1, 0, 0)), sensor("post y", (0, 0, 0.3), (0, 1, 0)),
-        sensor("arm z", (0.25, 0, 0.5), (0, 0, 1)), sensor("arm y", (0.25, 0, 0.5), (0, 1, 0)),
-        sensor("tip y", TIP, (0, 1, 0)), sensor("tip z", TIP, (0, 0, 1)),
-    )  # fmt: skip
+        sensor("post x", (0, 0, 0.3), (1, 0, 0)),
+        sensor("post y", (0, 0, 0.3), (0, 1, 0)),
+        sensor("arm z", (0.25, 0, 0.5), (0, 0, 1)),
+        sensor("arm y", (0.25, 0, 0.5), (0, 1, 0)),
+        sensor("tip y", TIP, (0, 1, 0)),
+        sensor("tip z", TIP, (0, 0, 1)),
+    )
     return sensors, (sensor("hit", (0.3, 0, 0.5), (0, 1, 1)),)
 
 

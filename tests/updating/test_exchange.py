@@ -37,8 +37,10 @@ SENSORS = {
     "Position_2": [0, 50],
     "Position_3": [20.0, 0],
     # the second sensor is turned by a right angle about x, then by one about the fixed z
-    "Orientation_1": [0, 90], "Orientation_2": [0, 0], "Orientation_3": [0, 90],
-}  # fmt: skip
+    "Orientation_1": [0, 90],
+    "Orientation_2": [0, 0],
+    "Orientation_3": [0, 90],
+}
 
 
 @pytest.mark.parametrize("form", [dict, Columns])
@@ -119,8 +121,13 @@ def test_labelled_frfs_come_back_in_any_arrangement(written):
     assert ordinate.shape == (3, 2, 5)
     assert coordinate[1, 0].tolist() == [(101, -3), (101, -3)]
     if written:
-        coordinate = np.array([[["1X+", "101Z-"], ["1X+", "2S"]], [["101Z-", "101Z-"], ["101Z-", "2S"]],
-                               [["7RY+", "101Z-"], ["7RY+", "2S"]]])  # fmt: skip
+        coordinate = np.array(
+            [
+                [["1X+", "101Z-"], ["1X+", "2S"]],
+                [["101Z-", "101Z-"], ["101Z-", "2S"]],
+                [["7RY+", "101Z-"], ["7RY+", "2S"]],
+            ]
+        )
     back = frf_from_labelled(f, ordinate, coordinate, "mobility")
     assert (back.outputs, back.inputs, back.kind) == (given.outputs, given.inputs, given.kind)
     np.testing.assert_array_equal(back.H, given.H)

@@ -107,10 +107,7 @@ def test_masses_and_gains_act_in_updating_and_diagnosis():
     lines = np.arange(5.0, 400.0, 1.0)
     measured = measurement(model, sensors, lines)
     wrong = model.with_values({("frame", "E:steel"): 200e9})
-    found = update(
-        wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0,
-        damping_std=0.0,
-    )  # fmt: skip
+    found = update(wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0, damping_std=0.0)
     assert found["frame E:steel"].value == pytest.approx(210e9, rel=1e-4)
     problem = build_problem(model, measured, ())
     assert np.nanmax(np.abs(problem.log_ratio(problem.nominal()))) < 1e-3

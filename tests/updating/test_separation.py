@@ -27,10 +27,12 @@ def two_cantilevers():
         for n, p in (("SA", [0.0, 0, 0]), ("SB", [0.0, 1, 0]))
     )
     spring = fem.Joint(
-        name="tie", point1=mesh.nearest_point(np.array([1.0, 0, 0]))[0],
-        point2=mesh.nearest_point(np.array([1.0, 1, 0]))[0], location=np.array([1.0, 0.5, 0]),
+        name="tie",
+        point1=mesh.nearest_point(np.array([1.0, 0, 0]))[0],
+        point2=mesh.nearest_point(np.array([1.0, 1, 0]))[0],
+        location=np.array([1.0, 0.5, 0]),
         K=np.diag([0, 0, 2e3, 0, 0, 0.0]),
-    )  # fmt: skip
+    )
     members = dict.fromkeys(mesh.members, steel)
     return fem.Model(mesh, (fem.Frame(members=members), *held, spring), fem.Damping.modal(0.01)), tip, root
 
