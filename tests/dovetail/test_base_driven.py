@@ -22,6 +22,7 @@ from fem.io.uff_types import Function
 from fem.io.uff_write import write_uff
 from fem.system import assemble
 from tests.frames import MAST
+from tests.noise import complex_normal
 from updating.correlation.shape_correlation import mac
 from updating.measurement.measurement import sensor_rows
 
@@ -81,7 +82,7 @@ def mast(folder, mass=0.15, low="", file="frf.npz", phase=True, relative=False, 
     reads_relative = np.array([s.relative for s in study.sensors])
     H = np.where(reads_relative[:, None], relative, absolute)
     rng = np.random.default_rng(5)
-    H = H * (1 + 0.003 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
+    H = H * (1 + 0.003 * complex_normal(rng, H.shape))
     H = H if phase else np.abs(H).astype(complex)
     frf = FRF.from_arrays(f, H, "accelerance", [s.name for s in study.sensors], ["base x"])
     write_npz(folder / "frf.npz", frf)

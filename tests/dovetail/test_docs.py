@@ -8,6 +8,7 @@ from dovetail import StudyError, load_study
 from fem.analysis.modes import solve_modes
 from fem.effects import candidate_kinds
 from fem.system import assemble
+from tests.studies import study_from
 
 TABLES = """
     study mesh defaults materials.steel sections.tube members.mast rotation damping uncertain candidates
@@ -20,8 +21,7 @@ TABLES = """
 def test_the_example_in_the_documentation_is_a_study(root, tmp_path):
     text = (root / "docs" / "study-file.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
-    (tmp_path / "study.toml").write_text(block, encoding="utf-8")
-    study = load_study(tmp_path / "study.toml")
+    study = study_from(tmp_path, block)
     assert [s.name for s in study.sensors] == ["tip-x"]
 
 

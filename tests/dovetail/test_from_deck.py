@@ -7,11 +7,12 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem import Damping, Section, assemble, solve_modes
+from fem import Damping, Section
 from fem.io import model_of, read_mesh
 from fem.io.frame_deck import BarProperty
 from fem.mesh import MeshError
 from tests.decks import STEEL, deck, everything
+from tests.frames import frequencies
 
 
 @pytest.fixture
@@ -29,10 +30,6 @@ def reads(monkeypatch, tmp_path):
         return tmp_path / "frame.bdf"
 
     return of
-
-
-def frequencies(model, n):
-    return solve_modes(assemble(model), n).frequency
 
 
 def tapered():

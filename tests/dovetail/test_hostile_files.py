@@ -22,6 +22,7 @@ from fem.io.time_data import read_time_data
 from fem.io.uff_types import Function
 from fem.io.units import size_of
 from fem.mesh import MeshError
+from tests.studies import study_file
 
 STUDY = """\
 [points]
@@ -60,8 +61,7 @@ def refused(capsys, *command):
 
 
 def written(folder, more=""):
-    (folder / "study.toml").write_text(STUDY + more, encoding="utf-8")
-    return folder / "study.toml"
+    return study_file(folder, STUDY + more)
 
 
 @pytest.mark.parametrize("empty", ["", np.zeros((0, 0), dtype="U1"), np.array([""]), np.array(["", "ab"])])

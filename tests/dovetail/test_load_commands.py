@@ -21,6 +21,7 @@ from fem.analysis.transient import solve_transient
 from fem.analysis.unbalance import solve_unbalance
 from fem.io import read_mesh, read_npz
 from fem.system import assemble
+from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 
 COLUMN = """
@@ -66,9 +67,7 @@ sensor = "top"
 
 @pytest.fixture
 def column(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(COLUMN, encoding="utf-8")
-    return path
+    return study_file(tmp_path, COLUMN)
 
 
 def with_shape(text):

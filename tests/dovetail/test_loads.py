@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from fem.analysis.combinations import envelope
 from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.statics import solve_static
 from fem.system import assemble
+from tests.studies import study_from
 
 BEAM = """
 [points]
@@ -32,9 +33,7 @@ EI, L = 200e9 * 2e-6, 2.0
 
 
 def load(tmp_path, text):
-    path = tmp_path / "study.toml"
-    path.write_text(BEAM + text, encoding="utf-8")
-    return load_study(path)
+    return study_from(tmp_path, BEAM + text)
 
 
 def tip(solution, direction=2, case=0):

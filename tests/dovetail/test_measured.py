@@ -15,26 +15,14 @@ from fem.analysis.frf import FRF, WITHOUT_PHASE
 from fem.analysis.modes import Modes
 from fem.io import read_npz, write_csv, write_npz
 from fem.io.uff import Function, write_uff
+from tests.frames import MAST
+from tests.studies import study_file, study_from
 
-STUDY = """\
-[points]
-foot = [0.0, 0.0, 0.0]
-tip = [0.0, 0.0, 1.2]
-
-[members.mast]
-from = "foot"
-to = "tip"
-section = { shape = "rectangle", b = 0.03, h = 0.01 }
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
+STUDY = (
+    MAST.replace("1.0]", "1.2]")
+    + """
 [damping]
 modal = 0.005
-
-[[supports]]
-point = "foot"
 
 [[sensors]]
 name = "low"
@@ -59,6 +47,7 @@ start = 1.0
 stop = 200.0
 step = 0.25
 """
+)
 FILE = '\n[[measurements]]\nfile = "m.npz"\n'
 
 
@@ -78,9 +67,7 @@ def load(tmp_path, computed):
 
     def inner(H, more="", text=STUDY, **changes):
         write_npz(tmp_path / "m.npz", replace(computed, H=H, **changes))
-        path = tmp_path / "study.toml"
-        path.write_text(text + FILE + more, encoding="utf-8")
-        return load_study(path)
+        return study_from(tmp_path, text + FILE + more)
 
     return inner
 
@@ -374,16 +361,14 @@ def test_amplitude_and_angle_are_not_taken_for_parts(tmp_path, computed, degrees
     np.savetxt(tmp_path / "m.csv", table, delimiter=",")
     text = STUDY.split("[[sensors]]")
     body = text[0] + "[[sensors]]" + text[3] + '[[measurements]]\nfile = "m.csv"\nkind = "accelerance"\n'
-    path = tmp_path / "study.toml"
-    path.write_text(body + 'outputs = ["top"]\ninputs = ["top"]\n', encoding="utf-8")
+    path = study_file(tmp_path, body + 'outputs = ["top"]\ninputs = ["top"]\n')
     with pytest.raises(StudyError, match='give form = "magnitude-degrees"'):
         load_study(path)
 
 
 def test_parts_in_a_table_are_still_read(tmp_path, computed):
     write_csv(tmp_path / "m.csv", computed)
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY + FILE.replace("npz", "csv"), encoding="utf-8")
+    path = study_file(tmp_path, STUDY + FILE.replace("npz", "csv"))
     assert load_study(path).warnings == ()
 
 
@@ -441,8 +426,7 @@ def test_frf_needs_sensors_and_no_measurement(tmp_path, capsys):
 
 
 def test_a_typing_error_of_the_model_is_still_refused(tmp_path, capsys):
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY + '[fit]\nheld_out = ["nobody"]\n', encoding="utf-8")
+    path = study_file(tmp_path, STUDY + '[fit]\nheld_out = ["nobody"]\n')
     assert main(["modes", str(path)]) == 2
     assert "nobody" in capsys.readouterr().err
 
@@ -452,8 +436,7 @@ def test_a_shape_that_is_zero_at_the_sensors_is_refused(tmp_path):
     write_npz(
         tmp_path / "modes.npz", Modes(np.array([5.8, 36.3]), shapes, None, ("low", "mid", "top", "other"))
     )
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY + '[modes]\nfile = "modes.npz"\n', encoding="utf-8")
+    path = study_file(tmp_path, STUDY + '[modes]\nfile = "modes.npz"\n')
     with pytest.raises(StudyError, match=r"mode 2, at 36.3 Hz, is zero at every sensor, low, mid, top"):
         load_study(path)
 
@@ -469,8 +452,7 @@ def test_labels_that_come_twice_are_named(tmp_path, computed):
         outputs=names,
         inputs=["top"],
     )
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY + FILE, encoding="utf-8")
+    path = study_file(tmp_path, STUDY + FILE)
     with pytest.raises(StudyError, match=r"m\.npz: the output label 'low' occurs twice"):
         load_study(path)
     write_csv(

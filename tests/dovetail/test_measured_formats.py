@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from tests.frames import MAST
+from tests.noise import complex_normal
+from tests.studies import study_from
 
 STUDY = f"""\
 {MAST}
@@ -31,12 +33,11 @@ check_phase = false
 """
 F = np.linspace(1.0, 50.0, 30)
 RNG = np.random.default_rng(2)
-H = RNG.standard_normal((30, 2, 1)) + 1j * RNG.standard_normal((30, 2, 1))
+H = complex_normal(RNG, (30, 2, 1))
 
 
 def load(folder, lines):
-    (folder / "study.toml").write_text(STUDY + lines, encoding="utf-8")
-    return load_study(folder / "study.toml", ("sensors", "measurements"))
+    return study_from(folder, STUDY + lines, ("sensors", "measurements"))
 
 
 def text_of(*curves, head=""):

@@ -9,6 +9,7 @@ import pyuff
 from dovetail import load_study
 from dovetail.cli import main
 from dovetail.file.table import StudyError
+from tests.studies import study_file
 
 E, RHO, B, H, L = 70e9, 2700.0, 0.03, 0.01, 1.0
 STUDY = """
@@ -124,8 +125,7 @@ def mode(k, dataset):
 
 
 def write(folder, *sets):
-    path = folder / "study.toml"
-    path.write_text(STUDY)
+    path = study_file(folder, STUDY)
     pyuff.UFF(str(folder / "modes.uff")).write_sets(list(sets), "overwrite")
     return path
 

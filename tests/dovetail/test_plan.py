@@ -23,15 +23,14 @@ from dovetail.result import excluded_dict
 from fem.declarations import Relevant
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
+from tests.studies import study_file
 from updating.plan.choose import Chosen
 from viz.interactive.plan import BLIND
 from viz.plan import render_plan
 
 
 def written(folder, more="", text=STUDY):
-    file = folder / "study.toml"
-    file.write_text(text + more, encoding="utf-8")
-    return file
+    return study_file(folder, text + more)
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,13 @@ from fem.io.frame_deck import BarProperty, Body, Connection, Equation, Link
 from fem.mesh import MeshWarning
 from fem.model import DIRECTIONS
 from tests.decks import FLAT, LIGHT, STEEL, deck, everything, literal
+from tests.frames import frequencies
 
 L = 0.8
 K = 3 * STEEL.E * FLAT.Iz / L**3
 """Stiffness across the tip of the cantilever, in y [N/m]: wide, 30 mm."""
 BEAM = BarProperty(name="beam", material=LIGHT, section=FLAT, theory="euler-bernoulli")
 ALONG_Y = ("x", "z", "rx", "ry")
-
-
-def frequencies(model, n=6):
-    return solve_modes(assemble(model), n).frequency
 
 
 def cantilever(*more_points, n=4, shift=(0.0, 0.0, 0.0)):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fem
+from tests.noise import complex_normal
 from updating import Measurement, Sensor
 from updating.inference.fitting import fit_given
 from updating.inference.formed import formed_problem
@@ -93,7 +94,7 @@ def test_a_fit_finds_a_turned_sensor_and_a_wrong_gain():
     loud = replace(sensors[5], gain=1.05)
     true = measured(model, (turned, *sensors[1:5], loud), forces)
     rng = np.random.default_rng(2)
-    noise = 0.003 * (rng.standard_normal(true.frf.H.shape) + 1j * rng.standard_normal(true.frf.H.shape))
+    noise = 0.003 * complex_normal(rng, true.frf.H.shape)
     test = Measurement(replace(true.frf, H=true.frf.H * (1 + noise)), sensors, forces)
     problem, _ = formed_problem(model, test)
     _, result = fit_given(problem)

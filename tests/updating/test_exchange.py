@@ -5,6 +5,7 @@ import pytest
 
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
+from tests.noise import complex_normal
 from updating import (
     MeasurementError,
     Sensor,
@@ -110,7 +111,7 @@ def test_tables_that_do_not_fit(change, words):
 
 def frf():
     rng = np.random.default_rng(1)
-    H = rng.standard_normal((5, 3, 2)) + 1j * rng.standard_normal((5, 3, 2))
+    H = complex_normal(rng, (5, 3, 2))
     return FRF.from_arrays(np.arange(1.0, 6), H, "mobility", ("1X+", "101Z-", "7RY+"), ("101Z-", "2S"))
 
 
