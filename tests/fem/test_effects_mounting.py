@@ -244,7 +244,9 @@ def test_what_moves_across_a_point_of_the_mesh_does_so_smoothly(kind, node):
 
 def test_a_connection_as_the_model_has_it_changes_nothing_and_its_loss_is_of_its_own_direction():
     model = footed(beam(10), 3, 0.2)
-    for e in JointComplexStiffness.propose(model):
+    effects = list(JointComplexStiffness.propose(model))
+    assert len(effects) == 6
+    for e in effects:
         (c,) = e.contribute(model)
         assert c.K is not None
         assert c.D is not None

@@ -78,7 +78,9 @@ def test_what_decides_is_what_the_first_fits_better(fits):
 
 def test_the_same_explanation_needs_no_measurement(fits):
     problem, right, _ = fits
-    for p in next_measurements(problem, right, right):
+    proposals = next_measurements(problem, right, right)
+    assert proposals
+    for p in proposals:
         assert p.evidence < 1e-12
         assert p.difference_db < 1e-9
 
