@@ -345,15 +345,19 @@ point = "foot"
 """
 """A mast of 1 m on a support, of a study."""
 
-CROSSED_BEAMS = """
+FLAT_STEEL = """
 [materials.steel]
 E = 210e9
-rho = 7850
+rho = 7850.0
+
 [sections.flat]
 shape = "rectangle"
 b = 0.03
 h = 0.01
-[members.U]
+"""
+"""Material and section of a study: STEEL and FLAT."""
+
+CROSSED_BEAMS = f"""{FLAT_STEEL}[members.U]
 from = [0, 0, 0.01]
 to = [0.8, 0, 0.01]
 [members.D]

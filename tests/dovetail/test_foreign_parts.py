@@ -19,27 +19,23 @@ from fem.io.frame_model import model_of, read_deck
 from fem.io.matrices import read_matrices, write_matrices
 from fem.model import DIRECTIONS
 from fem.system import assemble
+from tests.frames import FLAT_STEEL
 
-FRAME = """
+FRAME = (
+    """
 [points]
 A = [0, 0, 0]
 B = [0.6, 0, 0]
 
 [members]
 first = { from = "A", to = "B" }
-
-[materials.steel]
-E = 210e9
-rho = 7850
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+"""
+    + FLAT_STEEL
+    + """
 [frequency]
 stop = 200
 """
+)
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"
 CALCULIX = json.loads((DATA / "calculix.json").read_text())

@@ -377,21 +377,19 @@ def test_mass_and_damping_follow_the_slip_of_the_altered_member(kind, end):
         assert abs(found[2] - 0.01 * found[0]).max() <= 1e-9 * abs(found[2]).max()
 
 
+def crack_of_beam():
+    """Return a crack 0.18 m along the beam."""
+    start = {"position": 0.18, "compliance": 1e-4, "length": LENGTH, "reference": 1.0}
+    return Crack(name="crack", member="beam", direction="ry", **start)
+
+
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("end", ["released", "sprung", "offset", "all of it"])
 def test_a_crack_beside_a_release_in_a_softer_zone_is_the_member_built_by_hand(end, order):
     end = ENDS[end]
     effect, stretches = zone_of(end)
     model = member(end)
-    crack = Crack(
-        name="crack",
-        member="beam",
-        position=0.18,
-        compliance=1e-4,
-        direction="ry",
-        length=LENGTH,
-        reference=1.0,
-    )
+    crack = crack_of_beam()
     effects = (with_frame(effect, model), *releases(end), crack)[::order]
     compared(model.with_effect(*effects), built(end, stretches, (0.18, "ry", 1e-4)))
 
@@ -458,15 +456,7 @@ def both_ways():
     (form,) = (e for e in (changes(model.of_kind(Frame)[0])["section_form"][0],))
     (soft,) = releases(end)
     stiff = MemberStiffness(name="stiff", member="beam", change=0.2)
-    crack = Crack(
-        name="crack",
-        member="beam",
-        position=0.18,
-        compliance=1e-4,
-        direction="ry",
-        length=LENGTH,
-        reference=1.0,
-    )
+    crack = crack_of_beam()
     every = {e.name: e for e in (zone, form, soft, stiff, crack)}
     return model, every
 

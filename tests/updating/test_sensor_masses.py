@@ -5,12 +5,13 @@ import pytest
 
 import fem
 from dovetail import load_study
+from tests.frames import FLAT_STEEL
 from updating import Measurement, MeasurementError, Sensor, build_problem, update, with_sensor_masses
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.preparation import with_higher_mass
 from updating.measurement.measurement import sensor_rows
 
-BEAM = """
+BEAM = f"""
 [points]
 root = [0.0, 0.0, 0.0]
 tip = [0.5, 0.0, 0.0]
@@ -18,16 +19,7 @@ tip = [0.5, 0.0, 0.0]
 [members.beam]
 from = "root"
 to = "tip"
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+{FLAT_STEEL}
 [[supports]]
 point = "root"
 
