@@ -88,8 +88,8 @@ def matrices(hidden=HIDDEN):
             n_elements += 1
             G = E / 2 / (1 + NU)
             section = (E, G, A, J, Ib, Ih, shear * A, shear * A)
-            mass = ("-mass", RHO * A, "-cMass")
-            ops.element("ElasticTimoshenkoBeam", n_elements, i, j, *section, k, *mass)
+            per_length = ("-mass", RHO * A, "-cMass")
+            ops.element("ElasticTimoshenkoBeam", n_elements, i, j, *section, k, *per_length)
     ops.system("FullGeneral")
     ops.numberer("Plain")
     ops.constraints("Plain")
