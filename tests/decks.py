@@ -51,10 +51,16 @@ def literal(d):
     for k, kind in enumerate(bars.properties):
         p, (k1, k2) = d.properties[kind], bars.stiffness[k]
         members[f"bar {k}"] = MemberProperties(
-            p.material, p.section, None if np.isnan(bars.height[k]).any() else bars.height[k],
-            *bars.offsets[k], theory=p.theory, section2=p.section2, mass=p.mass,
-            spring1=dict(zip(DIRECTIONS, k1, strict=True)), spring2=dict(zip(DIRECTIONS, k2, strict=True)),
-        )  # fmt: skip
+            p.material,
+            p.section,
+            None if np.isnan(bars.height[k]).any() else bars.height[k],
+            *bars.offsets[k],
+            theory=p.theory,
+            section2=p.section2,
+            mass=p.mass,
+            spring1=dict(zip(DIRECTIONS, k1, strict=True)),
+            spring2=dict(zip(DIRECTIONS, k2, strict=True)),
+        )
         if p.mass_per_length:
             effects.append(DistributedMass.over(mesh, f"bar {k}", members[f"bar {k}"], p.mass_per_length))
     for row, fixed in d.supports.items():
@@ -102,9 +108,13 @@ def everything():
     height[8:], height[:4] = [0, 0.1, 1.0], [1, 0, 0]
     alu = Section(A=1e-3, Iy=2e-7, Iz=1e-7, J=1.5e-7, ky=0.8, kz=0.7, Ip=4e-7, angle=0.2)
     beam_property = BarProperty(
-        name="property 4", material=Material("alu", 70e9, 2700.0, 0.33), section=alu, mass="lumped",
-        mass_per_length=2.0, theory="euler-bernoulli",
-    )  # fmt: skip
+        name="property 4",
+        material=Material("alu", 70e9, 2700.0, 0.33),
+        section=alu,
+        mass="lumped",
+        mass_per_length=2.0,
+        theory="euler-bernoulli",
+    )
     K, arm = np.diag([1e5, 2e5, 3e5, 0, 0, 0]), np.array([0, 0.1, 0])
     full = K + np.diag([0, 0, 0, 1e4, 1e4, 1e4])
     skew = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
@@ -112,9 +122,14 @@ def everything():
         Equation(name=f"RBE3 7 {d}", terms=((22, d, 1.0), (12, d, -0.5), (14, d, -0.5))) for d in DIRECTIONS
     )
     return deck(
-        [*feet[0], *feet[1], *beam, *more], ends,
-        BarProperty(name="property 3", material=STEEL, section=FLAT), beam_property,
-        kinds=[0] * 8 + [1] * 8, height=height, offsets=offsets, stiffness=stiffness,
+        [*feet[0], *feet[1], *beam, *more],
+        ends,
+        BarProperty(name="property 3", material=STEEL, section=FLAT),
+        beam_property,
+        kinds=[0] * 8 + [1] * 8,
+        height=height,
+        offsets=offsets,
+        stiffness=stiffness,
         supports={0: DIRECTIONS, 18: DIRECTIONS},
         bodies=(
             Body(name="CONM2 1", node=17, mass=1.0, inertia=np.diag([0.1, 0.2, 0.3]), arm=arm),
@@ -131,5 +146,6 @@ def everything():
             Connection(name="skew", nodes=(7, None), axes=skew, rigid=("x",)),
             Connection(name="CBUSH 3", nodes=(21, None), K=K, C=1e-3 * K),
         ),
-        equations=rbe3, notes=("PCOMP 7 is left out",),
-    )  # fmt: skip
+        equations=rbe3,
+        notes=("PCOMP 7 is left out",),
+    )

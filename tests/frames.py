@@ -5,6 +5,7 @@ import numpy as np
 from dovetail import load_study
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
+from fem.analysis.modes import solve_modes
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
@@ -23,6 +24,7 @@ from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Damping, Model
 from fem.sections.section import Section
 from fem.system import assemble
+from tests.noise import complex_normal
 from updating.inference.preparation import with_higher_mass
 from updating.measurement.measurement import sensor_rows
 
@@ -183,7 +185,11 @@ def mounted(size=0.1):
                 factor=1.1,
             ),
             Joint(
-                name="spring", point1=4, point2=9, location=np.array([0.1, 0.02, 0]), axes=TURNED,
+                name="spring",
+                point1=4,
+                point2=9,
+                location=np.array([0.1, 0.02, 0]),
+                axes=TURNED,
                 K=np.diag([1e4, 0, 0, 0, 0, 0]),
             ),
             RigidLink(name="link", point=5, dependents=(6,)),
@@ -191,7 +197,7 @@ def mounted(size=0.1):
             AddedMass(name="lump", point=3, mass=0.4, arm=np.array([0.01, 0, 0.02])),
         ),
         Damping.structural(0.004),
-    )  # fmt: skip
+    )
 
 
 def welded(size=0.05, **beam):
@@ -284,6 +290,15 @@ held_out = ["K", "sensor P"]
 _MEASURED = '\n[[measurements]]\nfile = "frf.npz"\n'
 
 
+def measured_frf(study, model, frequency):
+    """Return accelerances of a model at a study's sensors and excitations, with 0.3 % of noise."""
+    rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
+    H = compute_frf(assemble(model), frequency, *rows).H
+    H = H * (1 + 0.003 * complex_normal(np.random.default_rng(3), H.shape))
+    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
+    return FRF.from_arrays(frequency, H, "accelerance", *names)
+
+
 def write_study(folder, mass=0.25, at=0.3, others=()):
     """Write the study and FRFs of it with what it does not know, a mass and others; return its path."""
     file = folder / "study.toml"
@@ -291,15 +306,14 @@ def write_study(folder, mass=0.25, at=0.3, others=()):
     study = load_study(file)
     hidden = PointMass(name="hidden", member="arm", position=at, mass=mass)
     model = study.model.with_effect(*([hidden] if mass else []), *others)
-    frequency = np.arange(4.0, 400.0, 2.0)
-    rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
-    H = compute_frf(assemble(model), frequency, *rows).H
-    rng = np.random.default_rng(3)
-    H = H * (1 + 0.003 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
-    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
-    write_npz(folder / "frf.npz", FRF.from_arrays(frequency, H, "accelerance", *names))
+    write_npz(folder / "frf.npz", measured_frf(study, model, np.arange(4.0, 400.0, 2.0)))
     file.write_text(STUDY + _MEASURED, encoding="utf-8")
     return file
+
+
+def frequencies(model, n=6):
+    """Return the lowest natural frequencies of a model [Hz]."""
+    return solve_modes(assemble(model), n).frequency
 
 
 def rows_at(model, frame, readings):
@@ -331,15 +345,19 @@ point = "foot"
 """
 """A mast of 1 m on a support, of a study."""
 
-CROSSED_BEAMS = """
+FLAT_STEEL = """
 [materials.steel]
 E = 210e9
-rho = 7850
+rho = 7850.0
+
 [sections.flat]
 shape = "rectangle"
 b = 0.03
 h = 0.01
-[members.U]
+"""
+"""Material and section of a study: STEEL and FLAT."""
+
+CROSSED_BEAMS = f"""{FLAT_STEEL}[members.U]
 from = [0, 0, 0.01]
 to = [0.8, 0, 0.01]
 [members.D]

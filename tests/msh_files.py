@@ -89,9 +89,13 @@ def msh2(model: Model, binary: bool = False, order: str = "<") -> bytes:
 
 
 def msh4(
-    model: Model, binary: bool = False, order: str = "<", size: int = 8, version: str = "4.1",
+    model: Model,
+    binary: bool = False,
+    order: str = "<",
+    size: int = 8,
+    version: str = "4.1",
     parametric: bool = False,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Return a file in format 4.0 or 4.1, partitioned where the model has parts."""
     old = version == "4.0"
 

@@ -113,10 +113,13 @@ def run(folder: Path) -> dict[str, float]:
     entries = [(2, 2), (4, 4)]
     pictures = {
         "fig-07-08-direct-and-average": plot_stiffness_entries(
-            FREQUENCY, {"direct": direct.Z, "average": average.Z(FREQUENCY)}, entries, labels,
+            FREQUENCY,
+            {"direct": direct.Z, "average": average.Z(FREQUENCY)},
+            entries,
+            labels,
             title="Dynamic stiffness of the joint: direct and average solution (figures 7 and 8)",
         )
-    }  # fmt: skip
+    }
     rebuilt = couple(everything, direct.Z).H_nn
     pair = ("U21:z", "U1:z")
     pictures["fig-09-rebuilt"] = plot_frf(
@@ -143,14 +146,19 @@ def run(folder: Path) -> dict[str, float]:
             title=f"Rebuilt from translations only, joint {word} (figure 11)",
         )
         pictures[f"fig-10-reduced-joint{suffix}"] = plot_stiffness_entries(
-            FREQUENCY, {"translations only": found.Z, "all six": Z_there[:, at][:, :, at]}, [(2, 2)],
+            FREQUENCY,
+            {"translations only": found.Z, "all six": Z_there[:, at][:, :, at]},
+            [(2, 2)],
             reduced.interface.joint.labels,
             title=f"Translations only, joint {word}: no function K - ω²M + iωC + iD (figure 10)",
-        )  # fmt: skip
+        )
     pictures["fig-12-reduced-internal"] = plot_stiffness_entries(
-        FREQUENCY, {"9 nodes": fewer.Z, "40 nodes": direct.Z}, entries, labels,
+        FREQUENCY,
+        {"9 nodes": fewer.Z, "40 nodes": direct.Z},
+        entries,
+        labels,
         title="Internal coordinates reduced from 240 to 54: nothing changes (figure 12)",
-    )  # fmt: skip
+    )
     for name, figure in pictures.items():
         save(figure, folder / f"{name}.png")
     try:

@@ -49,10 +49,15 @@ LINES += [(RING, a, b, UP) for a, b in ((TOP[2], BACK), (BACK, TOP[3]), (TOP[3],
 LINES += [(CROSS, FRONT, BACK, UP), (ROD, FEET[3], TOP[2], (0, 1, 0))]
 
 PLACES = {  # node of the test: position [m], directions of its accelerometers
-    1: ((0, 0, 0.8), "xy"), 2: ((0.9, 0, 0.8), "y"), 3: ((0.9, 0.6, 0.8), "x"), 4: ((0.45, 0.15, 0.8), "xz"),
-    5: ((0.45, 0.45, 0.8), "z"), 6: ((0.9, 0.3, 0.8), "z"), 7: ((0.9, 0.6, 0.4), "xy"),
+    1: ((0, 0, 0.8), "xy"),
+    2: ((0.9, 0, 0.8), "y"),
+    3: ((0.9, 0.6, 0.8), "x"),
+    4: ((0.45, 0.15, 0.8), "xz"),
+    5: ((0.45, 0.45, 0.8), "z"),
+    6: ((0.9, 0.3, 0.8), "z"),
+    7: ((0.9, 0.6, 0.4), "xy"),
     8: ((0.45, 0.6, 0.4), "z"),
-}  # fmt: skip
+}
 HAMMER = ("1x", "2y", "4z")
 FREQUENCY = np.arange(5.0, 150.25, 0.5)
 
@@ -82,10 +87,9 @@ def matrices(hidden=HIDDEN):
         for i, j in pairwise(tags):  # h is along local y
             n_elements += 1
             G = E / 2 / (1 + NU)
-            ops.element(
-                "ElasticTimoshenkoBeam", n_elements, i, j, E, G, A, J, Ib, Ih, shear * A, shear * A, k,
-                "-mass", RHO * A, "-cMass",
-            )  # fmt: skip
+            section = (E, G, A, J, Ib, Ih, shear * A, shear * A)
+            per_length = ("-mass", RHO * A, "-cMass")
+            ops.element("ElasticTimoshenkoBeam", n_elements, i, j, *section, k, *per_length)
     ops.system("FullGeneral")
     ops.numberer("Plain")
     ops.constraints("Plain")

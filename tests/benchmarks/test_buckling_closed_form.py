@@ -117,9 +117,10 @@ def test_a_portal_sways(feet):
     h = l = 1.0
     n = 10
     mesh = Mesh.from_lines(
-        [[0, 0, 0], [0, 0, h], [l, 0, h], [l, 0, 0]], [[0, 1], [1, 2], [3, 2]],
+        [[0, 0, 0], [0, 0, h], [l, 0, h], [l, 0, 0]],
+        [[0, 1], [1, 2], [3, 2]],
         {"left": [0], "beam": [1], "right": [2]},
-    ).split(n)  # fmt: skip
+    ).split(n)
     p = MemberProperties(STEEL, Section.rectangle(0.02, 0.01), theory="euler-bernoulli")
     held = ("x", "y", "z", "rx", "rz") if feet == "pinned" else ("x", "y", "z", "rx", "ry", "rz")
     model = planar(Model(mesh, (Frame(members=dict.fromkeys(mesh.members, p)), fix(0, held), fix(3, held))))

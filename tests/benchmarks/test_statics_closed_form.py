@@ -198,9 +198,10 @@ def test_a_fixed_portal_under_a_horizontal_load():
     h, l, P = 0.7, 1.1, 120.0
     column, girder = Section.rectangle(0.03, 0.012), Section.rectangle(0.03, 0.02)
     mesh = Mesh.from_lines(
-        [[0, 0, 0], [0, 0, h], [l, 0, h], [l, 0, 0]], [[0, 1], [1, 2], [3, 2]],
+        [[0, 0, 0], [0, 0, h], [l, 0, h], [l, 0, 0]],
+        [[0, 1], [1, 2], [3, 2]],
         {"left": [0], "girder": [1], "right": [2]},
-    ).split(2)  # fmt: skip
+    ).split(2)
     frame = Frame(
         members={
             name: MemberProperties(STEEL, girder if name == "girder" else column, theory="euler-bernoulli")

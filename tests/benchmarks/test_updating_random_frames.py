@@ -76,11 +76,16 @@ def updated(request):
             (
                 frame,
                 update(
-                    frame.model, priors, frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
-                    noise=NOISE, model_error=0.0,
+                    frame.model,
+                    priors,
+                    frf=frame.frf,
+                    outputs=frame.outputs,
+                    inputs=frame.inputs,
+                    noise=NOISE,
+                    model_error=0.0,
                 ),
             )
-        )  # fmt: skip
+        )
     return out
 
 
@@ -137,9 +142,14 @@ def test_a_start_far_off_is_enough():
     frame = measure(33)
     wrong = frame.model.with_values(dict(zip(frame.refs, [-0.6, -0.6, 1.5, 1.5, 7850.0], strict=True)))
     result = update(
-        wrong, dict.fromkeys(frame.refs, 0.5), frf=frame.frf, outputs=frame.outputs, inputs=frame.inputs,
-        noise=NOISE, model_error=0.0,
-    )  # fmt: skip
+        wrong,
+        dict.fromkeys(frame.refs, 0.5),
+        frf=frame.frf,
+        outputs=frame.outputs,
+        inputs=frame.inputs,
+        noise=NOISE,
+        model_error=0.0,
+    )
     assert result.misfit["frf"] < 1.1
     scale = np.append(1 + frame.truth[:4], frame.truth[4])
     assert np.abs((result.values[:5] - frame.truth) / scale).max() < 3e-3

@@ -11,6 +11,7 @@ from dovetail.cli import main
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz, write_uff
 from fem.mesh import Mesh
+from tests.studies import study_file
 
 GOOD = """\
 [materials.steel]
@@ -42,8 +43,7 @@ FILE = '\n[[measurements]]\nfile = "m.npz"\n'
 
 def fails(tmp_path, capsys, text, *words, command=("compare",)):
     """Run a command on a study that must be refused; return what it says."""
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
+    path = study_file(tmp_path, text)
     before = sorted(tmp_path.iterdir())
     out = tmp_path / "out.npz"
     extra = ["--out", str(out)] if command[0] == "frf" else []
@@ -437,11 +437,14 @@ def test_arguments(arguments, capsys):
     assert "usage: dovetail" in capsys.readouterr().err
 
 
+ODD_WORDS = '0 -1 1e300 1e-300 nan -inf "" "x" [] [1] {} true "all" 1979-05-27'
 ODD = (
-    "0", "-1", "1e300", "1e-300", "nan", "-inf", '""', '"x"', "[]", "[1]", "[nan, 0, 0]", "{}", "{a = 1}",
-    "true",
-    '"all"', "[[1, 2], [3]]", "1979-05-27", '{ member = "bar", position = "end" }',
-)  # fmt: skip
+    *ODD_WORDS.split(),
+    "[nan, 0, 0]",
+    "{a = 1}",
+    "[[1, 2], [3]]",
+    '{ member = "bar", position = "end" }',
+)
 VALUES = [m.span(1) for m in re.finditer(r"= (.+)$", GOOD, re.MULTILINE)]
 
 

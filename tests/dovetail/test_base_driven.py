@@ -22,6 +22,7 @@ from fem.io.uff_types import Function
 from fem.io.uff_write import write_uff
 from fem.system import assemble
 from tests.frames import MAST
+from tests.noise import complex_normal
 from updating.correlation.shape_correlation import mac
 from updating.measurement.measurement import sensor_rows
 
@@ -81,7 +82,7 @@ def mast(folder, mass=0.15, low="", file="frf.npz", phase=True, relative=False, 
     reads_relative = np.array([s.relative for s in study.sensors])
     H = np.where(reads_relative[:, None], relative, absolute)
     rng = np.random.default_rng(5)
-    H = H * (1 + 0.003 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
+    H = H * (1 + 0.003 * complex_normal(rng, H.shape))
     H = H if phase else np.abs(H).astype(complex)
     frf = FRF.from_arrays(f, H, "accelerance", [s.name for s in study.sensors], ["base x"])
     write_npz(folder / "frf.npz", frf)
@@ -187,9 +188,7 @@ def test_a_universal_file_keeps_transmissibilities(tmp_path):
 )
 def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
     f, values = np.array([1.0, 2.0, 3.0]), np.array([1 + 2j, 3j, 4.0])
-    record = Function(
-        5, "3X+", "1X+", "", "", f, values, 18, *types, "Hz", *labels, ("T",), 0, 0, "", "Hz"
-    )  # fmt: skip
+    record = Function(5, "3X+", "1X+", "", "", f, values, 18, *types, "Hz", *labels, ("T",), 0, 0, "", "Hz")
     write_uff(tmp_path / "t.uff", functions=[record])
     frf = read_quietly(tmp_path / "t.uff").frf()
     assert frf.kind == kind
@@ -199,13 +198,11 @@ def test_units_of_both_motions_count(tmp_path, types, labels, kind, factor):
 def test_a_force_in_place_of_the_base_is_refused_where_the_file_says_otherwise(tmp_path):
     path = mast(tmp_path)
     f = load_study(path).measurements[0].frf
+    units = (18, 12, 12, "Hz", "g", "g")
     records = [
-        Function(
-            5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], 18, 12, 12, "Hz", "g", "g", ("T",),
-            0, 0, "", "Hz",
-        )
+        Function(5, f"{3 + i}X+", "1X+", "", "", f.frequency, f.H[:, i, 0], *units, ("T",), 0, 0, "", "Hz")
         for i in range(3)
-    ]  # fmt: skip
+    ]
     write_uff(tmp_path / "frf.uff", functions=records)
     text = path.read_text().replace("frf.npz", "frf.uff")
     for k, name in enumerate(("tip", "middle", "low"), 3):

@@ -110,7 +110,7 @@ def test_the_printed_line_names_the_added_effect(file, capsys):
         (["--add", "point_mass:arm", "--set", "mass=1", "--set", "mass=2"], "'mass' of 'point_mass:arm'"),
         (["--add", "point_mass:arm", "--add", "point_mass:arm"], "two effects have the name"),
     ],
-)  # fmt: skip
+)
 def test_refusals_say_what_was_found_and_what_is_allowed(file, capsys, words, message):
     assert main(["compare", str(file), *words]) == 2
     err = capsys.readouterr().err

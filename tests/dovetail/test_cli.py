@@ -19,6 +19,7 @@ from fem.analysis.frf_solver import compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from fem.system import assemble
 from tests.frames import CROSSED_BEAMS
+from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
@@ -412,8 +413,7 @@ def first_frame(folder, old, new):
         shutil.copy(source / name, folder)
     text = (source / "study.toml").read_text(encoding="utf-8")
     assert old in text
-    (folder / "study.toml").write_text(text.replace(old, new), encoding="utf-8")
-    return folder / "study.toml"
+    return study_file(folder, text.replace(old, new))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import load_study
 from dovetail.file.geometry import element_size
 from dovetail.file.table import StudyError
 from dovetail.report.small_print import _mesh
@@ -17,6 +16,7 @@ from fem.elements.frame import Frame
 from fem.io import write_mesh, write_npz, write_uff
 from fem.mesh import Mesh
 from fem.system import assemble
+from tests.studies import study_from
 from updating.measurement.measurement import sensor_rows
 
 BEAM = """
@@ -50,9 +50,7 @@ sensor = "tip"
 
 
 def load(tmp_path, text):
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
-    return load_study(path)
+    return study_from(tmp_path, text)
 
 
 def frequencies(study, n=8):

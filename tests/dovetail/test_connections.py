@@ -8,8 +8,10 @@ import pytest
 
 from dovetail.file.config import load_study
 from dovetail.file.table import StudyError
+from tests.frames import FLAT_STEEL
 
-FRAME = """
+FRAME = (
+    """
 [points]
 A = [0, 0, 0]
 B = [0.6, 0, 0]
@@ -19,22 +21,16 @@ D = [0.6, 0.02, 0]
 [members]
 first = { from = "A", to = "B" }
 second = { from = "C", to = "D" }
-
-[materials.steel]
-E = 210e9
-rho = 7850
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+"""
+    + FLAT_STEEL
+    + """
 [frequency]
 stop = 200
 
 [damping]
 modal = 0.01
 """
+)
 
 
 def study(tmp_path, text):

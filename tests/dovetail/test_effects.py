@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from dovetail.file.effects import effect_table
 from fem.analysis.frf import FRF
 from fem.declarations import Environment
@@ -11,6 +11,7 @@ from fem.effects import candidate_kinds
 from fem.model import parameter_values
 from fem.system import sum_contributions
 from tests.frames import STUDY
+from tests.studies import study_from
 from updating import propose
 from updating.measurement.measurement import Measurement
 
@@ -46,8 +47,7 @@ elements = 3
 
 
 def loaded(folder, text):
-    (folder / "study.toml").write_text(text, encoding="utf-8")
-    return load_study(folder / "study.toml")
+    return study_from(folder, text)
 
 
 def candidates(study):

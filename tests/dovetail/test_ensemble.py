@@ -10,10 +10,10 @@ from dovetail.cli import main
 from dovetail.ensemble.quantiles import PROBABILITIES, quantiles
 from dovetail.ensemble.run import run_ensemble
 from dovetail.ensemble.samples import SampledModel, check, compute
-from dovetail.study import load_study
 from dovetail.units.folder import FolderError
 from dovetail.units.pool import ThisProcess
 from fem.analysis.frf import FRFKind
+from tests.studies import study_from
 
 STUDY = """
 [points]
@@ -64,24 +64,27 @@ damping = %g
 
 
 def study_of(folder, E=0.04, joints=0.0, damping=0.0):
-    path = folder / "study.toml"
-    path.write_text(STUDY % (E, joints, damping))
-    return load_study(path)
+    return study_from(folder, STUDY % (E, joints, damping))
 
 
 def model_of(study, seed=1):
     return SampledModel.of(
-        study.model, study.nuisances, study.damping_std, study.frequency, study.sensors, study.excitations,
-        FRFKind.ACCELERANCE, seed,
-    )  # fmt: skip
+        study.model,
+        study.nuisances,
+        study.damping_std,
+        study.frequency,
+        study.sensors,
+        study.excitations,
+        FRFKind.ACCELERANCE,
+        seed,
+    )
 
 
 def test_quantiles_of_frequencies_are_those_of_the_modulus(tmp_path):
     """With a rigid knee all stiffness is in proportion to E, so that frequencies are ∝ √E and log-normal."""
     joint = 'rigid = "x y z rx rz"\nk = { kry = 4e3 }'
     text = (STUDY % (0.08, 0, 0)).replace(joint, 'rigid = "all"')
-    (tmp_path / "study.toml").write_text(text)
-    study = load_study(tmp_path / "study.toml")
+    study = study_from(tmp_path, text)
     model, n = model_of(study), 4000
     found = compute(model, ("samples", 0, n))
     bands = quantiles(found["frequency"])

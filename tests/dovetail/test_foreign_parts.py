@@ -19,27 +19,23 @@ from fem.io.frame_model import model_of, read_deck
 from fem.io.matrices import read_matrices, write_matrices
 from fem.model import DIRECTIONS
 from fem.system import assemble
+from tests.frames import FLAT_STEEL
 
-FRAME = """
+FRAME = (
+    """
 [points]
 A = [0, 0, 0]
 B = [0.6, 0, 0]
 
 [members]
 first = { from = "A", to = "B" }
-
-[materials.steel]
-E = 210e9
-rho = 7850
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+"""
+    + FLAT_STEEL
+    + """
 [frequency]
 stop = 200
 """
+)
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"
 CALCULIX = json.loads((DATA / "calculix.json").read_text())
@@ -65,9 +61,13 @@ def test_an_attachment_is_a_rigid_joint_that_costs_nothing(tmp_path):
     assert set(joint.rigid) == set(DIRECTIONS)
     assert (joint.point2,) == part.points
     direct = Superelement.from_matrices(
-        "bracket", read_matrices(DATA / "bracket.npz"), model.mesh, [Attachment(joint.point1, tuple(END))],
-        max_frequency=400.0, residual=True,
-    )  # fmt: skip
+        "bracket",
+        read_matrices(DATA / "bracket.npz"),
+        model.mesh,
+        [Attachment(joint.point1, tuple(END))],
+        max_frequency=400.0,
+        residual=True,
+    )
     tied = model.without_effect("bracket.1", "bracket").with_effect(direct)
     tied = tied.with_mesh(model.mesh)
     expected = solve_modes(assemble(model), n=14).frequency

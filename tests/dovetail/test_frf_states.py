@@ -15,6 +15,7 @@ from dovetail.result import frf_arrays
 from fem.effects.added_mass import PointMass
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
+from tests.noise import complex_normal
 
 COMMON = PointMass(name="common", member="post", position=0.31, mass=0.04)
 """In both states: the model does not have it."""
@@ -29,7 +30,7 @@ def two_states(folder, mass, more=""):
     path = write_study(folder, mass, others=(COMMON,))
     frf = read_frf(folder / "frf.npz")
     rng = np.random.default_rng(8)  # the noise of write_study is the same in both
-    noise = 0.003 * (rng.standard_normal(frf.H.shape) + 1j * rng.standard_normal(frf.H.shape))
+    noise = 0.003 * complex_normal(rng, frf.H.shape)
     write_npz(folder / "frf.npz", replace(frf, H=frf.H * (1 + noise)))
     text = path.read_text(encoding="utf-8").replace(', "member_stiffness"]', "]")
     path.write_text(text + BASELINE + more, encoding="utf-8")

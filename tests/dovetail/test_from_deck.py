@@ -7,11 +7,12 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem import Damping, Section, assemble, solve_modes
+from fem import Damping, Section
 from fem.io import model_of, read_mesh
 from fem.io.frame_deck import BarProperty
 from fem.mesh import MeshError
 from tests.decks import STEEL, deck, everything
+from tests.frames import frequencies
 
 
 @pytest.fixture
@@ -31,23 +32,26 @@ def reads(monkeypatch, tmp_path):
     return of
 
 
-def frequencies(model, n):
-    return solve_modes(assemble(model), n).frequency
-
-
 def tapered():
     """Return a portal of tapered columns and a beam by constants, in decks' words."""
     points = [[0, 0, 0], [0, 0, 0.5], [0, 0, 1], [1, 0, 1], [1, 0, 0]]
     column = BarProperty(
-        name="column", material=STEEL, section=Section.i_section(b=0.1, h=0.1, tf=0.01, tw=0.006),
+        name="column",
+        material=STEEL,
+        section=Section.i_section(b=0.1, h=0.1, tf=0.01, tw=0.006),
         section2=Section.i_section(b=0.1, h=0.2, tf=0.01, tw=0.006),
-    )  # fmt: skip
+    )
     beam = BarProperty(name="beam", material=STEEL, section=Section(A=2e-3, Iy=4e-6, Iz=2e-6, J=1e-6))
     damping = Damping(np.array([1.0, 9.0]), np.array([0.01, 0.02]), 0.1, 1e-5, 0.02)
     return deck(
-        points, [(0, 1), (2, 1), (2, 3), (4, 3)], column, beam, kinds=[0, 0, 1, 0], damping=damping,
+        points,
+        [(0, 1), (2, 1), (2, 3), (4, 3)],
+        column,
+        beam,
+        kinds=[0, 0, 1, 0],
+        damping=damping,
         supports={0: ("x", "y", "z", "rx", "ry", "rz"), 4: ("x", "y", "z")},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("make", [everything, tapered])

@@ -85,8 +85,11 @@ def test_the_state_with_the_mass_is_found_and_the_one_without_is_not(study, caps
         text[text.index(table) :].split("frequency = ")[1].splitlines()[0]
         for table in ("[baseline]", "[modes]")
     )
-    with_states(study, f'name = "spring"\nfrequency = {first}\nfrequency_std = 0.0002',
-                f'name = "autumn"\nfrequency = {second}\nfrequency_std = 0.0002')  # fmt: skip
+    with_states(
+        study,
+        f'name = "spring"\nfrequency = {first}\nfrequency_std = 0.0002',
+        f'name = "autumn"\nfrequency = {second}\nfrequency_std = 0.0002',
+    )
     picture, result = study.parent / "p.png", study.parent / "r.json"
     assert main(["history", str(study), "--picture", str(picture), "--json", str(result)]) == 0
     spring, autumn = json.loads(result.read_text(encoding="utf-8"))["states"]

@@ -22,6 +22,7 @@ from fem.io.time_data import read_time_data
 from fem.io.uff_types import Function
 from fem.io.units import size_of
 from fem.mesh import MeshError
+from tests.studies import study_file
 
 STUDY = """\
 [points]
@@ -60,8 +61,7 @@ def refused(capsys, *command):
 
 
 def written(folder, more=""):
-    (folder / "study.toml").write_text(STUDY + more, encoding="utf-8")
-    return folder / "study.toml"
+    return study_file(folder, STUDY + more)
 
 
 @pytest.mark.parametrize("empty", ["", np.zeros((0, 0), dtype="U1"), np.array([""]), np.array(["", "ab"])])
@@ -114,15 +114,22 @@ def test_speeds_of_no_shaft_are_refused(tmp_path, capsys, rpm):
 def test_what_is_no_motion_over_a_motion_is_refused(tmp_path, capsys, types):
     response, reference = types
     block = [
-        "    -1", "    58", "frf", "NONE", "NONE", "NONE", "NONE",
+        "    -1",
+        "    58",
+        "frf",
+        "NONE",
+        "NONE",
+        "NONE",
+        "NONE",
         "    4         0    0         0 NONE               1   3 NONE               1   3",
         "         6         3         1 1.000000e+00 1.000000e+00  0.00000e+00",
         "        18    0    0    0 Frequency            Hz",
         f"{response:10d}    0    0    0 Acceleration         m/s^2",
         f"{reference:10d}    0    0    0 Force                N",
         "         0    0    0    0 NONE                 NONE",
-        "  1.0e+00  0.0e+00  1.0e+00  0.0e+00  1.0e+00  0.0e+00", "    -1",
-    ]  # fmt: skip
+        "  1.0e+00  0.0e+00  1.0e+00  0.0e+00  1.0e+00  0.0e+00",
+        "    -1",
+    ]
     (tmp_path / "f.uff").write_text("\n".join(block) + "\n", encoding="ascii")
     words = f"its data types are {response} over {reference}, a motion"
     assert words in "".join(read_uff(tmp_path / "f.uff", kind="accelerance").skipped)
@@ -159,8 +166,11 @@ def test_a_long_number_of_a_mode_table_is_cut_in_the_message(tmp_path):
 @pytest.fixture
 def desk_study(tmp_path):
     study = written(tmp_path, '[[measurements]]\nfile = "m.npz"\n[frequency]\nstop = 60.0\n')
-    study.write_text(study.read_text(encoding="utf-8").replace("spin = 1.0\n", "").partition("[[unb")[0] +
-                     '[[measurements]]\nfile = "m.npz"\n', encoding="utf-8")  # fmt: skip
+    study.write_text(
+        study.read_text(encoding="utf-8").replace("spin = 1.0\n", "").partition("[[unb")[0]
+        + '[[measurements]]\nfile = "m.npz"\n',
+        encoding="utf-8",
+    )
     f = np.linspace(5, 60, 40)
     H = (1 / (1 - (f / 16.5) ** 2 + 0.02j * f / 16.5))[:, None, None].astype(complex)
     write_npz(tmp_path / "m.npz", FRF.from_arrays(f, H, "receptance", ("1Z+",), ("1Z+",)))

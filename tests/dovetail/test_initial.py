@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail.cli import main
+from tests.studies import study_file
 
 CANTILEVER = """
 [points]
@@ -45,9 +46,7 @@ STEPS = ("--step", "0.002", "--duration", "0.2", "--max", "2000")
 
 @pytest.fixture
 def study(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(CANTILEVER, encoding="utf-8")
-    return path
+    return study_file(tmp_path, CANTILEVER)
 
 
 def swing(capsys, *arguments):

@@ -21,6 +21,7 @@ from fem.analysis.transient import solve_transient
 from fem.analysis.unbalance import solve_unbalance
 from fem.io import read_mesh, read_npz
 from fem.system import assemble
+from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 
 COLUMN = """
@@ -66,9 +67,7 @@ sensor = "top"
 
 @pytest.fixture
 def column(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(COLUMN, encoding="utf-8")
-    return path
+    return study_file(tmp_path, COLUMN)
 
 
 def with_shape(text):
@@ -196,10 +195,8 @@ def test_static_and_buckling_draw(column, tmp_path):
 
 
 def test_buckling(column, tmp_path, capsys):
-    found = printed(
-        capsys, "buckling", column, "--case", "weight", "--number", "2", "--json", "-", "--vtu",
-        tmp_path / "b.vtu",
-    )  # fmt: skip
+    options = ("--case", "weight", "--number", "2", "--json", "-", "--vtu", tmp_path / "b.vtu")
+    found = printed(capsys, "buckling", column, *options)
     euler = np.pi**2 * 200e9 * np.array([1e-6, 2e-6]) / (4 * 2**2) / 1000
     assert found["factors"] == pytest.approx(euler, rel=1e-5)
     assert found["moves_most"] == ["column", "column"]
@@ -255,10 +252,9 @@ def rotor(tmp_path):
 
 def test_campbell(rotor, tmp_path, capsys):
     picture, table = tmp_path / "c.png", tmp_path / "c.csv"
-    found = printed(
-        capsys, "campbell", rotor, "--speeds", "0:6000:7", "--number", "4", "--order", "1", "--order", "2",
-        "--json", "-", "--picture", picture, "--out", table,
-    )  # fmt: skip
+    options = ("--number", "4", "--order", "1", "--order", "2", "--json", "-")
+    files = ("--picture", picture, "--out", table)
+    found = printed(capsys, "campbell", rotor, "--speeds", "0:6000:7", *options, *files)
     speeds = np.linspace(0, 6000, 7) * 2 * np.pi / 60
     direct = solve_campbell(load_study(rotor).model, speeds, 4, [1.0, 2.0])
     assert found["speed_rpm"] == pytest.approx(np.linspace(0, 6000, 7))
@@ -303,10 +299,8 @@ def test_unbalance(rotor, tmp_path, capsys):
     assert "the study has no sensors" in refused(capsys, "unbalance", rotor, "--speeds", "0:9:3")
     rotor.write_text(UNBALANCED, encoding="utf-8")
     picture, table = tmp_path / "u.png", tmp_path / "u.csv"
-    found = printed(
-        capsys, "unbalance", rotor, "--speeds", "0:6000:7", "--json", "-", "--picture", picture,
-        "--out", table,
-    )  # fmt: skip
+    files = ("--picture", picture, "--out", table)
+    found = printed(capsys, "unbalance", rotor, "--speeds", "0:6000:7", "--json", "-", *files)
     study = load_study(rotor)
     speeds = np.linspace(0, 6000, 7) * 2 * np.pi / 60
     rows = sensor_rows(study.model, study.sensors)
@@ -437,10 +431,8 @@ def test_transient(column, tmp_path, capsys):
     t = np.linspace(0, 0.5, 501)
     table, out, picture = tmp_path / "e.csv", tmp_path / "out.csv", tmp_path / "out.png"
     histories(table, t, top=5 * np.ones(501), wind=np.ones(501), base_x=np.sin(30 * t))
-    found = printed(
-        capsys, "transient", column, "--excitation", table, "--out", out, "--picture", picture, "--relative",
-        "--json", "-", "--max", "2000",
-    )  # fmt: skip
+    files = ("--excitation", table, "--out", out, "--picture", picture)
+    found = printed(capsys, "transient", column, *files, "--relative", "--json", "-", "--max", "2000")
     study = load_study(column)
     F = study.static("wind").model.n_dof
     top = 6 * study.model.mesh.point_names["B"]
@@ -481,7 +473,7 @@ def test_a_release_swings_about_rest(column, tmp_path, capsys):
         ("time,top,top\n0,1,1\n1,1,1\n", "the column 'top' is there twice"),
         ("time,top\n", "a header and at least two lines"),
     ],
-)  # fmt: skip
+)
 def test_tables_that_cannot_be_meant_are_refused(column, tmp_path, capsys, text, message):
     table = tmp_path / "e.csv"
     table.write_text(text, encoding="utf-8")

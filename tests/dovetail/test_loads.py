@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from fem.analysis.combinations import envelope
 from fem.analysis.loads import LineLoad, LoadCase
 from fem.analysis.statics import solve_static
 from fem.system import assemble
+from tests.studies import study_from
 
 BEAM = """
 [points]
@@ -32,9 +33,7 @@ EI, L = 200e9 * 2e-6, 2.0
 
 
 def load(tmp_path, text):
-    path = tmp_path / "study.toml"
-    path.write_text(BEAM + text, encoding="utf-8")
-    return load_study(path)
+    return study_from(tmp_path, BEAM + text)
 
 
 def tip(solution, direction=2, case=0):
@@ -56,7 +55,7 @@ def tip(solution, direction=2, case=0):
         ("gravity = [0, 0, -10]", -78.5 * L**4 / (8 * EI)),
         ("temperature = 0\nexpansion = 1e-5\ngradient_z = 100", -1e-3 * L**2 / 2),
     ],
-)  # fmt: skip
+)
 def test_each_kind_of_load_has_its_closed_form(tmp_path, entry, expected):
     study = load(tmp_path, f"[[loads]]\n{entry}\n")
     assert tip(study.static()) == pytest.approx(expected, rel=1e-9)
@@ -157,7 +156,7 @@ def test_an_envelope_names_the_cases_of_its_extremes(tmp_path):
         ('[[loads]]\nsupport = "B"\nsettlement = { x = 1e-3 }', "'B' does not hold x; it holds z"),
         ('[[loads]]\nsupport = "B"\nsettlement = { }', "no direction is moved"),
         ("[[loads]]\ntemperature = 20", "'expansion' is missing"),
-        ('[[loads]]\ngravity = [0, 0, -1]\nforce = [0, 0, 1]', "unknown key"),
+        ("[[loads]]\ngravity = [0, 0, -1]\nforce = [0, 0, 1]", "unknown key"),
         ('[[combinations]]\nname = "u"\nfactors = { dead = 1 }', "no load case 'dead'"),
         (
             '[[loads]]\ngravity = [0, 0, -1]\n[[combinations]]\nname = "load"\nfactors = { load = 1 }',
@@ -166,7 +165,7 @@ def test_an_envelope_names_the_cases_of_its_extremes(tmp_path):
         ('[[envelopes]]\nname = "e"', "no loads for an envelope"),
         ('[[loads]]\ngravity = [0, 0, -1]\n[[envelopes]]\nof = ["x"]', "no load case or combination 'x'"),
     ],
-)  # fmt: skip
+)
 def test_loads_that_cannot_be_meant_are_refused(tmp_path, text, message):
     with pytest.raises(StudyError, match=message) as caught:
         load(tmp_path, f"{HELD}{text}\n")

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from tests.frames import MAST
+from tests.noise import complex_normal
+from tests.studies import study_from
 
 STUDY = f"""\
 {MAST}
@@ -31,12 +33,11 @@ check_phase = false
 """
 F = np.linspace(1.0, 50.0, 30)
 RNG = np.random.default_rng(2)
-H = RNG.standard_normal((30, 2, 1)) + 1j * RNG.standard_normal((30, 2, 1))
+H = complex_normal(RNG, (30, 2, 1))
 
 
 def load(folder, lines):
-    (folder / "study.toml").write_text(STUDY + lines, encoding="utf-8")
-    return load_study(folder / "study.toml", ("sensors", "measurements"))
+    return study_from(folder, STUDY + lines, ("sensors", "measurements"))
 
 
 def text_of(*curves, head=""):
@@ -97,9 +98,15 @@ def test_keys_that_a_format_does_not_use_are_refused(tmp_path):
 def test_coherence_and_averages_of_an_archive_give_the_noise(tmp_path):
     gamma = RNG.uniform(0.5, 1.0, H.shape)
     np.savez(
-        tmp_path / "m.npz", frequency=F, H=H, outputs=["s1", "s2"], inputs=["s2"], kind="accelerance",
-        coherence=gamma, averages=8,
-    )  # fmt: skip
+        tmp_path / "m.npz",
+        frequency=F,
+        H=H,
+        outputs=["s1", "s2"],
+        inputs=["s2"],
+        kind="accelerance",
+        coherence=gamma,
+        averages=8,
+    )
     found = load(tmp_path, 'file = "m.npz"\nband = [2.0, 40.0]\n').measurements[0]
     keep = (F >= 2) & (F <= 40)
     np.testing.assert_array_equal(found.coherence, gamma[keep])

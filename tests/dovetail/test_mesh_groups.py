@@ -6,6 +6,7 @@ from dovetail import load_study
 from dovetail.file.table import StudyError
 from fem.effects.support import Support
 from tests.fuzz.decks import GMSH_FRAME, GMSH_NAMES
+from tests.studies import study_file
 
 STUDY = """[mesh]
 file = "m.msh"
@@ -22,8 +23,7 @@ fixed = "translations"
 
 def write(folder, **words):
     (folder / "m.msh").write_text(GMSH_FRAME.format(**words))
-    (folder / "study.toml").write_text(STUDY)
-    return folder / "study.toml"
+    return study_file(folder, STUDY)
 
 
 def test_a_support_at_a_group_of_points_is_at_each_of_them(tmp_path):

@@ -15,6 +15,8 @@ from fem.effects.added_mass import PointMass
 from fem.io import write_npz
 from fem.system import assemble
 from tests.frames import STUDY
+from tests.noise import complex_normal
+from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 
 SEEN = [0, 2]
@@ -35,7 +37,7 @@ def states(tmp_path_factory):
     rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
     H = compute_frf(assemble(study.model), lines, *rows, "accelerance").H
     rng = np.random.default_rng(3)
-    H = H + 1e-3 * np.abs(H).max(axis=0) * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    H = H + 1e-3 * np.abs(H).max(axis=0) * complex_normal(rng, H.shape)
     names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
     write_npz(folder / "frf.npz", FRF.from_arrays(lines, H, "accelerance", *names))
     f = [first_modes(assemble(m), 4).frequency[:4] for m in (study.model, later)]
@@ -44,8 +46,7 @@ def states(tmp_path_factory):
 
 def written(states, more):
     folder, text, _ = states
-    (folder / "study.toml").write_text(text + more, encoding="utf-8")
-    return folder / "study.toml"
+    return study_file(folder, text + more)
 
 
 def table(name, frequency):

@@ -6,29 +6,10 @@ import pytest
 from dovetail import load_study
 from dovetail.cli import main
 from fem.io import write_npz
+from tests.frames import MAST
+from tests.studies import study_file, study_from
 from updating.measurement.measurement import sensor_rows
 
-STUDY = """
-[points]
-foot = [0.0, 0.0, 0.0]
-tip = [0.0, 0.0, 1.0]
-
-[members.mast]
-from = "foot"
-to = "tip"
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[sections.bar]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
-[[supports]]
-point = "foot"
-"""
 SENSORS = "".join(
     f'\n[[sensors]]\nname = "{d}{k}"\npoint = [0.0, 0.0, {0.25 * k}]\ndirection = "{d}"\n'
     for d in "xy"
@@ -38,8 +19,7 @@ NOMINAL = np.array([8.36, 25.05, 52.35, 146.4])
 
 
 def warned(folder, text):
-    (folder / "study.toml").write_text(STUDY + text, encoding="utf-8")
-    return load_study(folder / "study.toml").warnings
+    return study_from(folder, MAST + text).warnings
 
 
 def listed(frequency, more=""):
@@ -56,7 +36,7 @@ def test_frequencies_in_another_unit_are_named(tmp_path, factor, unit):
 
 
 def test_a_unit_is_known_by_shapes_where_the_test_missed_modes(tmp_path):
-    study = STUDY + SENSORS
+    study = MAST + SENSORS
     (tmp_path / "plain.toml").write_text(study, encoding="utf-8")
     plain = load_study(tmp_path / "plain.toml", ("sensors",))
     modes, rows = plain.solve_modes(8), sensor_rows(plain.model, plain.sensors)
@@ -99,7 +79,7 @@ def test_two_modes_of_one_frequency_and_two_shapes_are_none_twice(tmp_path):
 def test_columns_without_a_sensor_and_sensors_without_a_column_are_printed(tmp_path, capsys):
     (tmp_path / "m.csv").write_text("frequency,x1,X2,x3,x4\n8.4,0.1,0.3,0.6,1\n", encoding="utf-8")
     along_x = SENSORS.split('\n[[sensors]]\nname = "y1"')[0]
-    (tmp_path / "study.toml").write_text(STUDY + along_x + '\n[modes]\nfile = "m.csv"\n', encoding="utf-8")
+    study_file(tmp_path, MAST + along_x + '\n[modes]\nfile = "m.csv"\n')
     assert main(["compare", str(tmp_path / "study.toml")]) == 0
     out = capsys.readouterr().out
     assert "note: m.csv: the rows X2 of the shapes belong to no sensor and are not used" in out
@@ -108,7 +88,7 @@ def test_columns_without_a_sensor_and_sensors_without_a_column_are_printed(tmp_p
 
 def test_modes_without_any_partner_have_no_error(tmp_path, capsys):
     (tmp_path / "m.csv").write_text("frequency,x1,x2,x3\n8.4,1,-1,1\n", encoding="utf-8")
-    (tmp_path / "study.toml").write_text(STUDY + SENSORS + '[modes]\nfile = "m.csv"\n', encoding="utf-8")
+    study_file(tmp_path, MAST + SENSORS + '[modes]\nfile = "m.csv"\n')
     assert main(["compare", str(tmp_path / "study.toml")]) == 0
     out = capsys.readouterr().out
     assert "no measured mode has a partner in the model; standard deviation" in out

@@ -9,6 +9,7 @@ from dovetail import load_study
 from dovetail.file.mode_table import read_mode_table
 from dovetail.file.table import StudyError
 from dovetail.modes_pipeline import targets_of
+from tests.studies import study_from
 
 TABLE = """\
 # modes of Friday's test
@@ -40,8 +41,7 @@ def test_a_study_reads_the_same_modes_from_a_table_as_from_an_archive(root, tmp_
         rows.append(", ".join([repr(float(f)), *(repr(float(v)) for v in psi), "0.7" if f < 1 else ""]))
     written(folder, "\n".join(rows))
     text = (folder / "study.toml").read_text(encoding="utf-8").replace("modes.npz", "modes.csv")
-    (folder / "study.toml").write_text(text, encoding="utf-8")
-    after = load_study(folder / "study.toml").modes
+    after = study_from(folder, text).modes
     np.testing.assert_array_equal(after.modes.frequency, before.modes.frequency)
     np.testing.assert_array_equal(after.modes.shapes, before.modes.shapes)
     assert np.isnan(targets_of(after).zeta).tolist() == [False, True, True, True]
@@ -53,8 +53,7 @@ def test_frequencies_alone_need_no_channels(root, tmp_path):
     text = (folder / "study.toml").read_text(encoding="utf-8")
     line = "frequency = [7.203, 20.961, 30.435]"
     assert line in text
-    (folder / "study.toml").write_text(text.replace(line, 'file = "modes.csv"'), encoding="utf-8")
-    modes = load_study(folder / "study.toml").modes
+    modes = study_from(folder, text.replace(line, 'file = "modes.csv"')).modes
     assert modes.modes.frequency.tolist() == [7.203, 20.961, 30.435]
     assert modes.modes.zeta is None
 

@@ -22,7 +22,8 @@ from dovetail.report.probable import probability_text
 from fem.analysis.modes import Modes, first_modes
 from fem.io import write_npz
 from fem.system import assemble
-from tests.frames import beam
+from tests.frames import MAST, beam
+from tests.studies import study_file, study_from
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
@@ -30,27 +31,7 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import sensor_rows
 
-LINES = """
-[points]
-foot = [0.0, 0.0, 0.0]
-tip = [0.0, 0.0, 1.0]
-
-[members.mast]
-from = "foot"
-to = "tip"
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[sections.bar]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
-[[supports]]
-point = "foot"
-
+LINES = f"""{MAST}
 [candidates]
 kinds = ["point_mass"]
 
@@ -58,8 +39,6 @@ kinds = ["point_mass"]
 model_error = 0.0
 """
 NOMINAL = [8.36, 25.05, 52.35, 146.4, 156.0]
-
-
 SENSORS = [(axis, s) for axis in "xy" for s in (0.3, 0.6, 0.8, 1.0)]
 
 
@@ -71,8 +50,7 @@ def _without_opengl(monkeypatch):
 
 
 def written(folder, text):
-    (folder / "study.toml").write_text(LINES + text, encoding="utf-8")
-    return folder / "study.toml"
+    return study_file(folder, LINES + text)
 
 
 def test_keys_of_modes_are_read(tmp_path):
@@ -186,8 +164,7 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
     folder = shutil.copytree(root / "examples" / "before-and-after", tmp_path / "study")
     text = (folder / "study.toml").read_text(encoding="utf-8")
     few = text.replace(', "support_flexibility", "crack", "member_stiffness"]', "]")
-    (folder / "study.toml").write_text(few, encoding="utf-8")
-    study = load_study(folder / "study.toml")
+    study = study_from(folder, few)
     found = study.diagnose()
     (effect,) = found.found
     values = {p.name: p.value for p in effect.parameters()}
@@ -304,18 +281,16 @@ def shaped(tmp_path_factory):
 
 def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     text = shaped.report.read_text(encoding="utf-8")
-    assert set(re.findall(r'<figure data-figure="([^"]+)"', text)) == {
-        "model", "staircase", "probability", "deviations", "mac", "modes",
-    }  # fmt: skip
+    figures = {"model", "staircase", "probability", "deviations", "mac", "modes"}
+    assert set(re.findall(r'<figure data-figure="([^"]+)"', text)) == figures
     first = text[: text.index("<nav")]
     assert "Verdict: effect" in first
     assert "alone or with others: above 99\u00a0%; alone: above 99\u00a0%; of the place: " in first
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text
-    assert sorted(p.name for p in (shaped.folder / "pictures").iterdir()) == [
-        "deviations.png", "mac.png", "staircase.png",
-    ]  # fmt: skip
+    pictures = {p.name for p in (shaped.folder / "pictures").iterdir()}
+    assert pictures == {"deviations.png", "mac.png", "staircase.png"}
 
 
 def test_the_figures_of_modes_show_the_table(shaped):

@@ -9,6 +9,7 @@ import pyuff
 from dovetail import load_study
 from dovetail.cli import main
 from dovetail.file.table import StudyError
+from tests.studies import study_file
 
 E, RHO, B, H, L = 70e9, 2700.0, 0.03, 0.01, 1.0
 STUDY = """
@@ -56,17 +57,20 @@ def nodes(dataset, length):
     ones = np.ones(len(NODES), dtype=int)
     make = pyuff.prepare_15 if dataset == 15 else pyuff.prepare_2411
     zero = 0.0 * HEIGHTS
-    return make(
-        node_nums=NODES, def_cs=ones, disp_cs=ones, color=ones, x=zero, y=zero, z=length * HEIGHTS
-    )  # fmt: skip
+    return make(node_nums=NODES, def_cs=ones, disp_cs=ones, color=ones, x=zero, y=zero, z=length * HEIGHTS)
 
 
 def units(length):
     """Return dataset 164."""
     return pyuff.prepare_164(
-        units_code=9, units_description="own", temp_mode=1, length=length, force=1.0, temp=1.0,
+        units_code=9,
+        units_description="own",
+        temp_mode=1,
+        length=length,
+        force=1.0,
+        temp=1.0,
         temp_offset=0.0,
-    )  # fmt: skip
+    )
 
 
 def mode(k, dataset):
@@ -78,25 +82,50 @@ def mode(k, dataset):
     lines = {f"id{i}": "NONE" for i in range(1, 6)}
     if dataset == 55:
         return pyuff.prepare_55(
-            **lines, model_type=1, analysis_type=3, data_ch=2, spec_data_type=8, data_type=5,
-            n_data_per_node=3, r1=phi, r2=zero, r3=zero, node_nums=NODES[keep], load_case=1, mode_n=k + 1,
-            eig=complex(pole), modal_a=0j, modal_b=0j,
-        )  # fmt: skip
+            **lines,
+            model_type=1,
+            analysis_type=3,
+            data_ch=2,
+            spec_data_type=8,
+            data_type=5,
+            n_data_per_node=3,
+            r1=phi,
+            r2=zero,
+            r3=zero,
+            node_nums=NODES[keep],
+            load_case=1,
+            mode_n=k + 1,
+            eig=complex(pole),
+            modal_a=0j,
+            modal_b=0j,
+        )
     records = {
-        10: [1, 0, 1, 0, 1, k + 1, 0, 0], 11: [0] * 8, 12: [0.0] * 6, 13: [pole.real, pole.imag, *[0.0] * 4],
-    }  # fmt: skip
+        10: [1, 0, 1, 0, 1, k + 1, 0, 0],
+        11: [0] * 8,
+        12: [0.0] * 6,
+        13: [pole.real, pole.imag, *[0.0] * 4],
+    }
     fields = {f"record{r}_field{i}": v for r, row in records.items() for i, v in enumerate(row, 1)}
     return {
-        **lines, **fields, "type": 2414, "analysis_dataset_label": k + 1, "analysis_dataset_name": "mode",
-        "dataset_location": 1, "model_type": 1, "analysis_type": 3, "data_characteristic": 2,
-        "result_type": 8, "data_type": 5, "number_of_data_values_for_the_data_component": 3,
-        "node_nums": NODES[keep], "data_at_node": [np.array([v.real, v.imag, 0, 0, 0, 0]) for v in phi],
-    }  # fmt: skip
+        **lines,
+        **fields,
+        "type": 2414,
+        "analysis_dataset_label": k + 1,
+        "analysis_dataset_name": "mode",
+        "dataset_location": 1,
+        "model_type": 1,
+        "analysis_type": 3,
+        "data_characteristic": 2,
+        "result_type": 8,
+        "data_type": 5,
+        "number_of_data_values_for_the_data_component": 3,
+        "node_nums": NODES[keep],
+        "data_at_node": [np.array([v.real, v.imag, 0, 0, 0, 0]) for v in phi],
+    }
 
 
 def write(folder, *sets):
-    path = folder / "study.toml"
-    path.write_text(STUDY)
+    path = study_file(folder, STUDY)
     pyuff.UFF(str(folder / "modes.uff")).write_sets(list(sets), "overwrite")
     return path
 

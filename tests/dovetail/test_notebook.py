@@ -41,12 +41,33 @@ def found(study):
 def test_objects_that_people_meet_print_one_short_line(study, comparison, found):
     problem = fit_problem(study)
     met = [
-        study, study.model, study.model.mesh, study.model.damping, *study.model.effects, *study.candidates(),
-        study.candidates(), study.frf(), study.measurements[0], study.measurements[0].frf, *study.sensors,
-        study.solve_modes(4), assemble(study.model), comparison, study.error(), problem, problem.data,
-        problem.reduced, problem.nominal(), found, *found.findings, *found.steps, *found.rounds[0],
-        found.steps[-1].result, found.steps[-1].result.solution, *study.model.contributions(),
-    ]  # fmt: skip
+        study,
+        study.model,
+        study.model.mesh,
+        study.model.damping,
+        *study.model.effects,
+        *study.candidates(),
+        study.candidates(),
+        study.frf(),
+        study.measurements[0],
+        study.measurements[0].frf,
+        *study.sensors,
+        study.solve_modes(4),
+        assemble(study.model),
+        comparison,
+        study.error(),
+        problem,
+        problem.data,
+        problem.reduced,
+        problem.nominal(),
+        found,
+        *found.findings,
+        *found.steps,
+        *found.rounds[0],
+        found.steps[-1].result,
+        found.steps[-1].result.solution,
+        *study.model.contributions(),
+    ]
     too_long = {type(x).__name__: len(repr(x)) for x in met if len(repr(x)) > LONGEST or "\n" in repr(x)}
     assert too_long == {}
 
@@ -207,8 +228,13 @@ def test_the_model_shows_each_sensor_with_its_error(study, comparison):
 
 def test_everything_public_of_the_facade_has_a_docstring(study, comparison, found):
     for obj in (study, comparison, found, study.candidates(), study.frf(), study.error()):
-        own = [name for cls in type(obj).__mro__ if cls.__module__.startswith(("dovetail", "fem", "updating"))
-               for name in vars(cls) if not name.startswith("_")]  # fmt: skip
+        own = [
+            name
+            for cls in type(obj).__mro__
+            if cls.__module__.startswith(("dovetail", "fem", "updating"))
+            for name in vars(cls)
+            if not name.startswith("_")
+        ]
         without = [
             name
             for name in own

@@ -8,8 +8,9 @@ from dovetail.file.config import read_study
 from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF
 from fem.io import write_npz
+from tests.frames import FLAT_STEEL
 
-STUDY = """
+STUDY = f"""
 [mesh]
 plane = "xz"
 element_size = 0.1
@@ -26,16 +27,7 @@ to = "B"
 [members.arm]
 from = "B"
 to = "C"
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+{FLAT_STEEL}
 [[supports]]
 point = "A"
 name = "foot"

@@ -21,12 +21,26 @@ from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, portal
 
 SOLIDS = {
-    "steel": (210e9, 7850), "aluminium": (70e9, 2700), "magnesium": (45e9, 1740), "lead": (16e9, 11340),
-    "osmium": (560e9, 22590), "diamond": (1150e9, 3520), "tungsten": (400e9, 19300), "concrete": (30e9, 2400),
-    "glass": (70e9, 2500), "CFRP": (140e9, 1600), "spruce across": (0.5e9, 450), "balsa": (3e9, 150),
-    "cork": (20e6, 170), "rubber": (1.5e6, 1100), "PTFE": (0.5e9, 2200), "PE": (0.8e9, 950),
-    "PU foam": (0.5e6, 30), "PMI foam": (92e6, 75), "beryllium": (303e9, 1850),
-}  # fmt: skip
+    "steel": (210e9, 7850),
+    "aluminium": (70e9, 2700),
+    "magnesium": (45e9, 1740),
+    "lead": (16e9, 11340),
+    "osmium": (560e9, 22590),
+    "diamond": (1150e9, 3520),
+    "tungsten": (400e9, 19300),
+    "concrete": (30e9, 2400),
+    "glass": (70e9, 2500),
+    "CFRP": (140e9, 1600),
+    "spruce across": (0.5e9, 450),
+    "balsa": (3e9, 150),
+    "cork": (20e6, 170),
+    "rubber": (1.5e6, 1100),
+    "PTFE": (0.5e9, 2200),
+    "PE": (0.8e9, 950),
+    "PU foam": (0.5e6, 30),
+    "PMI foam": (92e6, 75),
+    "beryllium": (303e9, 1850),
+}
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -103,8 +117,10 @@ WRONG = {
     "nu": (beam(2, material=Material("m", 210e9, 7850, -0.3)), ["nu = -0.3"]),
     "mass in g": (
         carrying(mass=80e3),
-        [f"'m' has 8e+04 kg, and {48 * 210e9 * 0.03**3 * 0.01 / 12 / 9.81:.4g} kg would bend the stiffest "
-         "member, held at both ends, by its length; is it in grams (80 kg)?"],
+        [
+            f"'m' has 8e+04 kg, and {48 * 210e9 * 0.03**3 * 0.01 / 12 / 9.81:.4g} kg would bend the stiffest "
+            "member, held at both ends, by its length; is it in grams (80 kg)?"
+        ],
     ),
     "arm in mm": (carrying(mass=0.1, arm=np.array([0, 0, 30.0])), ["arm of 30 m"]),
     "inertia": (carrying(mass=0.1, inertia=np.eye(3)), ["radius of gyration of 3.162 m"]),
@@ -112,20 +128,14 @@ WRONG = {
         grounded(K=np.diag([1e25, 0, 0, 0, 0, 1e20])),
         ["kx is 1e+25 N/m", "krz is 1e+20 N·m/rad"],
     ),
-    "joint too soft": (
-        grounded(K=np.diag([1e-9, 0, 0, 0, 0, 0])),
-        ["kx is 1e-09 N/m", ],
-    ),
-    "joint eta": (
-        grounded(K=np.eye(6) * 1e5, eta=2.0),
-        ["eta = 2 is implausible"],
-    ),
+    "joint too soft": (grounded(K=np.diag([1e-9, 0, 0, 0, 0, 0])), ["kx is 1e-09 N/m"]),
+    "joint eta": (grounded(K=np.eye(6) * 1e5, eta=2.0), ["eta = 2 is implausible"]),
     "pretension": (beam(2, pretension=1e7), ["strains it by 0.16"]),
     "offset in mm": (beam(2, offset1=np.array([0, 0, 15.0])), ["offset1 is 15 m"]),
-    "per cent": (beam(2).with_damping(Damping.modal(0.5)), ["ratio of 0.5 is implausible", ]),
+    "per cent": (beam(2).with_damping(Damping.modal(0.5)), ["ratio of 0.5 is implausible"]),
     "loss per cent": (beam(2).with_damping(Damping.structural(2.0)), ["loss factor of 2 is implausible"]),
     "beta": (beam(2).with_damping(Damping.rayleigh(0, 0.01)), ["beta = 0.01 s gives modes at 1000 Hz"]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -317,7 +327,7 @@ TOO_MANY = [
     ("[points]", "[mesh]\nelement_size = 1e-9\n[points]", ["line 3, mesh.element_size: "]),
     ("[points]", "[mesh]\nmax_elements = 3\n[points]", ["and at most 3 are made ([mesh] max_elements)"]),
     ("[points]", "[defaults]\nelement_size = 1e-9\n[points]", ["line 3, defaults.element_size: "]),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("old", "new", "words"), TOO_MANY)

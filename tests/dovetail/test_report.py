@@ -250,9 +250,10 @@ def test_each_of_several_effects_has_its_own_probability(found):
     other = next(e for e in found.diagnosis.candidates if e.name != finding.effect.name)
     a, b = finding.effect.name, other.name
     d = replace(
-        found.diagnosis, findings=(finding, replace(finding, effect=other)),
+        found.diagnosis,
+        findings=(finding, replace(finding, effect=other)),
         posterior=(((a, b), 0.5), ((a,), 0.3), ((b,), 0.1), ((), 0.1)),
-    )  # fmt: skip
+    )
     text = probable.probability_text(d)
     assert text.endswith("; of exactly these effects: 50\u00a0%")
     assert re.findall(r"(\d+)\u00a0%", text) == ["80", "60", "50"]

@@ -36,9 +36,15 @@ from viz.models import displacement_at
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
 CHROMIUM = (
-    "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
-)  # fmt: skip
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
 
 
 @pytest.fixture(scope="module")
@@ -396,8 +402,10 @@ def test_a_narrow_page_does_not_scroll_sideways(folder, live, chromium):
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         colour = page.evaluate("document.querySelector('figure[data-figure=frf] .plot').data[0].line.color")
         assert colour == "#e6edf3"  # measured FRFs are light on a dark page
-        ink, paper = page.evaluate("(() => { const s = getComputedStyle(document.documentElement);"
-                                   "return [s.color, s.backgroundColor]; })()")  # fmt: skip
+        ink, paper = page.evaluate(
+            "(() => { const s = getComputedStyle(document.documentElement);"
+            "return [s.color, s.backgroundColor]; })()"
+        )
         assert (ink, paper) == ("rgb(230, 237, 243)", "rgb(13, 17, 23)")
 
 

@@ -9,6 +9,7 @@ from dovetail.file.section_table import rolled
 from dovetail.file.table import StudyError
 from fem.elements.frame import Frame
 from fem.sections.section import Section
+from tests.studies import study_file
 
 STUDY = """
 {top}
@@ -134,8 +135,7 @@ def test_the_only_section_is_the_default(tmp_path):
 
 def test_the_table_is_an_input_file(tmp_path):
     (tmp_path / "own.csv").write_text("name,shape,d\nrod,circle,0.02\n", encoding="utf-8")
-    study = tmp_path / "study.toml"
-    study.write_text(STUDY.format(top='sections = "own.csv"', section="", more=""), encoding="utf-8")
+    study = study_file(tmp_path, STUDY.format(top='sections = "own.csv"', section="", more=""))
     assert tmp_path / "own.csv" in [file.path for file in input_files(study)]
 
 

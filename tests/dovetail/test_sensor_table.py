@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError
 from dovetail.file.paths import input_files, with_paths
 from tests.frames import MAST
+from tests.studies import study_from
 
 MODEL = f"""\
 {MAST}
@@ -16,9 +17,7 @@ stop = 60.0
 
 def load(folder, table, excitations='[[excitations]]\nsensor = "b"\n', text=None):
     (folder / "sensors.csv").write_text(table, encoding="utf-8")
-    study = folder / "study.toml"
-    study.write_text(text or f'sensors = "sensors.csv"\n{MODEL}{excitations}', encoding="utf-8")
-    return load_study(study, ("sensors",))
+    return study_from(folder, text or f'sensors = "sensors.csv"\n{MODEL}{excitations}', ("sensors",))
 
 
 def test_a_table_says_what_the_tables_of_the_study_say(tmp_path):

@@ -10,6 +10,7 @@ from dovetail.file.table import StudyError
 from dovetail.file.writing import with_parameters
 from fem.analysis.modes import solve_modes
 from fem.system import assemble
+from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 
 STUDY = """
@@ -109,8 +110,7 @@ step = 0.5
 
 def test_a_sensor_on_it_reads_the_transmissibility_of_its_springs(tmp_path):
     """x_body / x_tip = (k + iωc) / (k + iωc - ω²m) for a force on the mast, whatever that is."""
-    file = tmp_path / "study.toml"
-    file.write_text(STUDY + TUNED + SENSORS)
+    file = study_file(tmp_path, STUDY + TUNED + SENSORS)
     frf = load_study(file).frf(kind="receptance")
     omega, natural = 2 * np.pi * frf.frequency, 14 * np.pi
     spring = 0.5 * (natural**2 + 0.2j * natural * omega)

@@ -13,15 +13,12 @@ from dovetail.file.measured import pieces_of
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import FOUND, FRFS, frf_arrays, result_dict
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
 from fem.io import write_npz
-from fem.system import assemble
 from tests.dovetail.test_effects import JOINTED, candidates
-from tests.frames import STUDY
+from tests.frames import STUDY, measured_frf
+from tests.studies import study_file
 from updating.live.fitting import fit_all
 from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import sensor_rows
 from updating.quality.corrections import Fault
 
 MEMBER = """[members.{name}]
@@ -74,20 +71,15 @@ TEE = (
 
 def study_of(folder, text, name, values, gain):
     """Return a study, with FRFs of its model with an effect and a sensor that reads too much."""
-    file = folder / "study.toml"
-    file.write_text(text, encoding="utf-8")
+    file = study_file(folder, text)
     study = load_study(file)
     hidden = [e.with_values(**values) for e in candidates(study) if e.name == name]
     assert len(hidden) == (name != "")
     model = study.model.with_effect(*hidden)
-    frequency = np.arange(4.0, 300.0, 2.0)
-    rows = [sensor_rows(study.model, part) for part in (study.sensors, study.excitations)]
-    H = compute_frf(assemble(model), frequency, *rows).H
-    rng = np.random.default_rng(3)
-    H = H * (1 + 0.003 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
-    H[:, 0] *= gain
-    names = [[s.name for s in part] for part in (study.sensors, study.excitations)]
-    write_npz(folder / "frf.npz", FRF.from_arrays(frequency, H, "accelerance", *names))
+    frf = measured_frf(study, model, np.arange(4.0, 300.0, 2.0))
+    gains = np.ones((len(study.sensors), 1))
+    gains[0] = gain
+    write_npz(folder / "frf.npz", replace(frf, H=gains * frf.H))
     file.write_text(text + '\n[[measurements]]\nfile = "frf.npz"\n', encoding="utf-8")
     return load_study(file), hidden
 

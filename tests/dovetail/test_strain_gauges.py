@@ -11,6 +11,7 @@ from dovetail.file.table import StudyError
 from fem.analysis.frf import FRF
 from fem.io import read_frf, write_npz
 from fem.io.uff import Points, read_uff, write_uff
+from tests.studies import study_file, study_from
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.measurement.measurement import MeasurementError
 from updating.modal.identification import identify_modes
@@ -89,9 +90,7 @@ MOTIONS = {"A1": 0.8, "A2": 0.45}
 
 
 def study(folder, sensors=GAUGES + ACCELEROMETERS, more=""):
-    path = folder / "study.toml"
-    path.write_text(STUDY + sensors + more)
-    return path
+    return study_file(folder, STUDY + sensors + more)
 
 
 def exact(frequency, k=np.inf, names=(*PLACES, *MOTIONS)):
@@ -108,10 +107,14 @@ def exact(frequency, k=np.inf, names=(*PLACES, *MOTIONS)):
 
         def waves(x, d=0, b=b):
             """Return the d-th derivatives of the four waves; those that decay do so from either end."""
-            return np.array([
-                (1j * b) ** d * np.exp(1j * b * x), (-1j * b) ** d * np.exp(-1j * b * x),
-                b**d * np.exp(b * (x - L)), (-b) ** d * np.exp(-b * x),
-            ])  # fmt: skip
+            return np.array(
+                [
+                    (1j * b) ** d * np.exp(1j * b * x),
+                    (-1j * b) ** d * np.exp(-1j * b * x),
+                    b**d * np.exp(b * (x - L)),
+                    (-b) ** d * np.exp(-b * x),
+                ]
+            )
 
         root = waves(0, 1) if np.isinf(k) else EI * waves(0, 2) - k * waves(0, 1)
         a = np.linalg.solve(np.array([waves(0), root, waves(L, 2), EI * waves(L, 3)]), [0, 0, 0, -1.0])
@@ -192,10 +195,13 @@ def test_a_root_that_gives_way_is_found_from_strains(tmp_path, sensors, names):
 
 @pytest.mark.parametrize(
     ("sensors", "names", "wrong"),
-    [(GAUGES, tuple(PLACES), "G2"), (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "G2"),
-     (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "A2")],
+    [
+        (GAUGES, tuple(PLACES), "G2"),
+        (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "G2"),
+        (GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS), "A2"),
+    ],
     ids=["among gauges", "among both", "accelerometer"],
-)  # fmt: skip
+)
 def test_a_channel_that_is_wired_in_reverse_is_found(tmp_path, sensors, names, wrong):
     found = measured(tmp_path, sensors, names, **{wrong: -1.0}).diagnose()
     assert [f.name for f in found.faults] == [f"sensor_sign:{wrong}"]
@@ -362,8 +368,7 @@ def test_without_sensors_the_strains_of_a_file_are_left_out(tmp_path):
     dofs = {"G1": "1X+", "G2": "2X+", "G3": "3X+", "A1": "3Z+", "A2": "2Z+", "F": "3Z+"}
     write_uff(tmp_path / "frf.uff", frf, geometry=nodes, dofs=dofs)
     text = STUDY[: STUDY.index("[[excitations]]")] + '\n[[measurements]]\nfile = "frf.uff"\n'
-    (tmp_path / "study.toml").write_text(text)
-    test = load_study(tmp_path / "study.toml")
+    test = study_from(tmp_path, text)
     assert [s.name for s in test.sensors] == ["3Z+", "2Z+"]
     assert [n for n in (*test.measured_notes, *test.assumptions) if "1X+, 2X+, 3X+ match no" in n], (
         test.measured_notes

@@ -60,10 +60,13 @@ ENDS = {
     "offset": {"spring": SPRING, "offset1": np.array([0.0, 0.03, 0.02]), "rigid1": 0.04},
     "tapered": {"spring": SPRING, "section2": THIN},
     "all of it": {
-        "spring": SPRING, "section2": THIN, "offset1": np.array([0.0, 0.0, 0.02]), "rigid1": 0.04,
+        "spring": SPRING,
+        "section2": THIN,
+        "offset1": np.array([0.0, 0.0, 0.02]),
+        "rigid1": 0.04,
         "other": "rx",
     },
-}  # fmt: skip
+}
 
 
 def section(x):
@@ -132,9 +135,10 @@ def built(end, stretches=(), crack=None, theory="timoshenko", start=None, **more
         lines.append([first, k + 1])
         part = {"section": section(a / LENGTH), "section2": section(b / LENGTH)} if taper else {}
         own = MemberProperties(
-            Material(f"steel{k}", factor * E, RHO, loss_factor=0.01), **{"section": BOX, **part, **change},
+            Material(f"steel{k}", factor * E, RHO, loss_factor=0.01),
+            **{"section": BOX, **part, **change},
             theory=theory,
-        )  # fmt: skip
+        )
         members[f"m{k}"] = own
         at = k + 1
     node = len(points) + len(extra)  # of the member's first end, at the place of point 0 behind the springs
@@ -174,9 +178,14 @@ def section_with(**factors):
 def zone_of(end, u=-0.2, plane=0.0):
     zone = end.get("rigid1", 0.0)
     effect = ZoneForm(
-        name="zone", zones=(("beam", zone, 0.11, 1),), place="end", frame=None, u=u, plane=plane,
+        name="zone",
+        zones=(("beam", zone, 0.11, 1),),
+        place="end",
+        frame=None,
+        u=u,
+        plane=plane,
         inside=((2, 4),),
-    )  # fmt: skip
+    )
     return effect, [(zone, zone + 0.11, np.exp(u), {})]
 
 
@@ -368,16 +377,19 @@ def test_mass_and_damping_follow_the_slip_of_the_altered_member(kind, end):
         assert abs(found[2] - 0.01 * found[0]).max() <= 1e-9 * abs(found[2]).max()
 
 
+def crack_of_beam():
+    """Return a crack 0.18 m along the beam."""
+    start = {"position": 0.18, "compliance": 1e-4, "length": LENGTH, "reference": 1.0}
+    return Crack(name="crack", member="beam", direction="ry", **start)
+
+
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("end", ["released", "sprung", "offset", "all of it"])
 def test_a_crack_beside_a_release_in_a_softer_zone_is_the_member_built_by_hand(end, order):
     end = ENDS[end]
     effect, stretches = zone_of(end)
     model = member(end)
-    crack = Crack(
-        name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
-        reference=1.0,
-    )  # fmt: skip
+    crack = crack_of_beam()
     effects = (with_frame(effect, model), *releases(end), crack)[::order]
     compared(model.with_effect(*effects), built(end, stretches, (0.18, "ry", 1e-4)))
 
@@ -444,20 +456,24 @@ def both_ways():
     (form,) = (e for e in (changes(model.of_kind(Frame)[0])["section_form"][0],))
     (soft,) = releases(end)
     stiff = MemberStiffness(name="stiff", member="beam", change=0.2)
-    crack = Crack(
-        name="crack", member="beam", position=0.18, compliance=1e-4, direction="ry", length=LENGTH,
-        reference=1.0,
-    )  # fmt: skip
+    crack = crack_of_beam()
     every = {e.name: e for e in (zone, form, soft, stiff, crack)}
     return model, every
 
 
 VALUES = {
-    ("zone", "u"): 0.7, ("zone", "mass"): 0.3, ("zone", "plane"): -0.4, ("form", "Iy"): 0.1,
-    ("form", "A"): -0.05, ("soft ry", "compliance"): 3e-4, ("stiff", "change"): -0.25,
-    ("crack", "compliance"): 2e-4, ("crack", "position"): 0.21, ("frame", "E:steel"): 1.1 * E,
+    ("zone", "u"): 0.7,
+    ("zone", "mass"): 0.3,
+    ("zone", "plane"): -0.4,
+    ("form", "Iy"): 0.1,
+    ("form", "A"): -0.05,
+    ("soft ry", "compliance"): 3e-4,
+    ("stiff", "change"): -0.25,
+    ("crack", "compliance"): 2e-4,
+    ("crack", "position"): 0.21,
+    ("frame", "E:steel"): 1.1 * E,
     ("frame", "rho:steel"): 0.9 * RHO,
-}  # fmt: skip
+}
 
 
 def reduced(model):

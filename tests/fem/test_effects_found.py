@@ -7,6 +7,7 @@ from fem import FRF, Frame, Material, MemberProperties, Mesh, Model, Section, Su
 from fem.effects.support_flexibility import SupportFlexibility
 from fem.model import Damping, parameter_values
 from tests.hidden.cases import make_case
+from tests.noise import complex_normal
 from updating import EFFECT, diagnose
 from updating.diagnosis.diagnose import BASIS_LIMIT_DB
 from updating.inference.parameters import Nuisance
@@ -47,7 +48,7 @@ def test_a_support_that_is_loose_is_found_though_its_stiffness_may_be_anything(m
     true = model.with_mesh(mesh.split(4)).with_effect(loose)
     H = compute_frf(assemble(true), f, at, at[1:], kind="accelerance").H
     rng = np.random.default_rng(3)
-    H = H * (1 + 0.02 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
+    H = H * (1 + 0.02 * complex_normal(rng, H.shape))
     names = [s.name for s in sensors]
     measured = Measurement(FRF.from_arrays(f, H, "accelerance", names, names[1:]), sensors, sensors[1:])
     found = diagnose(

@@ -125,8 +125,9 @@ def test_cracks_keep_half_the_depth_from_ends_or_a_tenth_of_a_stubby_member():
     for direction, depth in half.items():
         position = found[direction].parameters()[1]
         assert (position.lower, position.upper) == (
-            pytest.approx(depth, rel=1e-6), pytest.approx(0.9 - depth, rel=1e-6),
-        )  # fmt: skip
+            pytest.approx(depth, rel=1e-6),
+            pytest.approx(0.9 - depth, rel=1e-6),
+        )
         assert min(start["position"] for start in found[direction].starts(lambda _: 1.0)) >= depth
     (short, _) = Crack.propose(beam(4, 2 * half["ry"]))
     assert short.nearest == pytest.approx(0.2 * half["ry"])

@@ -53,7 +53,9 @@ def test_a_coupled_joint_stays_positive_within_its_bounds_and_not_far_beyond():
     K = joint.K.copy()
     K[0, 4] = K[4, 0] = 0.5 * np.sqrt(K[0, 0] * K[4, 4])
     model = Model(base.mesh, (base.effects[0], replace(joint, K=K)))
-    for effect in JointCoupling.propose(model):
+    effects = list(JointCoupling.propose(model))
+    assert len(effects) == 15  # pairs of the six directions
+    for effect in effects:
         for bound in effect.bounds:
             for factor, positive in ((1.0, True), (1.06, False)):
                 whole = sums(model, model.effects[1], effect.with_values(coupling=factor * bound))[0]
@@ -78,9 +80,13 @@ def test_viscoelastic_joints_are_viscoelastic_elements():
     )
     for effect, law in pairs:
         element = Viscoelastic(
-            name="v", point1=joint.point1, point2=joint.point2, location=joint.location,
-            K=np.diag([0, 0, 0, 3e3, 0, 0]), law=law,
-        )  # fmt: skip
+            name="v",
+            point1=joint.point1,
+            point2=joint.point2,
+            location=joint.location,
+            K=np.diag([0, 0, 0, 3e3, 0, 0]),
+            law=law,
+        )
         bare = replace(joint, K=np.diag([*np.diag(joint.K)[:3], 0, *np.diag(joint.K)[4:]]), eta=0.0)
         whole = replace(joint, eta=0.0)
         others = (model.effects[0],)

@@ -86,9 +86,17 @@ def test_a_hole_on_the_side_of_a_foot_is_a_lever_to_it():
     here = footed(model, point, 0.3)
     across = np.array([0.0, 1.0, 0.0])
     hole = JointHole(
-        name="hole", joint="foot", side=1, member="beam", at=0.3, amount=0.006, lower=-1, upper=1,
-        direction="y", across=across,
-    )  # fmt: skip
+        name="hole",
+        joint="foot",
+        side=1,
+        member="beam",
+        at=0.3,
+        amount=0.006,
+        lower=-1,
+        upper=1,
+        direction="y",
+        across=across,
+    )
     joint = here.effect("foot")
     there = model.with_effect(replace(joint, location=joint.location + 0.006 * across))
     np.testing.assert_allclose(frequencies(here.with_effect(hole)), frequencies(there), rtol=1e-6)
@@ -134,12 +142,17 @@ def giving_way(*places, end=0, compliance=3e-3):
     """Return cracks at places, both ways, and releases at an end of the beam."""
     cracks = [
         Crack(
-            name=f"crack {s} {d}", member="beam", position=s, direction=d, compliance=compliance, length=1.0,
+            name=f"crack {s} {d}",
+            member="beam",
+            position=s,
+            direction=d,
+            compliance=compliance,
+            length=1.0,
             reference=1.0,
         )
         for s in places
         for d in ("ry", "rz")
-    ]  # fmt: skip
+    ]
     if end:
         cracks.append(
             EndRelease(
@@ -231,7 +244,9 @@ def test_what_moves_across_a_point_of_the_mesh_does_so_smoothly(kind, node):
 
 def test_a_connection_as_the_model_has_it_changes_nothing_and_its_loss_is_of_its_own_direction():
     model = footed(beam(10), 3, 0.2)
-    for e in JointComplexStiffness.propose(model):
+    effects = list(JointComplexStiffness.propose(model))
+    assert len(effects) == 6
+    for e in effects:
         (c,) = e.contribute(model)
         assert c.K is not None
         assert c.D is not None

@@ -18,7 +18,7 @@ from fem.mesh import Mesh
 from fem.model import Damping, Model, dofs_of, lever_matrix
 from fem.sections.section import Section
 from fem.system import assemble
-from tests.frames import FLAT, STEEL, fix
+from tests.frames import FLAT, FLAT_STEEL, STEEL, fix
 from updating import Nuisance, update
 from updating.inference.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
 
@@ -37,9 +37,12 @@ def lap(n=40, *, angle=90.0, overhang=0.02, sections=(FLAT, FLAT), **joint):
     one, two = mesh.point_names["JA"], mesh.point_names["JB"]
     frame = Frame(members={m: MemberProperties(STEEL, s) for m, s in zip("AB", sections, strict=True)})
     between = Joint(
-        name="J", point1=one, point2=two, location=(mesh.points[one] + mesh.points[two]) / 2,
+        name="J",
+        point1=one,
+        point2=two,
+        location=(mesh.points[one] + mesh.points[two]) / 2,
         **(joint or {"rigid": RIGID}),
-    )  # fmt: skip
+    )
     return Model(mesh.refined(size=0.6 / n), (frame, between), Damping.structural(0.01))
 
 
@@ -245,14 +248,7 @@ def test_the_size_of_patches_is_no_parameter_of_an_updating():
         update(patched(lap(), 1.0), [("joint_patch:all", "size")], frequency=[10.0])
 
 
-STUDY = """
-[materials.steel]
-E = 210e9
-rho = 7850
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
+STUDY = f"""{FLAT_STEEL}
 [members.A]
 from = [0, 0, 0]
 to = [0.6, 0, 0]

@@ -100,9 +100,13 @@ def test_receptances_near_an_anchor_are_those_without_it():
         MemberStiffness(name="softer", member="upper"),
     )
     refs = [
-        ("bolt", "kry"), ("bolt", "krz"), ("frame", "E:steel"), ("frame", "rho:steel"),
-        ("thicker", "change"), ("softer", "change"),
-    ]  # fmt: skip
+        ("bolt", "kry"),
+        ("bolt", "krz"),
+        ("frame", "E:steel"),
+        ("frame", "rho:steel"),
+        ("thicker", "change"),
+        ("softer", "change"),
+    ]
     one, other = engine(model, refs), engine(model, refs)
     start = values_of(model, refs)
     start += np.array([100.0, 0, 2e9, 0, 0.02, -0.03])

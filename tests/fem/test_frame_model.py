@@ -13,16 +13,13 @@ from fem.io.frame_deck import BarProperty, Body, Connection, Equation, Link
 from fem.mesh import MeshWarning
 from fem.model import DIRECTIONS
 from tests.decks import FLAT, LIGHT, STEEL, deck, everything, literal
+from tests.frames import frequencies
 
 L = 0.8
 K = 3 * STEEL.E * FLAT.Iz / L**3
 """Stiffness across the tip of the cantilever, in y [N/m]: wide, 30 mm."""
 BEAM = BarProperty(name="beam", material=LIGHT, section=FLAT, theory="euler-bernoulli")
 ALONG_Y = ("x", "z", "rx", "ry")
-
-
-def frequencies(model, n=6):
-    return solve_modes(assemble(model), n).frequency
 
 
 def cantilever(*more_points, n=4, shift=(0.0, 0.0, 0.0)):
@@ -48,13 +45,16 @@ def test_a_mass_off_the_frame_is_a_mass_at_an_arm():
     e = 0.3
     points, ends = cantilever([L + 0.1, 0, 0], [L + 0.2, 0, 0])
     d = deck(
-        points, ends, BEAM, supports={0: DIRECTIONS},
+        points,
+        ends,
+        BEAM,
+        supports={0: DIRECTIONS},
         bodies=(Body(name="CONM2 1", node=6, mass=2.0, arm=np.array([0.1, 0, 0])),),
         links=(
             Link(name="RBE2 1", node=4, dependents=(5,), directions=DIRECTIONS),
             Link(name="RBE2 2", node=5, dependents=(6,), directions=DIRECTIONS),
         ),
-    )  # fmt: skip
+    )
     model = model_of(d)
     assert model.mesh.n_points == 5
     np.testing.assert_allclose(model.effect("CONM2 1").arm, [e, 0, 0], atol=1e-15)
@@ -70,9 +70,13 @@ def test_a_hinge_within_a_property_cuts_its_member():
     stiffness = np.full((4, 2, 6), np.inf)
     stiffness[1, 1, 5] = 0.0
     d = deck(
-        points, ends, BEAM, stiffness=stiffness, supports={0: DIRECTIONS, 4: DIRECTIONS, 2: ALONG_Y},
+        points,
+        ends,
+        BEAM,
+        stiffness=stiffness,
+        supports={0: DIRECTIONS, 4: DIRECTIONS, 2: ALONG_Y},
         bodies=(Body(name="CONM2 1", node=2, mass=2.0),),
-    )  # fmt: skip
+    )
     model = model_of(d)
     assert model.mesh.groups == {"beam": ("beam.1", "beam.2")}
     expected = np.sqrt(2 * 8 * K / 2.0) / (2 * np.pi)  # two cantilevers of half the length
@@ -93,10 +97,13 @@ def test_a_spring_to_a_fixed_node_is_a_spring_to_the_ground():
     points, ends = cantilever([L, 0.2, 0])
     spring = np.diag([0, 4 * K, 0, 0, 0, 0])
     d = deck(
-        points, ends, BEAM, supports={0: DIRECTIONS, 4: ALONG_Y, 5: ("x", "y", "z")},
+        points,
+        ends,
+        BEAM,
+        supports={0: DIRECTIONS, 4: ALONG_Y, 5: ("x", "y", "z")},
         bodies=(Body(name="CONM2 1", node=4, mass=2.0),),
         connections=(Connection(name="CBUSH 1", nodes=(5, 4), K=spring),),
-    )  # fmt: skip
+    )
     model = model_of(d)
     assert model.mesh.n_points == 5
     assert (model.effect("CBUSH 1").point1, model.effect("CBUSH 1").point2) == (4, None)
@@ -107,10 +114,13 @@ def test_a_mass_on_a_spring_moves_by_itself():
     points, ends = cantilever([L, 0.2, 0])
     m1, m2, k2 = 2.0, 0.5, 0.3 * K
     d = deck(
-        points, ends, BEAM, supports={0: DIRECTIONS, 4: ALONG_Y},
+        points,
+        ends,
+        BEAM,
+        supports={0: DIRECTIONS, 4: ALONG_Y},
         bodies=(Body(name="CONM2 1", node=4, mass=m1), Body(name="CONM2 2", node=5, mass=m2)),
         connections=(Connection(name="CELAS2 1", nodes=(5, 4), K=np.diag([0, k2, 0, 0, 0, 0])),),
-    )  # fmt: skip
+    )
     model = model_of(d)
     omega2 = np.linalg.eigvals(np.array([[(K + k2) / m1, -k2 / m1], [-k2 / m2, k2 / m2]]))
     np.testing.assert_allclose(frequencies(model, 2), np.sqrt(np.sort(omega2)) / (2 * np.pi), rtol=1e-8)
@@ -125,9 +135,13 @@ def test_a_mass_on_the_mean_of_two_nodes():
         Equation(name=f"RBE3 {d}", terms=((4, d, 1.0), (1, d, -0.5), (3, d, -0.5))) for d in DIRECTIONS
     )
     d = deck(
-        points, [(0, 1), (2, 3)], BEAM, supports={0: DIRECTIONS, 1: ALONG_Y, 2: DIRECTIONS, 3: ALONG_Y},
-        bodies=(Body(name="CONM2 1", node=4, mass=2.0),), equations=mean,
-    )  # fmt: skip
+        points,
+        [(0, 1), (2, 3)],
+        BEAM,
+        supports={0: DIRECTIONS, 1: ALONG_Y, 2: DIRECTIONS, 3: ALONG_Y},
+        bodies=(Body(name="CONM2 1", node=4, mass=2.0),),
+        equations=mean,
+    )
     expected = np.sqrt(4 / (2.0 * (1 / K + 1 / (8 * K)))) / (2 * np.pi)
     np.testing.assert_allclose(frequencies(model_of(d), 1), expected, rtol=1e-8)
 
@@ -137,10 +151,13 @@ def test_a_skew_support():
     axes = np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]])
     rod = replace(BEAM, theory="bar")
     d = deck(
-        [[0, 0, 0], [L, 0, 0]], [(0, 1)], rod, supports={0: DIRECTIONS},
+        [[0, 0, 0], [L, 0, 0]],
+        [(0, 1)],
+        rod,
+        supports={0: DIRECTIONS},
         bodies=(Body(name="CONM2 1", node=1, mass=2.0),),
         connections=(Connection(name="SPC 1", nodes=(1, None), axes=axes, rigid=("y", "z")),),
-    )  # fmt: skip
+    )
     k = LIGHT.E * FLAT.A / L * np.cos(a) ** 2
     np.testing.assert_allclose(frequencies(model_of(d), 1), np.sqrt(k / 2.0) / (2 * np.pi), rtol=1e-8)
 
@@ -197,12 +214,17 @@ def test_turned_lines_of_any_deck(seed):
     stiffness[rng.random((len(ends), 2)) < 0.2, 4] = 1e3
     flat, angled = FLAT, Section(A=3e-4, Iy=2e-8, Iz=5e-9, J=6e-9, ky=0.8, kz=0.8, angle=0.5)
     d = deck(
-        points, ends, BarProperty(name="a", material=STEEL, section=flat),
+        points,
+        ends,
+        BarProperty(name="a", material=STEEL, section=flat),
         BarProperty(name="b", material=STEEL, section=angled),
         BarProperty(name="c", material=STEEL, section=flat, section2=Section.rectangle(b=0.02, h=0.02)),
-        kinds=np.sort(rng.integers(0, 3, len(ends))), height=height, offsets=offsets, stiffness=stiffness,
+        kinds=np.sort(rng.integers(0, 3, len(ends))),
+        height=height,
+        offsets=offsets,
+        stiffness=stiffness,
         supports={0: DIRECTIONS},
-    )  # fmt: skip
+    )
     model = model_of(d)
     np.testing.assert_allclose(frequencies(model, 12), frequencies(literal(d), 12), rtol=1e-8)
     if seed == 0:

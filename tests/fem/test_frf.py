@@ -180,14 +180,25 @@ def test_blocks_need_an_array_that_fits():
         next(frf_blocks(small(), [1.0, 2.0, 3.0], AT, IN, out=np.empty((3, 6, 2), np.complex64)))
 
 
-def test_local_changes_at_one_place_do_not_disturb_each_other():
-    # Each call may use what a former one kept: first one direction, then all, then another one and a damper.
+def local_changes():
+    """Return the state of changes at the joint of a cross beam, and a function that solves a change anew."""
     model, f = cross_beam(0.1), np.linspace(20.0, 900.0, 40)
     out, inn = (dof_vectors(model, s)[0] for s in (AT, IN))
     sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
     reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], n_krylov=2)
     engine = ParametricFRF(reduced, out, inn, f, [])
     state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
+
+    def exact_with(effect):
+        changed = ParametricFRF(reduced, out, inn, f, [], [effect])
+        return changed.evaluate(np.zeros(0), np.zeros(f.size), gradient=False)[0]
+
+    return state, exact_with
+
+
+def test_local_changes_at_one_place_do_not_disturb_each_other():
+    # Each call may use what a former one kept: first one direction, then all, then another one and a damper.
+    state, exact_with = local_changes()
 
     def change(K=(0,) * 6, C=(0,) * 6):
         at = np.array([0, 0, 0.005])
@@ -200,9 +211,7 @@ def test_local_changes_at_one_place_do_not_disturb_each_other():
         change((0, 0, 2e7, 0, 0, 0), (0, 0, 300.0, 0, 0.3, 0)),
     ):
         (H,) = state.receptances([effect])
-        exact, _, _ = ParametricFRF(reduced, out, inn, f, [], [effect]).evaluate(
-            np.zeros(0), np.zeros(f.size), gradient=False
-        )
+        exact = exact_with(effect)
         # rounding: 1e-16 of the highest eigenvalue of the reduced model against the lowest
         assert (abs(H - exact).max(axis=0) < 1e-7 * abs(exact).max(axis=0).max()).all()
         assert abs(H - state.H).max() > 1e-3 * abs(exact).max()
@@ -210,20 +219,13 @@ def test_local_changes_at_one_place_do_not_disturb_each_other():
 
 def test_a_coupling_after_an_effect_that_leaves_rounding_in_its_direction():
     # The matrix of a coupling has zeros on its diagonal: what rounding leaves there is no scale.
-    model, f = cross_beam(0.1), np.linspace(20.0, 900.0, 40)
-    out, inn = (dof_vectors(model, s)[0] for s in (AT, IN))
-    sides = np.eye(model.n_dof)[:, [6 * p + d for p in (1, 4) for d in range(6)]]
-    reduced = reduce_model(model, np.hstack([inn, sides]), f[-1], n_krylov=2)
-    engine = ParametricFRF(reduced, out, inn, f, [])
-    state = LocalChanges.of(engine, np.zeros(0), np.zeros(f.size))
+    state, exact_with = local_changes()
     rounding, coupling = np.diag([2e7, 2e7, 0, 0, 0, 1e-26]), np.zeros((6, 6))
     coupling[0, 5] = coupling[5, 0] = 5e4
     for K in (rounding, coupling):
         effect = Joint(name="c", point1=1, point2=4, location=np.array([0, 0, 0.005]), K=K)
         (H,) = state.receptances([effect])
-        exact, _, _ = ParametricFRF(reduced, out, inn, f, [], [effect]).evaluate(
-            np.zeros(0), np.zeros(f.size), gradient=False
-        )
+        exact = exact_with(effect)
         assert (abs(H - exact).max(axis=0) < 1e-7 * abs(exact).max(axis=0).max()).all()
 
 

@@ -47,9 +47,16 @@ def test_a_rotation_turns_the_loads_and_nothing_else():
     # K_G r = (θ × f, θ × m/2) with the nodes' forces f and semitangential moments m; inside, these are in
     # equilibrium. Offsets, rigid zones, shear and loads at odd angles are all in it.
     model = beam(
-        5, 0.7, effects=(fix(0),), along=(1, 2, -0.5), theory="timoshenko", rigid1=0.05, rigid2=0.03,
-        offset1=np.array([0, 0, 0.02]), offset2=np.array([0.01, 0, -0.03]),
-    )  # fmt: skip
+        5,
+        0.7,
+        effects=(fix(0),),
+        along=(1, 2, -0.5),
+        theory="timoshenko",
+        rigid1=0.05,
+        rigid2=0.03,
+        offset1=np.array([0, 0, 0.02]),
+        offset2=np.array([0.01, 0, -0.03]),
+    )
     rng = np.random.default_rng(1)
     f = np.zeros(model.n_dof)
     f[6:12], f[24:30] = rng.standard_normal((2, 6))

@@ -227,7 +227,7 @@ CASES = [
     ("VM70", VM70, INCH, [6.0979], [0], 1e-3),
     ("VM89", TWO_MASSES + SPECTATOR, INCH, [2.5814, 8.3263], [0, 1], 1e-4),
     ("VM19", DEEP, "SI", [42.65], [0], 5e-3),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(

@@ -220,7 +220,7 @@ TWO = "f [Hz];a/h Real [{}];a/h Imag [{}];b/h Real{};b/h Imag{}\n1;1;1;1;1\n2;1;
         ("only words\nand more\n", "where a number|no lines of data"),
         ("\0\1\2binary", "it is no text"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_named_with_its_line(tmp_path, text, words):
     with pytest.raises(TableError, match=rf"^a\.txt: .*(?:{words})"):
         read(tmp_path, text, kind="accelerance")
@@ -236,13 +236,20 @@ def test_unit_labels_do_not_count_where_the_user_scales(tmp_path):
 @pytest.mark.parametrize(
     ("label", "kind", "factor"),
     [
-        ("g/N", "accelerance", G0), ("(m/s²)/N", "accelerance", 1), ("m/s^2/N", "accelerance", 1),
-        ("mm/s/N", "mobility", 1e-3), ("m/N", "receptance", 1), ("µm/kN", "receptance", 1e-9),
-        ("1/kg", "accelerance", 1), ("s/kg", "mobility", 1), ("s^2/kg", "receptance", 1),
-        ("m/(N m)", "receptance", 1), ("mm/s/(N mm)", "mobility", 1),
+        ("g/N", "accelerance", G0),
+        ("(m/s²)/N", "accelerance", 1),
+        ("m/s^2/N", "accelerance", 1),
+        ("mm/s/N", "mobility", 1e-3),
+        ("m/N", "receptance", 1),
+        ("µm/kN", "receptance", 1e-9),
+        ("1/kg", "accelerance", 1),
+        ("s/kg", "mobility", 1),
+        ("s^2/kg", "receptance", 1),
+        ("m/(N m)", "receptance", 1),
+        ("mm/s/(N mm)", "mobility", 1),
         ("in/lbf", "receptance", 0.0254 / 4.4482216152605),
     ],
-)  # fmt: skip
+)
 def test_units_of_frfs(label, kind, factor):
     unit = frf_unit(label)
     assert unit is not None

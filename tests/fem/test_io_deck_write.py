@@ -72,24 +72,38 @@ def frame(*more, softness=None, elements=6, theory="timoshenko", rod="consistent
     properties = {
         "left": MemberProperties(STEEL, BOX, **up),
         "beam": MemberProperties(
-            ALUMINIUM, BOX, theory=theory, offset1=np.array([0, 0, 0.05]), offset2=np.array([0.02, 0, 0.05]),
+            ALUMINIUM,
+            BOX,
+            theory=theory,
+            offset1=np.array([0, 0, 0.05]),
+            offset2=np.array([0.02, 0, 0.05]),
             **(softness or {}),
         ),
         "right": MemberProperties(STEEL, BOX, **up),
         "brace": MemberProperties(STEEL, WIRE, theory="bar", mass=rod),
         "top": MemberProperties(ALUMINIUM, FLAT, theory=theory),
-    }  # fmt: skip
+    }
     inertia = np.array([[0.02, 0.003, 0], [0.003, 0.03, -0.002], [0, -0.002, 0.04]])
     effects = (
         Frame(members=properties),
         Support(name="foot", point=0),
         Joint(
-            name="skew", point1=5, location=POINTS[5], axes=TURNED, rigid=("x", "z", "rx"),
-            K=np.diag([0, 3e6, 0, 0, 2e4, 1e4]), C=np.diag([0, 10.0, 0, 0, 0, 0]),
+            name="skew",
+            point1=5,
+            location=POINTS[5],
+            axes=TURNED,
+            rigid=("x", "z", "rx"),
+            K=np.diag([0, 3e6, 0, 0, 2e4, 1e4]),
+            C=np.diag([0, 10.0, 0, 0, 0, 0]),
         ),
         Joint(
-            name="mount", point1=7, point2=4, location=np.array([2, 0.45, 2.1]), axes=TURNED,
-            K=np.diag([1e6, 2e6, 3e6, 1e4, 2e4, 3e4]), eta=0.1,
+            name="mount",
+            point1=7,
+            point2=4,
+            location=np.array([2, 0.45, 2.1]),
+            axes=TURNED,
+            K=np.diag([1e6, 2e6, 3e6, 1e4, 2e4, 3e4]),
+            eta=0.1,
         ),
         RigidLink(name="plate", point=3, dependents=(8,)),
         MultiPointConstraint(name="gear", terms=((6, "x", 1.0), (1, "x", -0.5))),
@@ -97,14 +111,19 @@ def frame(*more, softness=None, elements=6, theory="timoshenko", rod="consistent
         AddedMass(name="box", point=6, mass=3.0),
         SprungMass(name="absorber", point=4, mass=2.0, k={"z": 4e4}, c={"z": 5.0}),
         DistributedMass.over(mesh, "beam", properties["beam"], 2.0),
-    )  # fmt: skip
+    )
     return Model(mesh, (*effects, *more), Damping.structural(0.02))
 
 
 SOFT = {"release1": ("ry",), "spring2": {"rz": 3e4, "ry": 5e4}}
 FOUND = (
     Crack(
-        name="crack:left.ry", member="left", position=0.45, compliance=2e-5, direction="ry", length=2.0,
+        name="crack:left.ry",
+        member="left",
+        position=0.45,
+        compliance=2e-5,
+        direction="ry",
+        length=2.0,
         reference=1.0,
     ),
     EndRelease(
@@ -116,7 +135,7 @@ FOUND = (
         name="joint_stiffness:mount.x", joints=("mount",), direction="x", stiffness=6e5, assumed=1e6
     ),
     SupportFlexibility(name="support_flexibility:foot.ry", supports=("foot",), direction="ry", stiffness=1e5),
-)  # fmt: skip
+)
 
 
 LOSS = StiffnessLoss.propose(frame())[0].with_values(loss=0.3)

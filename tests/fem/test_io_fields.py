@@ -227,8 +227,12 @@ def test_unit_modal_a_is_unit_modal_mass(tmp_path, frame):
     # a shape is written as it is, and scaled on reading by √(2iω_d/A), here 1
     np.testing.assert_allclose(back.shapes, turned.shapes, atol=2e-5 * abs(turned.shapes).max())
     plain = turned.shapes / np.exp(0.3j)
-    write_modes(Modes(modes.frequency, 3 * turned.shapes, turned.zeta), model.mesh, tmp_path / "m.unv",
-                modal_a=9 * 2j * modes.omega * np.sqrt(1 - 0.02**2))  # fmt: skip
+    write_modes(
+        Modes(modes.frequency, 3 * turned.shapes, turned.zeta),
+        model.mesh,
+        tmp_path / "m.unv",
+        modal_a=9 * 2j * modes.omega * np.sqrt(1 - 0.02**2),
+    )
     np.testing.assert_allclose(
         read_modes(tmp_path / "m.unv").shapes, turned.shapes, atol=2e-5 * abs(plain).max()
     )

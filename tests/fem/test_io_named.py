@@ -13,10 +13,11 @@ from fem.io import Asked, TableError, read_frf, read_frfs
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.trial import end_of_trial
 from fem.io.units import G0
+from tests.noise import complex_normal
 
 RNG = np.random.default_rng(4)
 F = np.linspace(1.0, 40.0, 12)
-H = RNG.standard_normal((12, 3, 2)) + 1j * RNG.standard_normal((12, 3, 2))
+H = complex_normal(RNG, (12, 3, 2))
 OUT, IN = ("a", "b", "c"), ("p", "q")
 
 

@@ -188,10 +188,18 @@ def test_units_of_channels():
 @pytest.mark.parametrize(
     ("heading", "size"),
     [
-        ("time_ms", 1e3), ("Time ms", 1e3), ("ms", 1e3), ("Time(milliseconds)", 1e3), ("timestamp_us", 1e6),
-        ("Zeit [ms]", 1e3), ("t/ms", 1e3), ("Time [min]", 1 / 60), ("elapsed (s)", 1.0), ("clock [ms]", 1e3),
+        ("time_ms", 1e3),
+        ("Time ms", 1e3),
+        ("ms", 1e3),
+        ("Time(milliseconds)", 1e3),
+        ("timestamp_us", 1e6),
+        ("Zeit [ms]", 1e3),
+        ("t/ms", 1e3),
+        ("Time [min]", 1 / 60),
+        ("elapsed (s)", 1.0),
+        ("clock [ms]", 1e3),
     ],
-)  # fmt: skip
+)
 def test_times_of_text_in_other_units(tmp_path, heading, size):
     path = text(tmp_path, np.column_stack([size * T, X]), f"{heading};hammer [N];acc [m/s²]\n")
     check(read_time_data(path), ("hammer", "acc"), ("N", "m/s²"))
@@ -278,10 +286,13 @@ def test_text_whose_last_line_has_no_end_is_read(tmp_path):
 @pytest.mark.parametrize(
     "rate",
     [
-        {"time_ms": 1e3 * T}, {"fs_kHz": RATE / 1e3}, {"dt_us": 1e6 / RATE}, {"sample_rate_hz": RATE},
+        {"time_ms": 1e3 * T},
+        {"fs_kHz": RATE / 1e3},
+        {"dt_us": 1e6 / RATE},
+        {"sample_rate_hz": RATE},
         {"time_hammer": T, "time_acc": T},
     ],
-)  # fmt: skip
+)
 def test_rates_and_times_of_arrays_in_other_units(tmp_path, rate):
     np.savez(tmp_path / "r.npz", hammer=X[:, 0], acc=X[:, 1], **rate)
     check(read_time_data(tmp_path / "r.npz"), ("hammer", "acc"))

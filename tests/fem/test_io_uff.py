@@ -316,10 +316,23 @@ def test_pyuff_reads_what_we_write(tmp_path, binary, double):
 def test_we_read_what_pyuff_writes(tmp_path, binary, spacing):
     frequency = np.array([1.0, 2.0, 3.0])
     data = pyuff.prepare_58(
-        binary=binary, func_type=4, rsp_node=5, rsp_dir=-2, ref_node=1, ref_dir=3, data=VALUES, x=frequency,
-        abscissa_spacing=spacing, abscissa_min=1.0, abscissa_inc=1.0, abscissa_spec_data_type=18,
-        ordinate_spec_data_type=12, orddenom_spec_data_type=13, id1="x", n_bytes=1,
-    )  # fmt: skip
+        binary=binary,
+        func_type=4,
+        rsp_node=5,
+        rsp_dir=-2,
+        ref_node=1,
+        ref_dir=3,
+        data=VALUES,
+        x=frequency,
+        abscissa_spacing=spacing,
+        abscissa_min=1.0,
+        abscissa_inc=1.0,
+        abscissa_spec_data_type=18,
+        ordinate_spec_data_type=12,
+        orddenom_spec_data_type=13,
+        id1="x",
+        n_bytes=1,
+    )
     pyuff.UFF(str(tmp_path / "a.uff")).write_sets(data, mode="add")
     frf = read_frf(tmp_path / "a.uff")
     assert (frf.outputs, frf.inputs) == (("5Y-",), ("1Z+",))
@@ -343,14 +356,14 @@ def functions():
     rng = np.random.default_rng(5)
     common = dict(title=("run 3",) + ("",) * 4, load_case=2, version=1, place="")
     even, uneven = 0.125 * np.arange(9) - 0.25, np.array([1.0, 2.5, 2.75, 8.0, 9.5])
+    spectrum = rng.standard_normal(4) * (1 + 2j)
     return (
         Function(1, "12Z-", "0S", "lid", "", even, rng.normal(size=9), 17, 12, 0, "s", "m/s^2", "", **common),
         Function(6, "12Z+", "3X+", "", "foot", uneven, rng.random(5), 18, 0, 0, "Hz", "", "", **common),
         Function(
-            12, "7RY+", "0S", "", "", uneven[:4] - 1.0, rng.standard_normal(4) * (1 + 2j), 18, 11, 0, "Hz",
-            "rad/s", "", **common,
+            12, "7RY+", "0S", "", "", uneven[:4] - 1.0, spectrum, 18, 11, 0, "Hz", "rad/s", "", **common
         ),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("binary", [True, False])
@@ -362,13 +375,14 @@ def test_all_kinds_of_functions_come_back(tmp_path, binary, double):
     size = {(True, True): 0.0, (True, False): 1e-7, (False, True): 1e-12, (False, False): 1e-5}[
         binary, double
     ]
+    names = """
+        function_type response reference response_name reference_name x_type ordinate_type
+        denominator_type x_unit unit denominator_unit load_case version
+    """
     for was, now in zip(functions(), back, strict=True):
         np.testing.assert_allclose(now.values, was.values, rtol=size, atol=size * np.abs(was.values).max())
         np.testing.assert_allclose(now.x, was.x, rtol=0, atol=1e-6)
-        for name in (
-            "function_type", "response", "reference", "response_name", "reference_name", "x_type",
-            "ordinate_type", "denominator_type", "x_unit", "unit", "denominator_unit", "load_case", "version",
-        ):  # fmt: skip
+        for name in names.split():
             assert getattr(now, name) == getattr(was, name), name
         assert now.title[0] == "run 3"
         assert np.iscomplexobj(now.values) == np.iscomplexobj(was.values)

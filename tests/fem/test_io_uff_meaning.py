@@ -64,9 +64,18 @@ def shape(rows, frequency=10.0, number=1, complex_values=False, kind=55):
 
 
 def record(
-    values=VALUES, ends=(1, 3, 1, 3), x=(18, "Hz"), y=(12, "m/s^2"), force=(13, "N"), case=0, kind=4,
-    start=1.0, names=("NONE", "NONE"), record6=None, form=5,
-):  # fmt: skip
+    values=VALUES,
+    ends=(1, 3, 1, 3),
+    x=(18, "Hz"),
+    y=(12, "m/s^2"),
+    force=(13, "N"),
+    case=0,
+    kind=4,
+    start=1.0,
+    names=("NONE", "NONE"),
+    record6=None,
+    form=5,
+):
     node, direction, reference, sense = ends
     line6 = record6 or (
         f"{kind:5d}{0:10d}{0:5d}{case:10d} {names[0]:<10}{node:10d}{direction:4d} "
@@ -345,10 +354,21 @@ def test_two_systems_of_units_are_refused_and_the_same_twice_is_not(path):
 
 
 FREQUENCIES = {
-    "Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi, "rad/sec": 0.5 / np.pi, "RPM": 1 / 60, "rpm": 1 / 60,
-    "CPM": 1 / 60, "cpm": 1 / 60, "1/min": 1 / 60, "cps": 1.0, "[Hz]": 1.0, "MHz": 1e6, "NONE": 1.0,
+    "Hz": 1.0,
+    "kHz": 1e3,
+    "rad/s": 0.5 / np.pi,
+    "rad/sec": 0.5 / np.pi,
+    "RPM": 1 / 60,
+    "rpm": 1 / 60,
+    "CPM": 1 / 60,
+    "cpm": 1 / 60,
+    "1/min": 1 / 60,
+    "cps": 1.0,
+    "[Hz]": 1.0,
+    "MHz": 1e6,
+    "NONE": 1.0,
     "radians/sec": 0.5 / np.pi,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("label", "factor"), FREQUENCIES.items())
@@ -367,9 +387,13 @@ def test_coherences_have_the_abscissa_of_their_frfs(path):
 
 @pytest.mark.parametrize(
     ("x", "words"),
-    [((20, "orders"), "data type 20, not 18"), ((18, "Orders"), "'Orders', which is no frequency"),
-     ((18, "s"), "'s', which is no frequency"), ((17, "s"), "data type 17, not 18")],
-)  # fmt: skip
+    [
+        ((20, "orders"), "data type 20, not 18"),
+        ((18, "Orders"), "'Orders', which is no frequency"),
+        ((18, "s"), "'s', which is no frequency"),
+        ((17, "s"), "data type 17, not 18"),
+    ],
+)
 def test_an_abscissa_that_is_no_frequency_makes_no_frf(path, x, words):
     with pytest.raises(UffError, match=rf"a\.unv: no FRFs that can be used.*\n.*line 1 .*{words}"):
         quietly(path, record(x=x), reader=read_frf)
@@ -417,13 +441,22 @@ def test_a_unit_label_that_is_not_known_is_in_skipped(path, label):
 @pytest.mark.parametrize(
     ("label", "motion", "force"),
     [
-        ("m/s^2/N", 1.0, 1.0), ("(cm/s²)/kN", 0.01, 1e3), ("(1/N)*(m/s²)", 1.0, 1.0),
+        ("m/s^2/N", 1.0, 1.0),
+        ("(cm/s²)/kN", 0.01, 1e3),
+        ("(1/N)*(m/s²)", 1.0, 1.0),
         ("[g]/mN", 9.80665, 1e-3),
-        ("mm/s/s/MN", 1e-3, 1e6), ("in / sec^2 / lbf", 0.0254, 4.4482216152605), ("g", 9.80665, 0.0),
-        ("meters per second squared/newton", 1.0, 1.0), ("m s^-2/(N)", 1.0, 1.0), ("mm/ms^2/N", 1e3, 1.0),
-        ("m/s^2/V", None, 0.0), ("m/s^2/m", None, 0.0), ("m/s/N", None, 1.0), ("1/N", None, 1.0),
+        ("mm/s/s/MN", 1e-3, 1e6),
+        ("in / sec^2 / lbf", 0.0254, 4.4482216152605),
+        ("g", 9.80665, 0.0),
+        ("meters per second squared/newton", 1.0, 1.0),
+        ("m s^-2/(N)", 1.0, 1.0),
+        ("mm/ms^2/N", 1e3, 1.0),
+        ("m/s^2/V", None, 0.0),
+        ("m/s^2/m", None, 0.0),
+        ("m/s/N", None, 1.0),
+        ("1/N", None, 1.0),
     ],
-)  # fmt: skip
+)
 def test_a_label_states_a_motion_and_the_force_below_it(label, motion, force):
     assert motion_factor(label, FRFKind.ACCELERANCE, turned=False) == motion
     _, (size, powers) = quotient_of(label)
@@ -563,10 +596,24 @@ def test_names_that_the_format_does_not_keep_are_refused(path, name):
 )
 def test_labels_of_functions_survive_or_are_refused(path, field, text):
     given = dict(
-        function_type=1, response="1Z+", reference="0S", response_name="r", reference_name="",
-        x=np.arange(3.0), values=np.arange(3.0), x_type=17, ordinate_type=12, denominator_type=0, x_unit="s",
-        unit="g", denominator_unit="", title=("t" * 100, "x", "", "", ""), load_case=1, version=2, place="",
-    )  # fmt: skip
+        function_type=1,
+        response="1Z+",
+        reference="0S",
+        response_name="r",
+        reference_name="",
+        x=np.arange(3.0),
+        values=np.arange(3.0),
+        x_type=17,
+        ordinate_type=12,
+        denominator_type=0,
+        x_unit="s",
+        unit="g",
+        denominator_unit="",
+        title=("t" * 100, "x", "", "", ""),
+        load_case=1,
+        version=2,
+        place="",
+    )
     write_uff(path, functions=[Function(**given)])
     back = read_uff(path).functions[0]
     assert (back.title[0], back.unit, back.response_name) == ("t" * 100, "g", "r")

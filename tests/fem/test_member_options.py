@@ -17,7 +17,7 @@ from fem.mesh import Location, Mesh
 from fem.model import DIRECTIONS, Model, ModelError, dofs_of, lever_matrix
 from fem.sections.section import Section
 from fem.system import assemble, rigid_motions
-from tests.frames import FLAT, STEEL, beam, braced, fix, planar, welded
+from tests.frames import FLAT, STEEL, beam, braced, fix, frequencies, planar, welded
 from updating.inference.mode_preparation import fine_enough
 from updating.inference.mode_targets import ModeTargets
 
@@ -27,10 +27,6 @@ EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A
 
 def hertz(betaL, length=1.0, inertia=FLAT.Iy):
     return betaL**2 / (2 * np.pi * length**2) * np.sqrt(STEEL.E * inertia / MASS)
-
-
-def frequencies(model, n):
-    return solve_modes(assemble(model), n).frequency
 
 
 def deflection(model, force):

@@ -101,8 +101,10 @@ def test_fine_surfaces_are_drawn_coarser():
     points, number = np.unique(np.round(sphere.reshape(-1, 3), 12), axis=0, return_inverse=True)
     at = number.reshape(n, n)
     quads = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], axis=-1).reshape(-1, 4)
-    cells = [("triangle", [q[:3] for q in quads if len(set(q[:3].tolist())) == 3]),
-             ("triangle", [q[[0, 2, 3]] for q in quads if len(set(q[[0, 2, 3]].tolist())) == 3])]  # fmt: skip
+    cells = [
+        ("triangle", [q[:3] for q in quads if len(set(q[:3].tolist())) == 3]),
+        ("triangle", [q[[0, 2, 3]] for q in quads if len(set(q[[0, 2, 3]].tolist())) == 3]),
+    ]
     part = part_of(points)
     fine = PartFaces.of_cells(part, points, cells)
     coarse = PartFaces.of_cells(part, points, cells, most_vertices=600)

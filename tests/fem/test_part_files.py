@@ -440,11 +440,12 @@ def harwell(X, per_line=3):
     blocks = [["".join(p[k : k + per_line]) for k in range(0, len(p), per_line)] for p in parts]
     counts = [len(b) for b in blocks]
     return [
-        "Stiffness matrix", "".join(f"{c:14d}" for c in (sum(counts), *counts, 0)),
+        "Stiffness matrix",
+        "".join(f"{c:14d}" for c in (sum(counts), *counts, 0)),
         f"RSA{'':11}{X.shape[0]:14d}{X.shape[0]:14d}{lower.nnz:14d}{0:14d}",
         f"({per_line}I10)        ({per_line}I10)        ({per_line}D25.16)",
         *(line for b in blocks for line in b),
-    ]  # fmt: skip
+    ]
 
 
 def test_harwell_boeing_with_the_equations_of_ansys(tmp_path):

@@ -79,9 +79,12 @@ def test_a_damper_and_rayleigh_damping():
     # one mass on a spring beside a dashpot: ζ = c/(2mω) + α/(2ω) + βω/2
     c, k = 7.0, 4e4
     spring = Joint(
-        name="spring", point1=1, location=np.array([1.0, 0, 0]), K=np.diag([0, 0, k, 0, 0, 0]),
+        name="spring",
+        point1=1,
+        location=np.array([1.0, 0, 0]),
+        K=np.diag([0, 0, k, 0, 0, 0]),
         C=np.diag([0, 0, c, 0, 0, 0]),
-    )  # fmt: skip
+    )
     model = beam(4, effects=(fix(0), spring)).with_damping(Damping.rayleigh(2.0, 1e-5))
     modes = solve_modes(assemble(model), 4)
     found = compute_energies(model, modes)

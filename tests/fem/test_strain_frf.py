@@ -59,9 +59,19 @@ def test_files_say_which_responses_are_strains(tmp_path, suffix, kind):
 
 @pytest.mark.parametrize(
     ("label", "factor"),
-    [("1/N", 1.0), ("strain/N", 1.0), ("(m/m)/N", 1.0), ("ue/N", 1e-6), ("uE/N", 1e-6), ("µε/N", 1e-6),
-     ("με/kN", 1e-9), ("microstrain/N", 1e-6), ("um/m/N", 1e-6), ("%/lbf", 0.01 / 4.4482216152605)],
-)  # fmt: skip
+    [
+        ("1/N", 1.0),
+        ("strain/N", 1.0),
+        ("(m/m)/N", 1.0),
+        ("ue/N", 1e-6),
+        ("uE/N", 1e-6),
+        ("µε/N", 1e-6),
+        ("με/kN", 1e-9),
+        ("microstrain/N", 1e-6),
+        ("um/m/N", 1e-6),
+        ("%/lbf", 0.01 / 4.4482216152605),
+    ],
+)
 def test_units_of_strain_per_force_are_known(label, factor):
     unit = frf_unit(label)
     assert unit is not None

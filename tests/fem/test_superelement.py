@@ -431,9 +431,13 @@ def test_ties_are_checked():
 def test_a_node_without_a_direction_is_no_interface():
     keep = ~((BRACKET.node == END[0]) & (BRACKET.direction == 2))
     part = Matrices.from_arrays(
-        BRACKET.K[keep][:, keep], BRACKET.M[keep][:, keep], BRACKET.node[keep], BRACKET.direction[keep],
-        BRACKET.nodes, BRACKET.points,
-    )  # fmt: skip
+        BRACKET.K[keep][:, keep],
+        BRACKET.M[keep][:, keep],
+        BRACKET.node[keep],
+        BRACKET.direction[keep],
+        BRACKET.nodes,
+        BRACKET.points,
+    )
     with pytest.raises(ModelError, match=f"node {END[0]} has no row for Y; .*is it fixed"):
         tie(part)
 
@@ -456,9 +460,13 @@ def test_a_large_part_must_say_how_many_modes():
     K, M = (np.kron(np.eye(2), X.toarray()) for X in (BRACKET.K, BRACKET.M))
     node = np.concatenate([BRACKET.node, BRACKET.node + 1000])
     part = Matrices.from_arrays(
-        K, M, node, np.tile(BRACKET.direction, 2), np.concatenate([BRACKET.nodes, BRACKET.nodes + 1000]),
+        K,
+        M,
+        node,
+        np.tile(BRACKET.direction, 2),
+        np.concatenate([BRACKET.nodes, BRACKET.nodes + 1000]),
         np.vstack([BRACKET.points, BRACKET.points]),
-    )  # fmt: skip
+    )
     with pytest.raises(
         ModelError, match="in 2 pieces, of which the one with nodes 1001, 1002, 1003, 1004, … is not tied"
     ):

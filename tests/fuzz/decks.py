@@ -358,9 +358,10 @@ DOFS = [
     "row,label,node,direction,x_m,y_m,z_m\n"
     + "".join(
         f"{6 * n - 5 + k},{n}{d},{n},{d},0,0,{n}\n"
-        for n in (1, 2) for k, d in enumerate(("X", "Y", "Z", "RX", "RY", "RZ"))
+        for n in (1, 2)
+        for k, d in enumerate(("X", "Y", "Z", "RX", "RY", "RZ"))
     )
-]  # fmt: skip
+]
 
 RECORDS = [
     '{"settings": {"a": 1, "b": [2, 3.5]}}\n{"refit": 0, "values": [1.0, 2.0]}\n{"refit": 1, "values": []}\n',

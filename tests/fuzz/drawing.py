@@ -24,18 +24,29 @@ _LABELS, _INPUT = np.array(["1Z+", "2X-"]), np.array(["1Z+"])
 _DIAGONAL = np.arange(12)
 VALID: tuple[Arrays, ...] = (
     {
-        "frequency": np.arange(1.0, 9.0), "H": _H, "kind": np.array("accelerance"), "outputs": _LABELS,
-        "inputs": _INPUT, "coherence": np.full(_H.shape, 0.9), "averages": np.array(5),
+        "frequency": np.arange(1.0, 9.0),
+        "H": _H,
+        "kind": np.array("accelerance"),
+        "outputs": _LABELS,
+        "inputs": _INPUT,
+        "coherence": np.full(_H.shape, 0.9),
+        "averages": np.array(5),
     },
     {"f": np.arange(8.0), "test/real": _VALUES, "test/imag": _VALUES, "outputs": _LABELS},
     {"omega": np.arange(1, 9), "mobility_db": _VALUES[:, 0], "phase_deg": _VALUES[:, 0], "base": _INPUT},
     {
-        "frequency": np.array([3.0, 7.5]), "shapes": np.ones((2, 2)), "zeta": np.array([0.01, 0.02]),
-        "labels": _LABELS, "n_rigid": np.array(0), "frequency_std": np.full(2, 1e-3),
+        "frequency": np.array([3.0, 7.5]),
+        "shapes": np.ones((2, 2)),
+        "zeta": np.array([0.01, 0.02]),
+        "labels": _LABELS,
+        "n_rigid": np.array(0),
+        "frequency_std": np.full(2, 1e-3),
     },
     {"time": _T, "force [N]": np.sin(900 * _T), "acc_g": np.cos(900 * _T)},
     {
-        "fs": np.array(512.0), "x": np.ones((16, 2)), "channels": np.array(["a", "b"]),
+        "fs": np.array(512.0),
+        "x": np.ones((16, 2)),
+        "channels": np.array(["a", "b"]),
         "units": np.array(["N", "g"]),
     },
     {"dt": np.array(1 / 512), "a/time": _T, "a/values": _T**2, "time_b": _T[3:], "b": _T[3:] ** 3},
@@ -43,18 +54,29 @@ VALID: tuple[Arrays, ...] = (
         **{f"{key}_{part}": _DIAGONAL for key in "KM" for part in ("row", "column")},
         **{f"{key}_value": np.ones(12) for key in "KM"},
         **{f"{key}_shape": np.array([12, 12]) for key in "KM"},
-        "nodes": np.array([1, 2]), "points": np.array([[0.0, 0, 0], [0, 0, 1]]),
+        "nodes": np.array([1, 2]),
+        "points": np.array([[0.0, 0, 0], [0, 0, 1]]),
         "labels": np.array([f"{n}{d}" for n in (1, 2) for d in ("X", "Y", "Z", "RX", "RY", "RZ")]),
     },
     {"K": np.eye(6), "M": np.eye(6), "C": np.zeros((6, 6)), "labels": np.array(["1Z+"] * 6)},
-)  # fmt: skip
+)
 """Arrays as readers look for them."""
 
 _KEYS = tuple(dict.fromkeys(key for arrays in VALID for key in arrays))
+_KNOWN_UNITS = "Hz rad/s kHz m/s^2/N (m/s^2)/N g/N dB deg N g m/s^2 ms s"
 _UNITS = (
-    "Hz", "rad/s", "kHz", "m/s^2/N", "(m/s^2)/N", "g/N", "dB", "deg", "N", "g", "m/s^2", "ms", "s", "", "%",
-    "1e400 m", "x" * 500, "½", "1/0", b"N", 3.0, float("nan"), [1, 2],
-)  # fmt: skip
+    *_KNOWN_UNITS.split(),
+    "",
+    "%",
+    "1e400 m",
+    "x" * 500,
+    "½",
+    "1/0",
+    b"N",
+    3.0,
+    float("nan"),
+    [1, 2],
+)
 _ATTRIBUTES: dict[str, tuple[Any, ...]] = {
     "units": _UNITS,
     "unit_string": _UNITS,
@@ -344,6 +366,11 @@ def _data_array(rng: random.Random, name: str, array: NDArray[Any], coded: str, 
 
 
 DRAWN: dict[str, Callable[[random.Random], bytes]] = {
-    "npz": npz, "mat": mat5, "hdf5": hdf5, "tdms": tdms, "wav": wav, "vtu": vtu,
-}  # fmt: skip
+    "npz": npz,
+    "mat": mat5,
+    "hdf5": hdf5,
+    "tdms": tdms,
+    "wav": wav,
+    "vtu": vtu,
+}
 """By format."""

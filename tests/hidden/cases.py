@@ -17,9 +17,16 @@ from updating import Measurement, Nuisance, Sensor, place_sensors, propose
 
 FAMILIES = ("cross", "portal", "lap")
 DRAWN = (
-    "joint_stiffness", "joint_structural_damping", "joint_viscous_damping", "member_density",
-    "member_stiffness", "point_mass", "preload", "stiffness_loss", "support_flexibility",
-)  # fmt: skip
+    "joint_stiffness",
+    "joint_structural_damping",
+    "joint_viscous_damping",
+    "member_density",
+    "member_stiffness",
+    "point_mass",
+    "preload",
+    "stiffness_loss",
+    "support_flexibility",
+)
 """Kinds that are drawn unless one is asked for."""
 
 
@@ -57,11 +64,14 @@ def make_case(seed, family=None, kind=None):
         a, b = (mesh.point_names[j["name"] + s] for s in "12")
         effects.append(
             fem.Joint(
-                name=j["name"], point1=a, point2=b, location=(mesh.points[a] + mesh.points[b]) / 2,
+                name=j["name"],
+                point1=a,
+                point2=b,
+                location=(mesh.points[a] + mesh.points[b]) / 2,
                 K=np.diag(j["k"]) if "k" in j else np.zeros((6, 6)),
                 rigid=() if "k" in j else ("x", "y", "z", "rx", "ry", "rz"),
             )
-        )  # fmt: skip
+        )
     mesh = mesh.refined(size=mesh.size / 40)
     model = fem.Model(mesh, tuple(effects), fem.Damping.modal(0.004))
     candidates = propose(model)

@@ -86,8 +86,11 @@ def test_reduced_joint_coordinates_are_refused(square):
     reduced = SubstructureFRF(
         FREQUENCY,
         Interface(CoordinateSet(tuple(keep)), inner.outputs, inner.inputs),
-        square.H_aa, square.H_ab[:, :, at], square.H_ba[:, at], square.H_bb[:, at][:, :, at],
-    )  # fmt: skip
+        square.H_aa,
+        square.H_ab[:, :, at],
+        square.H_ba[:, at],
+        square.H_bb[:, at][:, :, at],
+    )
     H = couple(square, joint_impedance(FREQUENCY, *full_joint())).H_nn
     form = full_form(reduced.interface.joint)
     with pytest.raises(IdentificationError, match="reduced: node U10 lacks rx ry rz, and 1 more"):

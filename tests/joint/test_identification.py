@@ -16,6 +16,7 @@ from joint import (
     joint_impedance,
     relative_joint,
 )
+from tests.noise import complex_normal
 
 FREQUENCY = np.array([10.0, 20.0, 30.0])
 
@@ -25,7 +26,7 @@ def structure(n_out, n_in, joint, seed=0):
     rng = np.random.default_rng(seed)
 
     def receptance(rows, columns):
-        return 1e-6 * (rng.standard_normal((3, rows, columns)) + 1j * rng.standard_normal((3, rows, columns)))
+        return 1e-6 * complex_normal(rng, (3, rows, columns))
 
     n = len(joint)
     interface = Interface(
@@ -181,7 +182,7 @@ def test_deviations_are_what_noise_scatters_to():
     rng = np.random.default_rng(0)
     draws = []
     for _ in range(400):
-        noise = (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2)
+        noise = complex_normal(rng, H.shape) / np.sqrt(2)
         draws.append(identify_joint(frf, FREQUENCY, H * (1 + 1e-6 * noise), basis=basis))
     for name, std in (("Z", stated.Z_std), ("z", stated.z_std)):
         found = np.array([getattr(draw, name) for draw in draws])

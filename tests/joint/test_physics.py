@@ -8,6 +8,7 @@ from fem.effects.viscoelastic import Viscoelastic
 from fem.system import assemble
 from joint.physics import effects_of, explain_stiffness
 from tests.frames import cross_beam
+from tests.noise import complex_normal
 
 FREQUENCY = np.linspace(10.0, 1000.0, 200)
 OMEGA = 2 * np.pi * FREQUENCY
@@ -34,7 +35,7 @@ CASES = {
 def noisy(z, level, seed=0):
     rng = np.random.default_rng(seed)
     size = level * np.sqrt((abs(z) ** 2).mean())
-    return z + size * (rng.standard_normal(z.shape) + 1j * rng.standard_normal(z.shape)) / np.sqrt(2)
+    return z + size * complex_normal(rng, z.shape) / np.sqrt(2)
 
 
 @pytest.mark.parametrize("kinds", CASES, ids="+".join)

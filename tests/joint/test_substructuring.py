@@ -20,6 +20,7 @@ from joint.substructuring import (
     l_curve,
 )
 from tests.frames import FLAT, STEEL, Frame, MemberProperties
+from tests.noise import complex_normal
 
 FREQUENCY = np.linspace(20.0, 900.0, 45)
 UNITS = ("X", "Y", "Z", "RX", "RY", "RZ")
@@ -148,7 +149,7 @@ def test_inverse_substructuring_finds_the_joint_whatever_is_attached(coincident)
 
 def test_tikhonov_and_tsvd_go_to_the_exact_solution():
     rng = np.random.default_rng(0)
-    A = rng.standard_normal((4, 5, 5)) + 1j * rng.standard_normal((4, 5, 5))
+    A = complex_normal(rng, (4, 5, 5))
     B = rng.standard_normal((4, 5, 3)).astype(complex)
     exact = np.linalg.solve(A, B)
     for method in ("tsvd", "tikhonov"):

@@ -9,6 +9,7 @@ from joint.form import relative_form
 from joint.output_error import fit_joint
 from joint.parts import Uncertain
 from joint.uncertainty import inverse_information, jackknife, model_share, peak_count
+from tests.noise import complex_normal
 
 LINES = np.linspace(20.0, 1500.0, 120)
 K = np.array([3e7, 2e7, 1e7, 900.0, 800.0, 500.0])
@@ -164,7 +165,7 @@ def test_the_jackknife_of_a_mean_is_its_standard_error():
 
 def test_the_share_of_the_model_tells_noise_from_what_lines_share():
     rng = np.random.default_rng(2)
-    white = (rng.standard_normal((400, 3, 2)) + 1j * rng.standard_normal((400, 3, 2))) / np.sqrt(2)
+    white = complex_normal(rng, (400, 3, 2)) / np.sqrt(2)
     own = np.ones(white.shape)
     assert model_share(white, own) < 0.03
     assert model_share(5 * white, own) == pytest.approx(1 - 2 / 25, abs=0.03)

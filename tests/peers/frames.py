@@ -66,9 +66,16 @@ def single_member(seed: int, theory: str = EULER_BERNOULLI) -> PeerFrame:
     fixed = np.zeros((2, 6), dtype=bool)
     fixed[0] = True
     return with_changes(
-        frame, **rows, points=frame.points[frame.lines[0]], lines=np.array([[0, 1]]), fixed=fixed,
-        loads=np.zeros((2, 6)), matrices=True, static=False, n_modes=0,
-    )  # fmt: skip
+        frame,
+        **rows,
+        points=frame.points[frame.lines[0]],
+        lines=np.array([[0, 1]]),
+        fixed=fixed,
+        loads=np.zeros((2, 6)),
+        matrices=True,
+        static=False,
+        n_modes=0,
+    )
 
 
 def magnitudes(contributions, n_dof: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,17 +1,16 @@
 """A-frames of OpenSees: what is left of them is noise once shear coefficients are uncertain, too."""
 
 import json
-import os
 import re
-import subprocess
 
 import numpy as np
 import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from tests.conftest import PEERS_PYTHON, ROOT
+from tests.conftest import ROOT
 from tests.independent.convert import convert
+from tests.peers.interpreter import run_peers
 from updating.inference.fitting import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
@@ -32,15 +31,8 @@ print(json.dumps(out))
 """
 
 
-def run(*arguments):
-    """Run the peers' interpreter in the project."""
-    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
-    command = [str(PEERS_PYTHON), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=180, **where)
-
-
 def test_it_is_the_shared_structure():
-    plain, hinged = json.loads(run("-c", FREQUENCIES).stdout.splitlines()[0])
+    plain, hinged = json.loads(run_peers("-c", FREQUENCIES).stdout.splitlines()[0])
     np.testing.assert_allclose(hinged, plain, rtol=1e-5)
     if not SHARED.exists():
         pytest.skip("the shared cases are not there")
@@ -49,7 +41,7 @@ def test_it_is_the_shared_structure():
 
 
 def test_no_more_than_noise_is_left_of_one_with_nothing_hidden(tmp_path):
-    run("-m", "tests.independent.a_frames", str(tmp_path), "a-frame-nothing")
+    run_peers("-m", "tests.independent.a_frames", str(tmp_path), "a-frame-nothing")
     case, study = tmp_path / "a-frame-nothing", tmp_path / "study.toml"
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     text = convert(nominal, case, study)

@@ -1,16 +1,14 @@
 """Fresh cases of other codes: the truth agrees with closed forms and a third code; a case is complete."""
 
 import json
-import os
-import subprocess
 
 import numpy as np
 import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
+from tests.peers.interpreter import run_peers
 from updating.inference.fitting import assessed_fit
 
 pytestmark = pytest.mark.peer
@@ -75,15 +73,6 @@ reduced = bench.frequencies(mass)[:20]
 out = {"H": H, "third": np.array(moved), "reduced": reduced, "direct": direct}
 print(json.dumps({key: value.tolist() for key, value in out.items()}))
 """
-
-
-def run(*arguments):
-    """Run the peers' interpreter in the project."""
-    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
-    command = [str(PEERS_PYTHON), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, **where)
-    assert done.returncode == 0, done.stderr
-    return done
 
 
 SPOTS = """
@@ -166,7 +155,8 @@ print(json.dumps(dict(nominal=nominal, frequency=frequency)))
 
 
 def answer(code):
-    return json.loads(next(line for line in run("-c", code).stdout.splitlines() if line.startswith("{")))
+    lines = run_peers("-c", code).stdout.splitlines()
+    return json.loads(next(line for line in lines if line.startswith("{")))
 
 
 @pytest.mark.slow
@@ -198,7 +188,7 @@ def test_the_mast_agrees_with_a_third_code_and_the_reduction_with_full_matrices(
 def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
     """Beams of another program, joints off by 10 %, E and ρ by 2 %: fitted, no more than noise is left."""
     command = ("-m", "tests.independent.foreign", str(tmp_path), "--structures", "cycle", "--cases", "2")
-    run(*command, "--seed", "1")
+    run_peers(*command, "--seed", "1")
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     (name,) = (k for k, t in truth.items() if t["sort"] == "nothing")
     case = tmp_path / name
@@ -214,7 +204,7 @@ def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
 @pytest.mark.parametrize(("name", "left"), [("gantry", 1.3), ("kneed", 1.7)])
 def test_the_model_of_a_further_structure_comes_near_the_noise_where_nothing_is_hidden(name, left, tmp_path):
     """Left are 0.57 dB of 0.49, and 0.73 of 0.49; the study states no shear coefficients."""
-    run("-c", NOTHING.format(name=name, folder=tmp_path))
+    run_peers("-c", NOTHING.format(name=name, folder=tmp_path))
     nominal = json.loads((tmp_path / "nominal.json").read_text(encoding="utf-8"))
     study = tmp_path / "study.toml"
     study.write_text(convert(nominal, tmp_path, study), encoding="utf-8")
@@ -257,7 +247,7 @@ def test_a_test_that_is_not_as_described_acts_as_the_same_masses_springs_and_pla
 def test_a_real_test_leaves_other_cases_and_what_is_hidden_as_they_are(tmp_path):
     def made(folder, *more):
         arguments = ("--structures", "tower", "--seed", "3", "--cases", "3", *more)
-        run("-m", "tests.independent.foreign", str(tmp_path / folder), *arguments)
+        run_peers("-m", "tests.independent.foreign", str(tmp_path / folder), *arguments)
         truth = json.loads((tmp_path / folder / "truth.json").read_text(encoding="utf-8"))
         return truth, {name: (tmp_path / folder / name / "frf.uff").read_bytes() for name in truth}
 
@@ -274,7 +264,7 @@ def test_a_real_test_leaves_other_cases_and_what_is_hidden_as_they_are(tmp_path)
 @pytest.mark.slow
 def test_cases_of_modes_are_studies_with_what_their_truth_says(tmp_path):
     command = ("-m", "tests.independent.foreign.modes", str(tmp_path), "--structures", "tower")
-    run(*command, "--seed", "3", "--cases", "10")
+    run_peers(*command, "--seed", "3", "--cases", "10")
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     assert 1 <= sum(t["effects"][0]["type"] == "none" for t in truth.values()) <= 3
     assert sum(t["sort"] == "states" for t in truth.values()) == 4
@@ -297,7 +287,7 @@ def test_cases_of_modes_are_studies_with_what_their_truth_says(tmp_path):
 def test_a_seed_makes_the_same_files_and_a_stopped_run_goes_on(structure, tmp_path):
     def made(folder, n):
         command = ("-m", "tests.independent.foreign", str(folder), "--structures", structure, "--seed", "3")
-        run(*command, "--cases", str(n))
+        run_peers(*command, "--cases", str(n))
         files = (p for p in folder.rglob("*") if p.is_file())
         return {p.relative_to(folder): p.read_bytes() for p in files}
 

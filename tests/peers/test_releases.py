@@ -40,9 +40,16 @@ def column(n: int) -> PeerFrame:
     fixed = np.zeros((n + 1, 6), dtype=bool)
     fixed[[0, -1]] = True
     return with_changes(
-        frame, **rows, points=points - points[0], lines=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
-        fixed=fixed, loads=np.zeros((n + 1, 6)), released=released, matrices=False, n_modes=2,
-    )  # fmt: skip
+        frame,
+        **rows,
+        points=points - points[0],
+        lines=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
+        fixed=fixed,
+        loads=np.zeros((n + 1, 6)),
+        released=released,
+        matrices=False,
+        n_modes=2,
+    )
 
 
 def frequencies_with(frame: PeerFrame, M: np.ndarray) -> np.ndarray:
@@ -69,9 +76,13 @@ def mass_condensed(frame: PeerFrame) -> np.ndarray:
             for name in ("E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz", "local_z", "uniform", "released")
         }
         member = with_changes(
-            frame, **alone, points=frame.points[ends], lines=np.array([[0, 1]]),
-            fixed=frame.fixed[ends], loads=frame.loads[ends],
-        )  # fmt: skip
+            frame,
+            **alone,
+            points=frame.points[ends],
+            lines=np.array([[0, 1]]),
+            fixed=frame.fixed[ends],
+            loads=frame.loads[ends],
+        )
         x = np.diff(member.points, axis=0)[0] / np.linalg.norm(np.diff(member.points, axis=0))
         z = member.local_z[0]
         T = np.kron(np.eye(4), np.array([x, np.cross(z, x), z]))

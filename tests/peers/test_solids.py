@@ -1,16 +1,14 @@
 """The cases of solid elements: bars vibrate as closed forms say, and a case becomes a study that fits."""
 
 import json
-import os
-import subprocess
 
 import numpy as np
 import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from tests.conftest import PEERS_PYTHON, ROOT
 from tests.independent.convert import convert
+from tests.peers.interpreter import run_peers
 from updating.inference.fitting import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
@@ -61,16 +59,9 @@ print(json.dumps({
 """
 
 
-def run(*arguments):
-    """Run the peers' interpreter in the project."""
-    where = {"cwd": ROOT, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
-    command = [str(PEERS_PYTHON), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=180, **where)
-
-
 @pytest.fixture(scope="module")
 def bar():
-    return json.loads(run("-c", DRIVER).stdout)
+    return json.loads(run_peers("-c", DRIVER).stdout)
 
 
 def test_a_bar_of_solids_has_the_frequencies_of_a_slender_beam(bar):
@@ -118,7 +109,7 @@ def test_welded_bars_are_one_body(bar):
 
 @pytest.mark.slow
 def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
-    run("-m", "tests.independent.solids", str(tmp_path), "cross-nothing")
+    run_peers("-m", "tests.independent.solids", str(tmp_path), "cross-nothing")
     assert json.loads((tmp_path / "truth.json").read_text(encoding="utf-8")).keys() == {"cross-nothing"}
     case, study = tmp_path / "cross-nothing", tmp_path / "study.toml"
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))

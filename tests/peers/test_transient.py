@@ -23,10 +23,16 @@ def in_time(seed, theory, per_period=10, periods=20):
     t = np.arange(periods * per_period + 1) * first / per_period
     watched = np.flatnonzero(~frame.fixed.ravel())[[0, 7, -1]]
     return with_changes(
-        frame, n_modes=0, static=False, uniform=np.zeros_like(frame.uniform),
-        history=np.sin(np.pi * np.minimum(t / (3 * first), 1)) ** 2, step=float(t[1]),
-        alpha=0.05 / first, beta=1e-3 * first, watched=watched,
-    )  # fmt: skip
+        frame,
+        n_modes=0,
+        static=False,
+        uniform=np.zeros_like(frame.uniform),
+        history=np.sin(np.pi * np.minimum(t / (3 * first), 1)) ** 2,
+        step=float(t[1]),
+        alpha=0.05 / first,
+        beta=1e-3 * first,
+        watched=watched,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -92,9 +92,7 @@ def test_moves_begin_with_their_length_along_or_across_the_member():
 
 
 def test_records_go_to_a_file_that_the_calibration_reads(tmp_path):
-    told = {
-        "probability": 0.97, "place_probability": 1.0, "in_three": True, "truth": None, "loss": "-",
-    }  # fmt: skip
+    told = {"probability": 0.97, "place_probability": 1.0, "in_three": True, "truth": None, "loss": "-"}
     results = [
         {"record": {"case": "a", "set": "one", "evidence": told}},
         "exit code 2",
@@ -106,8 +104,10 @@ def test_records_go_to_a_file_that_the_calibration_reads(tmp_path):
     records = [table.record_of(case, r, {}) for case, r in zip("abc", results, strict=True)]
     table.write_records(records, tmp_path / "records.jsonl")
     assert [(r["case"], r.get("outcome")) for r in read_records(tmp_path)] == [
-        ("a", None), ("b", "failed"), ("c", None)
-    ]  # fmt: skip
+        ("a", None),
+        ("b", "failed"),
+        ("c", None),
+    ]
 
 
 def test_two_processes_give_the_table_of_one(tmp_path, monkeypatch, capsys):

@@ -23,8 +23,15 @@ ALLOWED = {
     "fem/__init__.py": (
         "names that users import",
         {
-            "AddedMass", "Joint", "MultiPointConstraint", "PointMass", "RigidLink", "Superelement",
-            "Support", "TabulatedStiffness", "Viscoelastic",
+            "AddedMass",
+            "Joint",
+            "MultiPointConstraint",
+            "PointMass",
+            "RigidLink",
+            "Superelement",
+            "Support",
+            "TabulatedStiffness",
+            "Viscoelastic",
         },
     ),
     "fem/analysis/initial_stress.py": ("makes the prestress of a static state", {"Prestress"}),
@@ -54,9 +61,24 @@ ALLOWED = {
     "fem/io/frame_of_model.py": (
         "writes each as the cards of another program",
         {
-            "AddedMass", "Crack", "DistributedMass", "EndRelease", "Joint", "MassDamping", "MemberDensity",
-            "MemberSection", "MemberStiffness", "MemberTorsion", "MovingBase", "PointInertia", "PointMass",
-            "RigidLink", "SectionForm", "SectionShear", "SprungMass", "StiffnessDamping",
+            "AddedMass",
+            "Crack",
+            "DistributedMass",
+            "EndRelease",
+            "Joint",
+            "MassDamping",
+            "MemberDensity",
+            "MemberSection",
+            "MemberStiffness",
+            "MemberTorsion",
+            "MovingBase",
+            "PointInertia",
+            "PointMass",
+            "RigidLink",
+            "SectionForm",
+            "SectionShear",
+            "SprungMass",
+            "StiffnessDamping",
         },
     ),
     "dovetail/export.py": (
@@ -66,7 +88,8 @@ ALLOWED = {
     "joint/assembly.py": ("identifies a joint", {"Joint"}),
     "joint/physics.py": ("makes the elements that a fit stands for", {"Joint", "Viscoelastic"}),
     "dovetail/file/channel_errors.py": (
-        "tolerances of what instruments add", {"sensor_mass", "driver_mass", "stinger"},
+        "tolerances of what instruments add",
+        {"sensor_mass", "driver_mass", "stinger"},
     ),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear", "Superelement"}),
@@ -101,7 +124,7 @@ ALLOWED = {
     "dovetail/commands/compare.py": ("an example in its help", {"point_mass"}),
     "dovetail/identify.py": ("writes an identified joint into a study file", {"Joint", "Viscoelastic"}),
     "viz/models.py": ("draws the surfaces of imported parts", {"Superelement"}),
-}  # fmt: skip
+}
 """Files that name concrete effects, each with the reason and the classes or kinds that it names."""
 
 

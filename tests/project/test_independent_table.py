@@ -278,16 +278,28 @@ def test_what_a_test_that_is_not_as_described_has_itself_is_neither_asked_for_no
 def evidence(right, in_three, probability, credible):
     shares = [{"name": "a", "probability": 0.9, "right": credible}]
     return {
-        "verdict": "effect", "right": right, "in_three": in_three, "sure_and_wrong": not right,
-        "probability": probability, "place_probability": probability, "place_right": right,
-        "credible": shares, "loss": "-",
-    }  # fmt: skip
+        "verdict": "effect",
+        "right": right,
+        "in_three": in_three,
+        "sure_and_wrong": not right,
+        "probability": probability,
+        "place_probability": probability,
+        "place_right": right,
+        "credible": shares,
+        "loss": "-",
+    }
 
 
 def test_the_summary_counts_outcomes_alarms_and_bins(tmp_path):
-    about = [table.about(k, {"effects": [t]} | more) for k, t, more in (
-        ("right", MASS, {}), ("near", MASS, {"test": "real"}), ("alarm", NONE, {}), ("late", SOFT, {}),
-    )]  # fmt: skip
+    about = [
+        table.about(k, {"effects": [t]} | more)
+        for k, t, more in (
+            ("right", MASS, {}),
+            ("near", MASS, {"test": "real"}),
+            ("alarm", NONE, {}),
+            ("late", SOFT, {}),
+        )
+    ]
     records = [
         about[0] | {"verdict": "effect", "outcome": table.YES, "evidence": evidence(True, True, 0.97, True)},
         about[1] | {"verdict": "effect", "outcome": table.NO, "evidence": evidence(False, True, 0.4, True)},

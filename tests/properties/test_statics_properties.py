@@ -54,12 +54,16 @@ def test_loads_and_reactions_are_in_equilibrium(q1, q2, F, places, local):
         points={(4, "y"): 30.0, (5, "rx"): 7.0},
         members=(
             LineLoad(
-                member="left", force1=q1, force2=q2, start=a * h, stop=b * h,
+                member="left",
+                force1=q1,
+                force2=q2,
+                start=a * h,
+                stop=b * h,
                 axes="local" if local else "global",
             ),
             MemberForce(member="right", position=c * h, force=F),
         ),
-    )  # fmt: skip
+    )
     solution = solve_static(assemble(model), case)
     R = model.effects[0].rotations(model.mesh)[0]
     q1, q2 = (R.T @ q if local else np.array(q) for q in (q1, q2))

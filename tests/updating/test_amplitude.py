@@ -13,6 +13,7 @@ from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
 from fem.io import write_npz
 from fem.model import parameter_values
 from tests.nonlinear import make_rig
+from tests.studies import study_file
 from updating import EFFECT, UNEXPLAINED, diagnose
 from updating.inference.unknowns import effect_unknowns
 
@@ -300,8 +301,7 @@ def test_a_study_finds_it_from_its_files_and_writes_a_study_that_can_be_read(tmp
     for k, m in enumerate(rig.measurements):
         write_npz(tmp_path / f"level{k}.npz", m.frf)
         text += f'[[measurements]]\nfile = "level{k}.npz"\nforce_level = {m.force_level}\n'
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
+    path = study_file(tmp_path, text)
     study = load_study(path)
     done = run(study, tmp_path / "out")
     (finding,) = done.diagnosis.findings

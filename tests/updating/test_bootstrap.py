@@ -94,9 +94,16 @@ def test_frfs_with_noise_and_the_form_of_the_model(model, error):
     noise = np.random.default_rng(3).standard_normal((2, *H.shape))
     H = H * (1 + 0.02 * (noise[0] + 1j * noise[1]))
     updated = update(
-        model, {E: 0.05, RHO: 0.05}, frf=H, lines=lines, outputs=places, inputs=places[:1], noise=0.02,
-        model_error=error, damping_std=0.0,
-    )  # fmt: skip
+        model,
+        {E: 0.05, RHO: 0.05},
+        frf=H,
+        lines=lines,
+        outputs=places,
+        inputs=places[:1],
+        noise=0.02,
+        model_error=error,
+        damping_std=0.0,
+    )
     N = 80
     x = np.log(refits(updated, N))
     linear = np.array([p.std / p.value for p in updated.parameters])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fem
+from tests.noise import complex_normal
 from updating import Measurement, Sensor
 from updating.inference.fitting import fit_given
 from updating.inference.formed import formed_problem
@@ -36,10 +37,13 @@ def sensor(name, point, direction):
 def described():
     """Return the channels of a test as it describes them."""
     sensors = (
-        sensor("post x", (0, 0, 0.3), (1, 0, 0)), sensor("post y", (0, 0, 0.3), (0, 1, 0)),
-        sensor("arm z", (0.25, 0, 0.5), (0, 0, 1)), sensor("arm y", (0.25, 0, 0.5), (0, 1, 0)),
-        sensor("tip y", TIP, (0, 1, 0)), sensor("tip z", TIP, (0, 0, 1)),
-    )  # fmt: skip
+        sensor("post x", (0, 0, 0.3), (1, 0, 0)),
+        sensor("post y", (0, 0, 0.3), (0, 1, 0)),
+        sensor("arm z", (0.25, 0, 0.5), (0, 0, 1)),
+        sensor("arm y", (0.25, 0, 0.5), (0, 1, 0)),
+        sensor("tip y", TIP, (0, 1, 0)),
+        sensor("tip z", TIP, (0, 0, 1)),
+    )
     return sensors, (sensor("hit", (0.3, 0, 0.5), (0, 1, 1)),)
 
 
@@ -90,7 +94,7 @@ def test_a_fit_finds_a_turned_sensor_and_a_wrong_gain():
     loud = replace(sensors[5], gain=1.05)
     true = measured(model, (turned, *sensors[1:5], loud), forces)
     rng = np.random.default_rng(2)
-    noise = 0.003 * (rng.standard_normal(true.frf.H.shape) + 1j * rng.standard_normal(true.frf.H.shape))
+    noise = 0.003 * complex_normal(rng, true.frf.H.shape)
     test = Measurement(replace(true.frf, H=true.frf.H * (1 + noise)), sensors, forces)
     problem, _ = formed_problem(model, test)
     _, result = fit_given(problem)

@@ -82,9 +82,12 @@ def test_frfs_are_the_same_after_a_file_and_in_another_kind(tmp_path, channel, k
     other = computed_frf(model(), [channel], tuple(FORCES.values()), f, "mobility")
     assert pytest.approx(other.H, rel=1e-12) == again.as_kind("mobility").H
     bare = compute_frf(
-        assemble(model(), reciprocal=False), f, sensor_rows(model(), [channel]),
-        sensor_rows(model(), tuple(FORCES.values())), kind,
-    ).H  # fmt: skip
+        assemble(model(), reciprocal=False),
+        f,
+        sensor_rows(model(), [channel]),
+        sensor_rows(model(), tuple(FORCES.values())),
+        kind,
+    ).H
     as_bare = channel.quantity == MOTION or kind == "receptance"
     assert np.allclose(bare, frf.H) == as_bare
 

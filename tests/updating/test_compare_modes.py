@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 
 import fem
+from tests.frames import beam, fix
 from updating import compare_modes
 
 
 def cantilever(n):
-    """Return modes of a 1 m steel cantilever of a flat bar with n elements, and its last point."""
-    mesh = fem.Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"bar": [0]}).refined(counts={"bar": n})
-    bar = fem.MemberProperties(
-        fem.Material("steel", 210e9, 7850.0), fem.Section.rectangle(0.03, 0.01), theory="euler-bernoulli"
-    )
-    model = fem.Model(mesh, (fem.Frame(members={"bar": bar}), fem.Support(name="root", point=0)))
-    return mesh, fem.solve_modes(fem.assemble(model), n=8)
+    """Return the mesh and the modes of a 1 m steel cantilever of a flat bar with n elements."""
+    model = beam(n, effects=(fix(0),))
+    return model.mesh, fem.solve_modes(fem.assemble(model), n=8)
 
 
 def test_modes_are_paired_by_shape_whatever_their_order_and_scale():

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem.analysis.frf import FRF
+from tests.noise import complex_normal
 from updating.modal import condensed_lines
 from updating.modal.condensed_lines import N_NODES, condense_lines
 from updating.modal.modal_fit import ModalFitData
@@ -31,7 +32,7 @@ def test_inner_products_of_modal_terms_and_data_are_those_of_all_lines(seed, n, 
     rng = np.random.default_rng(seed)
     omega = np.sort(rng.uniform(0, n, n)) if uneven else np.arange(n, dtype=float)
     spread = np.exp(rng.standard_normal((n, 2)))  # weights that differ from line to line and input to input
-    H = rng.standard_normal((n, 3, 2)) + 1j * rng.standard_normal((n, 3, 2))
+    H = complex_normal(rng, (n, 3, 2))
     poles = rng.uniform(0, n, 3) + 1j * width * rng.uniform(0.5, 2.0, 3)
     lines = condense_lines(omega, H, spread, poles)
     assert lines.holds(poles)
@@ -88,7 +89,7 @@ def test_a_fit_and_its_deviations_are_those_of_all_lines(added_decay, monkeypatc
     s = 2j * np.pi * lines[:, None] + added_decay
     p, q = s**2 / (s - poles), s**2 / (s - poles.conj())
     H = np.einsum("fr,or,ri->foi", p, psi, L) + np.einsum("fr,or,ri->foi", q, psi.conj(), L.conj())
-    H += 0.1 * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) * np.abs(H).mean()
+    H += 0.1 * complex_normal(rng, H.shape) * np.abs(H).mean()
     spread = np.exp(0.3 * rng.standard_normal((1500, 2)))
     data = ModalFitData(FRF.from_arrays(lines, H, "accelerance"), np.ones(4), spread, added_decay=added_decay)
     start = poles * (1 + 0.003 * rng.standard_normal(3))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.hidden.cases import make_case
+from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.evidence.absence import gains_without, left_out
@@ -65,7 +66,7 @@ def test_noise_is_not_raised(problem):
     f = problem.data.frequency
     H = oscillator(problem, 2 * np.pi * f)
     rng = np.random.default_rng(0)
-    noisy = H * (1 + 0.02 * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))))
+    noisy = H * (1 + 0.02 * complex_normal(rng, len(f)))
     own = damped(with_receptance(problem, noisy), 0.015)
     exact = oscillator(problem, 2 * np.pi * f - 1j * own.decay)
     there = own.data.mask[:, 0, 0]

@@ -64,9 +64,12 @@ def test_nothing_is_found_where_nothing_is_hidden():
 def test_a_part_of_the_band_with_other_damping_than_its_neighbours_is_fitted_once_more(monkeypatch):
     case = draw_case(CaseSettings(2401), "null", 156)  # nominal 0.3 %, at the top of the band 3 %
     problem = build_problem(
-        preparation.with_higher_mass(case.model), case.measurement, case.nuisances, connections=True,
+        preparation.with_higher_mass(case.model),
+        case.measurement,
+        case.nuisances,
+        connections=True,
         model_error=0.0,
-    )  # fmt: skip
+    )
     monkeypatch.setattr(begin, "find_faults", lambda problem, fit: (problem, fit, ()))
     _, right, _ = begin.begin_fitted(problem)
     assert right.level < 0.04
@@ -117,9 +120,12 @@ def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
 
     nothing, best = hypothesis(1.0), hypothesis(0.1, *"AB"[:n])
     done = SimpleNamespace(
-        search=SimpleNamespace(known={frozenset(): nothing}), best=best, lead=best, explains=unknown < 0,
+        search=SimpleNamespace(known={frozenset(): nothing}),
+        best=best,
+        lead=best,
+        explains=unknown < 0,
         probability_there=lambda h: 0.97,
-    )  # fmt: skip
+    )
     got = _of_posterior(done, [None] * faults)
     assert got[0] == verdict
     assert re.search(reason, got[1])

@@ -23,10 +23,14 @@ def diagnosed(folder, *, mass, kinds):
     study, measurements = asked(folder, mass)
     said = []
     found = diagnose(
-        study.model, measurements, study.nuisances,
-        damping_std=study.damping_std, kinds=kinds, model_error=0.1,
+        study.model,
+        measurements,
+        study.nuisances,
+        damping_std=study.damping_std,
+        kinds=kinds,
+        model_error=0.1,
         progress=lambda text, done: said.append((text, done)),
-    )  # fmt: skip
+    )
     assert said[0][1] == 0.0
     assert all(0 <= done <= 1 for _, done in said)
     return found
@@ -54,9 +58,14 @@ def test_two_processes_find_what_one_finds(tmp_path):
 
     def found(crew):
         done = search_by_evidence(
-            study.model, measurement, study.nuisances, damping_std=study.damping_std,
-            kinds=["point_mass", "member_stiffness"], model_error=0.1, crew=crew,
-        )  # fmt: skip
+            study.model,
+            measurement,
+            study.nuisances,
+            damping_std=study.damping_std,
+            kinds=["point_mass", "member_stiffness"],
+            model_error=0.1,
+            crew=crew,
+        )
         return {tuple(sorted(h.key)): h.score for h in done.search.known.values()}, done.best.key
 
     alone, best = found(ALONE)
@@ -73,9 +82,13 @@ def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path, monkeypa
     monkeypatch.setattr(Search, "polished", lambda self, h: polished(self, fits.append(h) or h))
     study, (measurement,) = asked(tmp_path, 0.25)
     done = search_by_evidence(
-        study.model, measurement, study.nuisances, damping_std=study.damping_std, kinds=["point_mass"],
+        study.model,
+        measurement,
+        study.nuisances,
+        damping_std=study.damping_std,
+        kinds=["point_mass"],
         model_error=0.1,
-    )  # fmt: skip
+    )
     (effect,) = done.best.effects
     (alone,) = (h.fitted for h in fits)
     for name in ("mass", "position"):

@@ -8,12 +8,8 @@ from fem.effects.clamp_form import ClampForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.sections.section import Section
-from tests.frames import FLAT, STEEL, beam, fix, portal
+from tests.frames import FLAT, STEEL, beam, fix, frequencies, portal
 from updating.inference.form import form_of
-
-
-def frequencies(model, n=6):
-    return solve_modes(assemble(model), n=n).frequency
 
 
 def tip_compliance(model, direction):

@@ -13,6 +13,7 @@ from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from tests.hidden.cases import make_case
+from tests.noise import complex_normal
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
@@ -74,7 +75,7 @@ def test_the_weight_is_twice_the_slope_of_the_cost(v):
 def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, stated, believed):
     """Never raised: near resonances residuals of a wrong model differ as noise does."""
     H, rng = problem.receptance(fitted), np.random.default_rng(8)
-    H = H * np.exp(NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)))
+    H = H * np.exp(NOISE * complex_normal(rng, H.shape))
     data = replace(problem.data, H=H, noise=np.full(H.shape, stated * NOISE))
     found = with_seen_noise(replace(problem, data=data), fitted).data
     np.testing.assert_allclose(found.noise, believed * NOISE, rtol=0.1)

@@ -40,9 +40,13 @@ def diagnosed(study, measurement, monkeypatch, fault=GAIN):
 
     monkeypatch.setattr(begin, "find_faults", find)
     return diagnose(
-        study.model, [measurement], study.nuisances, damping_std=study.damping_std,
-        kinds=["point_mass", "member_stiffness"], model_error=0.1,
-    )  # fmt: skip
+        study.model,
+        [measurement],
+        study.nuisances,
+        damping_std=study.damping_std,
+        kinds=["point_mass", "member_stiffness"],
+        model_error=0.1,
+    )
 
 
 @pytest.mark.slow
@@ -87,9 +91,14 @@ def test_only_doubtful_faults_are_left_in_the_data(tmp_path):
     _, measurement = asked(tmp_path, 0.0)
     shape = measurement.frf.H.shape
     data = FitData(
-        measurement, measurement.frf.frequency, measurement.frf.H, np.ones(shape, dtype=bool), np.ones(shape),
-        np.full(shape, 0.02), np.zeros(shape[0], dtype=bool),
-    )  # fmt: skip
+        measurement,
+        measurement.frf.frequency,
+        measurement.frf.H,
+        np.ones(shape, dtype=bool),
+        np.ones(shape),
+        np.full(shape, 0.02),
+        np.zeros(shape[0], dtype=bool),
+    )
     faults = (GAIN, SIGN)
     assert doubtful(faults) == (GAIN,)
     right = replace(corrected(data, faults), noise=np.full(shape, 0.01))

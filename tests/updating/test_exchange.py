@@ -5,6 +5,7 @@ import pytest
 
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
+from tests.noise import complex_normal
 from updating import (
     MeasurementError,
     Sensor,
@@ -37,8 +38,10 @@ SENSORS = {
     "Position_2": [0, 50],
     "Position_3": [20.0, 0],
     # the second sensor is turned by a right angle about x, then by one about the fixed z
-    "Orientation_1": [0, 90], "Orientation_2": [0, 0], "Orientation_3": [0, 90],
-}  # fmt: skip
+    "Orientation_1": [0, 90],
+    "Orientation_2": [0, 0],
+    "Orientation_3": [0, 90],
+}
 
 
 @pytest.mark.parametrize("form", [dict, Columns])
@@ -108,7 +111,7 @@ def test_tables_that_do_not_fit(change, words):
 
 def frf():
     rng = np.random.default_rng(1)
-    H = rng.standard_normal((5, 3, 2)) + 1j * rng.standard_normal((5, 3, 2))
+    H = complex_normal(rng, (5, 3, 2))
     return FRF.from_arrays(np.arange(1.0, 6), H, "mobility", ("1X+", "101Z-", "7RY+"), ("101Z-", "2S"))
 
 
@@ -119,8 +122,13 @@ def test_labelled_frfs_come_back_in_any_arrangement(written):
     assert ordinate.shape == (3, 2, 5)
     assert coordinate[1, 0].tolist() == [(101, -3), (101, -3)]
     if written:
-        coordinate = np.array([[["1X+", "101Z-"], ["1X+", "2S"]], [["101Z-", "101Z-"], ["101Z-", "2S"]],
-                               [["7RY+", "101Z-"], ["7RY+", "2S"]]])  # fmt: skip
+        coordinate = np.array(
+            [
+                [["1X+", "101Z-"], ["1X+", "2S"]],
+                [["101Z-", "101Z-"], ["101Z-", "2S"]],
+                [["7RY+", "101Z-"], ["7RY+", "2S"]],
+            ]
+        )
     back = frf_from_labelled(f, ordinate, coordinate, "mobility")
     assert (back.outputs, back.inputs, back.kind) == (given.outputs, given.inputs, given.kind)
     np.testing.assert_array_equal(back.H, given.H)

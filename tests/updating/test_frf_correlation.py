@@ -5,14 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.noise import complex_normal
 from updating.correlation import frf_correlation as fc
 
 modest = settings(max_examples=30, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
-
-
-def frfs(rng, *shape):
-    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
 
 
 def receptance(f, stiffness=1.0):
@@ -62,7 +59,7 @@ def test_orthogonal_and_reversed_responses():
 
 def test_sac_sees_no_delay_and_frac_does():
     rng = np.random.default_rng(1)
-    f, H = np.linspace(0, 10, 101), frfs(rng, 101, 2, 2)
+    f, H = np.linspace(0, 10, 101), complex_normal(rng, (101, 2, 2))
     late = H * np.exp(-2j * np.pi * f * 0.3)[:, None, None]
     np.testing.assert_allclose(fc.signature_assurance(H, late), 1, rtol=1e-12)
     assert (fc.frac(H, late) < 0.2).all()
@@ -71,7 +68,7 @@ def test_sac_sees_no_delay_and_frac_does():
 def test_band_errors_of_a_known_factor():
     """H_a = g H in one band, sensor and force: error |g - 1|, level 20 lg|g|, logarithm |ln g|."""
     rng = np.random.default_rng(2)
-    f, H = np.arange(10.0, 50.0), frfs(rng, 40, 3, 2)
+    f, H = np.arange(10.0, 50.0), complex_normal(rng, (40, 3, 2))
     g = 2 * np.exp(0.5j)
     wrong = H.copy()
     wrong[f >= 30, 1, 0] *= g
@@ -118,7 +115,7 @@ def test_shapes_that_do_not_fit_are_refused():
 @given(seeds, st.integers(1, 5), st.integers(1, 3), st.floats(1e-100, 1e100))
 def test_ranges_and_inequalities(seed, n_out, n_in, scale):
     rng = np.random.default_rng(seed)
-    x, a = frfs(rng, 6, n_out, n_in), frfs(rng, 6, n_out, n_in)
+    x, a = complex_normal(rng, (6, n_out, n_in)), complex_normal(rng, (6, n_out, n_in))
     csac, csf = fc.cross_signature_assurance(x, a), fc.cross_signature_scale(x, a)
     sac, frac, fdac = fc.signature_assurance(x, a), fc.frac(x, a), fc.fdac(x, a)
     for value in (csac, csf, sac, frac, fdac):

@@ -11,6 +11,7 @@ from fem.analysis.frf import FRF
 from fem.io import read_uff, write_uff
 from fem.io.uff_types import Function
 from tests.hidden.cases import make_case
+from tests.studies import study_file
 from updating import build_problem, check_gates
 from updating.diagnosis.amplitude import force_levels
 from updating.inference.fitting import assessed_fit
@@ -183,8 +184,7 @@ def written(folder, keys, functions=()):
     first, second, third = noisy(frf, 0.02, 4, 3)
     for name, each in (("a.uff", first), ("b.uff", second), ("c.uff", third)):
         write_uff(folder / name, each, functions=functions)
-    path = folder / "study.toml"
-    path.write_text(BEAM + 'file = "a.uff"\n' + keys, encoding="utf-8")
+    path = study_file(folder, BEAM + 'file = "a.uff"\n' + keys)
     return path, (first, second, third)
 
 

@@ -93,10 +93,12 @@ def test_no_step_is_longer_than_its_reach_and_cut_steps_do_not_end_it():
     path = []
     objective = Squares(lambda x: x - [100.0, 1.0], lambda x: np.eye(2))
     minimise(
-        objective, objective.at(np.zeros(2)), FREE,
+        objective,
+        objective.at(np.zeros(2)),
+        FREE,
         control(reach=lambda x: np.array([2.0, np.inf]), actual_gain=Tolerance(1e9)),
         lambda point, length: path.append(point.x),
-    )  # fmt: skip
+    )
     steps = np.diff([np.zeros(2), *path], axis=0)
     assert np.abs(steps[:, 0]).max() <= 2.0
     assert_allclose(path[-1], [100.0, 1.0], atol=1e-4)

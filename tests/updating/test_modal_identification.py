@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from fem.analysis.frf import FRF
 from fem.io import read_frf
+from tests.noise import complex_normal
 from updating.correlation import mac
 from updating.correlation.complexity import (
     mean_phase_deviation,
@@ -43,7 +44,7 @@ def superposed(lines, frequency, zeta, phi, inputs, kind="accelerance", lower=0.
 def noisy(frf, part, rng):
     """Complex noise of a part of the root mean square of each FRF."""
     size = part * np.sqrt((np.abs(frf.H) ** 2).mean(axis=0) / 2)
-    noise = rng.standard_normal(frf.H.shape) + 1j * rng.standard_normal(frf.H.shape)
+    noise = complex_normal(rng, frf.H.shape)
     return FRF.from_arrays(frf.frequency, frf.H + size * noise, frf.kind, frf.outputs, frf.inputs)
 
 
@@ -182,7 +183,7 @@ def test_modes_do_not_depend_on_the_units_of_channels():
 
 def test_noise_alone_has_no_modes():
     rng = np.random.default_rng(8)
-    H = rng.standard_normal((400, 5, 2)) + 1j * rng.standard_normal((400, 5, 2))
+    H = complex_normal(rng, (400, 5, 2))
     with pytest.warns(UserWarning, match="Modal masses"):
         found = identify_modes(np.linspace(1, 100, 400), H)
     assert found.modes.n_modes == 0
@@ -400,7 +401,7 @@ def test_shapes_scatter_as_their_standard_deviations_say(scaled):
     level = 0.05 * np.sqrt((np.abs(H) ** 2).mean() / 2)
     scores = []
     for _ in range(8):
-        noise = level * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+        noise = level * complex_normal(rng, H.shape)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = identify_modes(

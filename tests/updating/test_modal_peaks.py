@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fem.analysis.frf import FRF
+from tests.noise import complex_normal
 from updating.modal import refinement as modal_fit
 from updating.modal.identification import identify_modes
 from updating.modal.peaks import mode_indicator, peak_words, unexplained_peaks
@@ -37,7 +38,7 @@ def roving(noise=0.005, n_lines=1600, top=260.0, shift=0.0, phase=0.0, seed=0):
         q = -(w**2) / (wn**2 - w**2 + 2j * ZETA * wn * w)
         H[:, run, 0] = (q * strength * phi[0] * phi[run] * turn).sum(axis=1)
     size = noise * np.sqrt((np.abs(H) ** 2).mean(axis=0) / 2)
-    H = H + size * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape))
+    H = H + size * complex_normal(rng, H.shape)
     labels = [f"{k + 1}Z+" for k in range(N_RUNS)]
     return FRF.from_arrays(f, H, "accelerance", labels, labels[:1])
 
@@ -97,7 +98,7 @@ def test_clean_data_have_no_unexplained_peaks(how):
 
 def test_noise_alone_has_none_either():
     rng = np.random.default_rng(1)
-    H = rng.standard_normal((2000, 9, 1)) + 1j * rng.standard_normal((2000, 9, 1))
+    H = complex_normal(rng, (2000, 9, 1))
     labels = [f"{k}Z+" for k in range(9)]
     found, said = identified(FRF.from_arrays(np.arange(1.0, 2001.0), H, "accelerance", labels, labels[:1]))
     assert not found.modes.n_modes

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from fem.analysis.frf import FRF, FRFError
 from fem.model import Parameter
 from tests.frames import cross_beam
+from tests.noise import complex_normal
 from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
@@ -20,10 +21,6 @@ modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
 
 
-def complex_array(rng, *shape):
-    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
-
-
 # ----------------------------------------------------------------------------------------- correlation
 
 
@@ -31,7 +28,7 @@ def complex_array(rng, *shape):
 @given(seeds, st.integers(1, 8), st.integers(1, 4), st.floats(1e-9, 1e9))
 def test_mac_lies_between_zero_and_one_and_knows_no_scale(seed, n_dof, n_modes, scale):
     rng = np.random.default_rng(seed)
-    x, a = complex_array(rng, n_dof, n_modes), complex_array(rng, n_dof, n_modes + 1)
+    x, a = complex_normal(rng, (n_dof, n_modes)), complex_normal(rng, (n_dof, n_modes + 1))
     value = mac(x, a)
     assert value.shape == (n_modes, n_modes + 1)
     assert ((value >= 0) & (value <= 1)).all()
@@ -53,7 +50,7 @@ def test_mac_of_orthogonal_and_zero_shapes():
 @given(seeds, st.floats(1e-6, 1e6))
 def test_frac_is_blind_to_a_factor_and_sees_the_rest(seed, scale):
     rng = np.random.default_rng(seed)
-    H, G = complex_array(rng, 20, 2, 3), complex_array(rng, 20, 2, 3)
+    H, G = complex_normal(rng, (20, 2, 3)), complex_normal(rng, (20, 2, 3))
     np.testing.assert_allclose(frac(H, scale * np.exp(1j) * H), 1, rtol=1e-12)
     assert ((frac(H, G) >= 0) & (frac(H, G) < 1)).all()
     np.testing.assert_allclose(frac(H, G), frac(G, H), rtol=1e-12)
@@ -63,7 +60,7 @@ def test_frac_is_blind_to_a_factor_and_sees_the_rest(seed, scale):
 @given(seeds, st.floats(1e-3, 1e3), st.floats(-3.0, 3.0))
 def test_log_ratio_is_a_logarithm(seed, gain, phase):
     rng = np.random.default_rng(seed)
-    H, G, F = (complex_array(rng, 9, 2, 2) for _ in range(3))
+    H, G, F = (complex_normal(rng, (9, 2, 2)) for _ in range(3))
     np.testing.assert_allclose(
         log_ratio(gain * np.exp(1j * phase) * H, H), np.log(gain) + 1j * phase, atol=1e-12
     )
@@ -84,7 +81,7 @@ def test_log_ratio_of_nothing_is_no_number():
 def test_comparison_puts_errors_where_they_are():
     f = np.linspace(10, 100, 91)
     rng = np.random.default_rng(1)
-    H = complex_array(rng, 91, 3, 2)
+    H = complex_normal(rng, (91, 3, 2))
     wrong = H.copy()
     wrong[f >= 55, 1] *= 10 ** (6 / 20) * np.exp(0.3j)  # 6 dB and 0.3 rad on the second sensor above 55 Hz
     measured, computed = (FRF.from_arrays(f, X, "accelerance") for X in (H, wrong))
@@ -125,7 +122,7 @@ def test_noise_is_estimated_from_noisy_data(sigma):
     _, H = resonances()
     rng = np.random.default_rng(3)
     # complex noise of relative size σ√2 has a real part of σ, which is the amplitude's
-    noisy = H * (1 + sigma * complex_array(rng, *H.shape))
+    noisy = H * (1 + sigma * complex_normal(rng, H.shape))
     estimate = relative_noise(noisy)
     # a median of 31 lines scatters by 1.17/√(31/2.6), 30 %, as the stencil mixes neighbours; its mean by 5 %
     assert np.sqrt((estimate**2).mean()) == pytest.approx(sigma, rel=0.25)
@@ -136,7 +133,7 @@ def test_noise_that_grows_along_the_band_is_seen_to():
     _, H = resonances()
     rng = np.random.default_rng(4)
     sigma = np.geomspace(1e-3, 1e-1, len(H))[:, None, None]
-    estimate = relative_noise(H * (1 + sigma * complex_array(rng, *H.shape)))
+    estimate = relative_noise(H * (1 + sigma * complex_normal(rng, H.shape)))
     ratio = np.log(estimate / sigma)
     assert abs(ratio.mean()) < 0.1
     assert ratio.std() < 0.45
@@ -148,7 +145,7 @@ def test_noise_that_is_added_shows_at_antiresonances(sigma):
     rng = np.random.default_rng(5)
     H = H * (f**2)[:, None, None]  # as an accelerometer sees it: the added noise is the same at all lines
     added = 3e-4 * np.abs(H).max(axis=(0, 2), keepdims=True) * np.array([1.0, 2.0, 0.1])[None, :, None]
-    noisy = H * (1 + sigma * complex_array(rng, *H.shape)) + added * complex_array(rng, *H.shape)
+    noisy = H * (1 + sigma * complex_normal(rng, H.shape)) + added * complex_normal(rng, H.shape)
     truth = np.hypot(sigma, added / np.abs(H))
     some = (truth > 3 * sigma) & (truth < 0.2)
     assert some.sum() > 50
@@ -163,7 +160,7 @@ def test_noise_that_is_added_shows_where_all_of_a_window_is_small():
     rng = np.random.default_rng(6)
     H = (f**2 / (300.0**2 * (1 + 0.02j) - f**2))[:, None, None] * np.array([1, 2j, -0.1])[None, :, None]
     added = 1e-3 * np.abs(H[:, 0, 0])[20]  # the same for all sensors: 21 lines of the first are below it
-    noisy = H * (1 + 1e-3 * complex_array(rng, *H.shape)) + added * complex_array(rng, *H.shape)
+    noisy = H * (1 + 1e-3 * complex_normal(rng, H.shape)) + added * complex_normal(rng, H.shape)
     truth = np.hypot(1e-3, added / np.abs(H))
     ratio = (relative_noise(noisy) / truth)[:30]
     assert 0.6 < ratio.min() <= ratio.max() < 1.7
@@ -179,7 +176,7 @@ def test_added_noise_of_an_FRF_that_is_sampled_coarsely_is_that_of_the_other_sen
     H = np.stack([smooth, -0.5 * smooth, coarse], axis=1)[:, :, None]
     added = 1e-6
     for own in (added, 0.01 * added):  # the same, or less than the others have
-        noisy = H + np.array([added, added, own])[:, None] * complex_array(rng, *H.shape)
+        noisy = H + np.array([added, added, own])[:, None] * complex_normal(rng, H.shape)
         estimate = relative_noise(noisy)[:, 2, 0] * np.abs(H[:, 2, 0])
         assert 0.7 * own < estimate.min() < 1.4 * own
 
@@ -198,8 +195,8 @@ def test_too_few_lines_are_given_one_per_cent():
 
 def linear_problem(seed=0, n=3, m=200, noise=0.01):
     rng = np.random.default_rng(seed)
-    A, truth = complex_array(rng, m, n), rng.uniform(-1, 1, n)
-    b = A @ truth + noise * complex_array(rng, m)
+    A, truth = complex_normal(rng, (m, n)), rng.uniform(-1, 1, n)
+    b = A @ truth + noise * complex_normal(rng, m)
 
     def residual(x, jacobian):
         return A @ x - b, A.T if jacobian else None

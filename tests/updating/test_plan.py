@@ -69,15 +69,15 @@ def masses():
 
 
 def at_one_half_and_mirrored(plan):
-    """Yield masses on the left half, and their mirror images."""
+    """Return pairs of a mass on the left half and its mirror image; there is at least one."""
     by_place = {
         (x.effect.member, round(x.effect.position, 9)): x
         for x in plan.visibility.effects
         if x.effect.kind == "point_mass"
     }
-    for (member, position), x in by_place.items():
-        if member == "left":
-            yield x, by_place["right", round(0.5 - position, 9)]
+    left = [(position, x) for (member, position), x in by_place.items() if member == "left"]
+    assert left
+    return [(x, by_place["right", round(0.5 - position, 9)]) for position, x in left]
 
 
 # What is needed -------------------------------------------------------------------------------------------
@@ -240,9 +240,9 @@ def test_an_effect_is_located_before_it_is_told_from_others_at_its_place(masses)
 
 
 def test_small_effects_act_in_proportion_to_their_sizes(masses):
-    for x in masses.visibility.effects:
-        if x.effect.kind != "point_mass":
-            continue
+    effects = [x for x in masses.visibility.effects if x.effect.kind == "point_mass"]
+    assert effects
+    for x in effects:
         amplitudes = [x.amplitude(x.effect.with_values(mass=m)) for m in (0.004, 0.008)]
         assert amplitudes[1] / amplitudes[0] == pytest.approx(2.0, rel=0.1)
         assert x.amplitudes[0] == pytest.approx(1.0)
@@ -251,6 +251,7 @@ def test_small_effects_act_in_proportion_to_their_sizes(masses):
 def test_a_stiffness_that_is_lost_acts_in_proportion_too():
     plan = mapped(halves(), (0.0, 0.2), (0.0,), kinds=("member_stiffness",))
     sizes = np.array([0.05, 0.1, 0.2, 0.3])
+    assert len(plan.visibility.effects) == 2  # the halves
     for x in plan.visibility.effects:
         acts = np.array([x.amplitude(x.effect.with_values(change=-c)) for c in sizes])
         # what is left of the stiffness falls, so that frequencies fall a little faster
@@ -258,9 +259,9 @@ def test_a_stiffness_that_is_lost_acts_in_proportion_too():
 
 
 def test_an_effect_as_large_as_its_amplitude_is_the_effect(masses):
-    for x in masses.visibility.effects:
-        if not np.isfinite(x.enough[0]):
-            continue
+    effects = [x for x in masses.visibility.effects if np.isfinite(x.enough[0])]
+    assert effects
+    for x in effects:
         for share in (0.1, 0.5, 0.9):
             size = float(np.exp(share * np.log(x.sizes[-1])))
             effect = x._of(size)
@@ -359,7 +360,9 @@ def test_larger_relevant_sizes_are_named_more_often(masses):
 
 
 def test_the_rows_of_kinds_hold_the_least_and_largest_sizes(masses):
-    for row in masses.sizes_of("seen"):
+    rows = masses.sizes_of("seen")
+    assert {row["kind"] for row in rows} == {"point_mass", "crack"}
+    for row in rows:
         some = [o for o in masses.relevant if o.relevant.kind == row["kind"]]
         sizes = [size_of(e) for o in some if (e := o.visible.seen) is not None]
         assert row["n"] == len(some)

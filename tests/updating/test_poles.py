@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fem.analysis.frf import FRF
+from tests.noise import complex_normal
 from updating.modal.poles import LEAST_ORDERS, channel_sizes, fit_orders, track_poles
 
 LINES = np.linspace(5, 60, 400)
@@ -16,9 +17,7 @@ def frfs(noise, seed=0, n_in=2):
     w, wn = 2 * np.pi * LINES[:, None], 2 * np.pi * F
     H = (phi * (1 / (wn**2 - w**2 + 2j * ZETA * wn * w))[:, None]) @ phi[:n_in].T
     size = noise * np.sqrt((np.abs(H) ** 2).mean(axis=0) / 2)
-    return FRF.from_arrays(
-        LINES, H + size * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)), "receptance"
-    )
+    return FRF.from_arrays(LINES, H + size * complex_normal(rng, H.shape), "receptance")
 
 
 def fitted(frf, orders):
@@ -57,7 +56,7 @@ def test_tracks_follow_each_pole_of_a_close_pair_with_one_member_an_order():
 def test_poles_that_fit_noise_are_unstable_and_dropped():
     """With the lowest coefficient fixed: of noise alone hardly a pole stays."""
     rng = np.random.default_rng(1)
-    H = rng.standard_normal((400, 8, 2)) + 1j * rng.standard_normal((400, 8, 2))
+    H = complex_normal(rng, (400, 8, 2))
     orders = np.arange(4, 25)
     s = fitted(FRF.from_arrays(LINES, H), orders)
     assert s.poles.size < 0.05 * orders.sum()  # as many pairs with two inputs

@@ -5,12 +5,13 @@ import pytest
 
 import fem
 from dovetail import load_study
+from tests.frames import FLAT_STEEL
 from updating import Measurement, MeasurementError, Sensor, build_problem, update, with_sensor_masses
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.preparation import with_higher_mass
 from updating.measurement.measurement import sensor_rows
 
-BEAM = """
+BEAM = f"""
 [points]
 root = [0.0, 0.0, 0.0]
 tip = [0.5, 0.0, 0.0]
@@ -18,16 +19,7 @@ tip = [0.5, 0.0, 0.0]
 [members.beam]
 from = "root"
 to = "tip"
-
-[materials.steel]
-E = 210e9
-rho = 7850.0
-
-[sections.flat]
-shape = "rectangle"
-b = 0.03
-h = 0.01
-
+{FLAT_STEEL}
 [[supports]]
 point = "root"
 
@@ -107,10 +99,7 @@ def test_masses_and_gains_act_in_updating_and_diagnosis():
     lines = np.arange(5.0, 400.0, 1.0)
     measured = measurement(model, sensors, lines)
     wrong = model.with_values({("frame", "E:steel"): 200e9})
-    found = update(
-        wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0,
-        damping_std=0.0,
-    )  # fmt: skip
+    found = update(wrong, [("frame", "E:steel")], frf=measured, noise=0.01, model_error=0, damping_std=0.0)
     assert found["frame E:steel"].value == pytest.approx(210e9, rel=1e-4)
     problem = build_problem(model, measured, ())
     assert np.nanmax(np.abs(problem.log_ratio(problem.nominal()))) < 1e-3

@@ -27,10 +27,12 @@ def two_cantilevers():
         for n, p in (("SA", [0.0, 0, 0]), ("SB", [0.0, 1, 0]))
     )
     spring = fem.Joint(
-        name="tie", point1=mesh.nearest_point(np.array([1.0, 0, 0]))[0],
-        point2=mesh.nearest_point(np.array([1.0, 1, 0]))[0], location=np.array([1.0, 0.5, 0]),
+        name="tie",
+        point1=mesh.nearest_point(np.array([1.0, 0, 0]))[0],
+        point2=mesh.nearest_point(np.array([1.0, 1, 0]))[0],
+        location=np.array([1.0, 0.5, 0]),
         K=np.diag([0, 0, 2e3, 0, 0, 0.0]),
-    )  # fmt: skip
+    )
     members = dict.fromkeys(mesh.members, steel)
     return fem.Model(mesh, (fem.Frame(members=members), *held, spring), fem.Damping.modal(0.01)), tip, root
 
@@ -76,7 +78,9 @@ def test_what_decides_is_what_the_first_fits_better(fits):
 
 def test_the_same_explanation_needs_no_measurement(fits):
     problem, right, _ = fits
-    for p in next_measurements(problem, right, right):
+    proposals = next_measurements(problem, right, right)
+    assert proposals
+    for p in proposals:
         assert p.evidence < 1e-12
         assert p.difference_db < 1e-9
 

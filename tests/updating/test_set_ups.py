@@ -32,9 +32,11 @@ def part(found, channels, factors, modes=range(N), shift=1.0):
     return replace(
         found,
         modes=Modes(shift * FREQUENCY[modes], np.real(psi), np.full(len(modes), ZETA), tuple(channels)),
-        complex_shapes=psi.astype(complex), frequency_std=FREQUENCY[modes] * 1e-3, zeta_std=small,
+        complex_shapes=psi.astype(complex),
+        frequency_std=FREQUENCY[modes] * 1e-3,
+        zeta_std=small,
         shape_std=np.full(psi.shape, 1e-4),
-    )  # fmt: skip
+    )
 
 
 def true_shapes():
@@ -75,9 +77,10 @@ def test_of_two_close_modes_each_keeps_its_partner_by_the_shared_sensors(identif
     f = np.array([5.0, 5.02, 8.0, 9.0])
     one = replace(one, modes=replace(one.modes, frequency=f))
     two = replace(
-        two, modes=replace(two.modes, frequency=f, shapes=two.modes.shapes[:, [1, 0, 2, 3]]),
+        two,
+        modes=replace(two.modes, frequency=f, shapes=two.modes.shapes[:, [1, 0, 2, 3]]),
         complex_shapes=two.complex_shapes[:, [1, 0, 2, 3]],
-    )  # fmt: skip
+    )
     merged = merge_set_ups([one, two])
     assert {tuple(g.items()) for g in merged.members[:2]} == {((0, 0), (1, 1)), ((0, 1), (1, 0))}
     assert (merged.agreement > 0.999).all()

@@ -9,14 +9,12 @@ from hypothesis import strategies as st
 
 import fem
 from fem.reduction.condensation import reduce_guyan, reduce_serep
+from tests.frames import beam, fix
+from tests.noise import complex_normal
 from updating.correlation import shape_correlation as sc
 
 modest = settings(max_examples=30, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)
-
-
-def shapes(rng, n_dof, n_modes):
-    return rng.standard_normal((n_dof, n_modes)) + 1j * rng.standard_normal((n_dof, n_modes))
 
 
 def phases(rng, n):
@@ -74,10 +72,10 @@ def test_a_reversed_sensor_is_hidden_from_comac_and_seen_by_ecomac():
 
 def test_comac_is_blind_to_uniform_factors_and_phases_of_modes():
     rng = np.random.default_rng(3)
-    a = shapes(rng, 7, 3)
+    a = complex_normal(rng, (7, 3))
     np.testing.assert_allclose(sc.comac(a * phases(rng, 3), a), 1, rtol=1e-12)
     np.testing.assert_allclose(sc.ecomac(a * phases(rng, 3), a), 0, atol=1e-14)
-    assert sc.comac(a[:, :1], shapes(rng, 7, 1)) == pytest.approx(np.ones(7))
+    assert sc.comac(a[:, :1], complex_normal(rng, (7, 1))) == pytest.approx(np.ones(7))
 
 
 def test_criteria_of_a_table_worked_by_hand():
@@ -124,12 +122,7 @@ def test_random_shapes_have_the_expected_part_in_a_subspace():
 
 @pytest.fixture(scope="module")
 def cantilever():
-    mesh = fem.Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"bar": [0]}).refined(counts={"bar": 12})
-    bar = fem.MemberProperties(
-        fem.Material("steel", 210e9, 7850.0), fem.Section.rectangle(0.03, 0.01), theory="euler-bernoulli"
-    )
-    model = fem.Model(mesh, (fem.Frame(members={"bar": bar}), fem.Support(name="root", point=0)))
-    system = fem.assemble(model)
+    system = fem.assemble(beam(12, effects=(fix(0),)))
     modes = fem.solve_modes(system, n=12)
     z = np.abs(modes.shapes[2::6]).max(axis=0)
     bending = np.flatnonzero(z > 0.5 * z.max())[:4]
@@ -182,7 +175,7 @@ def test_masses_that_do_not_fit_are_refused():
 @given(seeds, st.integers(3, 8), st.integers(1, 3))
 def test_ranges_and_invariances(seed, n_dof, n_modes):
     rng = np.random.default_rng(seed)
-    x, a = shapes(rng, n_dof, n_modes), shapes(rng, n_dof, n_modes)
+    x, a = complex_normal(rng, (n_dof, n_modes)), complex_normal(rng, (n_dof, n_modes))
     for criterion in (sc.comac, sc.ecomac, sc.mac_without):
         value = criterion(x, a)
         assert ((value >= 0) & (value <= 1)).all()
@@ -203,7 +196,7 @@ def test_ranges_and_invariances(seed, n_dof, n_modes):
 @given(seeds, st.integers(3, 8), st.integers(1, 3))
 def test_leaving_a_dof_out_is_deleting_its_row(seed, n_dof, n_pairs):
     rng = np.random.default_rng(seed)
-    x, a = shapes(rng, n_dof, n_pairs), shapes(rng, n_dof, n_pairs)
+    x, a = complex_normal(rng, (n_dof, n_pairs)), complex_normal(rng, (n_dof, n_pairs))
     deleted = [np.diag(sc.mac(np.delete(x, i, 0), np.delete(a, i, 0))) for i in range(n_dof)]
     np.testing.assert_allclose(sc.mac_without(x, a), deleted, rtol=1e-9, atol=1e-12)
     found = sc.eliminate_coordinates(x, a)
@@ -216,13 +209,13 @@ def test_leaving_a_dof_out_is_deleting_its_row(seed, n_dof, n_pairs):
 @given(seeds, st.integers(1, 3), st.integers(1, 3))
 def test_subspaces_do_not_depend_on_their_basis(seed, m, k):
     rng = np.random.default_rng(seed)
-    x, a = shapes(rng, 8, m), shapes(rng, 8, k)
+    x, a = complex_normal(rng, (8, m)), complex_normal(rng, (8, k))
     angles = sc.principal_angles(x, a)
-    np.testing.assert_allclose(sc.principal_angles(x @ shapes(rng, m, m), a), angles, atol=1e-8)
+    np.testing.assert_allclose(sc.principal_angles(x @ complex_normal(rng, (m, m)), a), angles, atol=1e-8)
     np.testing.assert_allclose(sc.principal_angles(a, x), angles, atol=1e-10)
     part = sc.subspace_mac(x, a)
     assert (part >= sc.mac(x, a).max(axis=1) - 1e-12).all()
-    np.testing.assert_allclose(sc.subspace_mac(a @ shapes(rng, k, 2), a), 1, rtol=1e-10)
+    np.testing.assert_allclose(sc.subspace_mac(a @ complex_normal(rng, (k, 2)), a), 1, rtol=1e-10)
     if m == 1:
         np.testing.assert_allclose(np.cos(angles) ** 2, part, atol=1e-10)
 
@@ -235,7 +228,7 @@ def test_subspaces_do_not_depend_on_their_basis(seed, m, k):
 def test_a_gap_is_left_out_of_its_own_shape_alone(seed):
     """Every criterion is that of the DOFs which the shapes have, each pair or DOF taken by itself."""
     rng = np.random.default_rng(seed)
-    x, a = shapes(rng, 9, 4), shapes(rng, 9, 4)
+    x, a = complex_normal(rng, (9, 4)), complex_normal(rng, (9, 4))
     x[3:, :3][rng.random((6, 3)) < 0.4] = np.nan  # one shape and a few DOFs have no gaps
     known = ~np.isnan(x)
     mac = sc.mac(x, a)

@@ -34,9 +34,14 @@ def test_the_mass_of_a_prior_is_the_integral_of_its_density(prior):
 
 def test_costs_of_many_levels_are_those_of_each():
     levels = ModeLevels.up_to(
-        np.arange(2), np.array([5.0, 7.0]), np.array([5.0, 8.0]), np.array([1e-6, 4e-6]), np.ones(2),
-        np.ones(2), 0.015,
-    )  # fmt: skip
+        np.arange(2),
+        np.array([5.0, 7.0]),
+        np.array([5.0, 8.0]),
+        np.array([1e-6, 4e-6]),
+        np.ones(2),
+        np.ones(2),
+        0.015,
+    )
     v = np.array([[1e-6, 3e-6], [5e-5, 1e-4], [2e-3, 1e-6]])
     assert levels.costs(v) == pytest.approx([levels.cost(each) for each in v])
     assert levels.weight(v) == pytest.approx(np.array([levels.weight(each) for each in v]))

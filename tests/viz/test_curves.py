@@ -163,9 +163,12 @@ def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
     assert texts(ax) == ["−30.0", "−29.5", "−12.0"]
     assert ax.yaxis_inverted()
     assert legend_texts(figure) == [
-        "accepted", "cannot be told from it", "other candidates", "without: −10.0 dB",
+        "accepted",
+        "cannot be told from it",
+        "other candidates",
+        "without: −10.0 dB",
         "noise floor: −33.0 dB",
-    ]  # fmt: skip
+    ]
     assert ax.get_xlabel().endswith("[dB]")
 
 
@@ -241,9 +244,13 @@ def test_position_marks_the_best_place():
     assert ax.get_xlabel() == "place along lower [m]"
     assert ax.get_ylabel() == "error [dB]"
     assert legend_texts(figure) == [
-        "noise floor", "confidence interval", "without the effect", "with the effect",
-        "best at 0.3 m", "sensors",
-    ]  # fmt: skip
+        "noise floor",
+        "confidence interval",
+        "without the effect",
+        "with the effect",
+        "best at 0.3 m",
+        "sensors",
+    ]
 
 
 def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):

@@ -28,9 +28,11 @@ def without_pyvista(*words):
 def without_opengl(*words):
     return subprocess.run(
         [sys.executable, "-m", "dovetail", *words],
-        capture_output=True, text=True, check=False,
+        capture_output=True,
+        text=True,
+        check=False,
         env={**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkNoSuchWindow", "DISPLAY": ""},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

@@ -154,8 +154,8 @@ def test_the_staircase_has_every_step_and_the_floor():
 def test_bars_of_candidates_run_from_the_error_without_them():
     levels = [2.5, 0.7, 3.0, 0.9]
     figure = error.ranking_figure(
-        ["b", "best", "worse", "twin"], levels, 2.67, names=["n0", "n1", "n2", "n3"], accepted=1, twins=[3],
-    )  # fmt: skip
+        ["b", "best", "worse", "twin"], levels, 2.67, names=["n0", "n1", "n2", "n3"], accepted=1, twins=[3]
+    )
     by_name = {t.name: t for t in figure.data}
     assert list(by_name["accepted"].customdata) == ["n1"]
     assert list(by_name["accepted"].y) == [0]  # on top
@@ -328,8 +328,10 @@ def test_rigid_body_modes_and_growing_ones_are_named():
     known = Modes(np.array([0.0, -3.0, 41.2]), np.zeros((6, 3)), np.array([0, 0, 0.012]), n_rigid=1)
     labels = [modes.mode_label(known, k) for k in range(3)]
     assert labels == [
-        "rigid-body mode 1", "mode 1: −3 Hz, a motion that grows", "mode 2: 41.2 Hz, damping 1.2 %"
-    ]  # fmt: skip
+        "rigid-body mode 1",
+        "mode 1: −3 Hz, a motion that grows",
+        "mode 2: 41.2 Hz, damping 1.2 %",
+    ]
     with pytest.raises(ValueError, match="none of 3 modes"):
         modes.modes_figure(beam(1), known, [])
 

@@ -36,9 +36,14 @@ def test_stabilisation_diagram_shows_every_pole_once_and_the_modes(case):
     assert top.get_ylabel() == "mode indicator [dB]"
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert words == [
-        "measured", "fitted modes and residuals", "residual", "mode", "new", "frequency stable",
+        "measured",
+        "fitted modes and residuals",
+        "residual",
+        "mode",
+        "new",
+        "frequency stable",
         "frequency, damping and participation stable",
-    ]  # fmt: skip
+    ]
 
 
 def test_indicators_are_of_measured_fitted_and_what_is_left(case):

@@ -9,6 +9,7 @@ from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.sections.section import Section
+from tests.noise import complex_normal
 from viz import models, shapes, surfaces
 from viz.layout import merge_names, place_labels
 from viz.triangles import circle_of_area, triangulate
@@ -194,7 +195,7 @@ def test_arrows_begin_outside_the_section():
 def test_matching_recovers_scale_and_sign_of_a_measured_shape():
     rng = np.random.default_rng(3)
     directions = np.eye(3)[rng.integers(0, 3, 12)]
-    computed = rng.standard_normal((12, 3)) + 1j * rng.standard_normal((12, 3))
+    computed = complex_normal(rng, (12, 3))
     readings = np.einsum("ij,ij->i", computed, directions)[:, None] * directions
     assert shapes.match_scale(readings / (-2.5 + 1j), computed) == pytest.approx(-2.5 + 1j)
 

@@ -24,9 +24,13 @@ def updated():
     rows = [6 * p + "xyz".index(d) for p, d in places]
     parameters = {("dE left", "change"): 0.2, ("frame", "E:steel"): 0.1, ("frame", "rho:steel"): 1e-5}
     return update(
-        model, parameters, frequency=modes.frequency, shapes=modes.shapes[rows], outputs=places,
+        model,
+        parameters,
+        frequency=modes.frequency,
+        shapes=modes.shapes[rows],
+        outputs=places,
         settings=UpdateSettings(regularisation="tikhonov"),
-    )  # fmt: skip
+    )
 
 
 def test_convergence_draws_every_parameter_over_the_steps(updated):

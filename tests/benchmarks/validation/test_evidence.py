@@ -80,12 +80,11 @@ def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffne
     search, begun = fake_search(propose(soft.model, test=soft.measurement))
     truth = at_truth(search, [stated(soft.model, soft.implants)])
     assert truth is not None
-    wanted = {
-        f"support_flexibility:{i.hidden.place.support}.{i.hidden.place.direction}":
-        i.hidden.values(i.amplitude)["stiffness"]
-        for i in soft.implants
-    }  # fmt: skip
-    assert begun == [{name: {"stiffness": pytest.approx(k)} for name, k in wanted.items()}]
+    wanted = {}
+    for implant in soft.implants:
+        place, k = implant.hidden.place, implant.hidden.values(implant.amplitude)["stiffness"]
+        wanted[f"support_flexibility:{place.support}.{place.direction}"] = {"stiffness": pytest.approx(k)}
+    assert begun == [wanted]
 
 
 def test_what_the_library_lacks_has_no_start_and_nothing_is_a_truth_too(soft):
@@ -126,14 +125,22 @@ def test_effects_are_what_is_hidden_only_with_all_directions_and_no_others(soft)
 
 def record(probability, right, *, verdict="effect", loss="information loss", holds=True, place=None, of="a"):
     return {
-        "case": "a:0", "set": of, "cpu_seconds": 3.0,
+        "case": "a:0",
+        "set": of,
+        "cpu_seconds": 3.0,
         "evidence": {
-            "verdict": verdict, "right": right, "in_three": right, "probability": probability,
+            "verdict": verdict,
+            "right": right,
+            "in_three": right,
+            "probability": probability,
             "sure_and_wrong": verdict != "unexplained" and probability >= 0.9 and not right,
-            "place_probability": probability, "place_right": place, "loss": "-" if right else loss,
-            "credible": [{"name": "h", "probability": 0.9, "right": holds}], "covered": holds,
+            "place_probability": probability,
+            "place_right": place,
+            "loss": "-" if right else loss,
+            "credible": [{"name": "h", "probability": 0.9, "right": holds}],
+            "covered": holds,
         },
-    }  # fmt: skip
+    }
 
 
 def test_answers_are_counted_in_the_bin_of_what_was_stated():

@@ -89,7 +89,7 @@ SHAPES = [  # rectangles about the node: centres along 1 and 2, width along 1, h
     ("I", ".02, .1, 0, .05, 0, .006, .004", [(0, 0.077, 0.05, 0.006), (0, 0.027, 0.004, 0.094)]),
     ("I", ".02, .1, .05, 0, .006, 0, .004", [(0, -0.017, 0.05, 0.006), (0, 0.033, 0.004, 0.094)]),
     ("L", ".05, .08, .006, .004", [(0.023, 0, 0.05, 0.006), (0, 0.04, 0.004, 0.074)]),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("kind", "dimensions", "rectangles"), SHAPES)
@@ -321,8 +321,11 @@ Set-1, ENCASTRE
 
 def test_a_deck_of_the_preprocessor(tmp_path):
     mass = "*Mass, elset=Set-2_Inertia-1_\n1e5,\n"
-    text = CAE.replace("*End Assembly", f"{mass}*Element, type=Spring1, elset=S\n2, Part-1-1.3\n"
-                       "*Spring, elset=S\n3\n1e6\n*Nset, nset=N, elset=S\n*End Assembly")  # fmt: skip
+    text = CAE.replace(
+        "*End Assembly",
+        f"{mass}*Element, type=Spring1, elset=S\n2, Part-1-1.3\n"
+        "*Spring, elset=S\n3\n1e6\n*Nset, nset=N, elset=S\n*End Assembly",
+    )
     deck = deck_of(tmp_path, text.replace("*Step", "*Boundary\nN, 2, 2\n*Step"))
     assert deck.supports == {0: DIRECTIONS, 2: ("y",)}
     assert ([b.node for b in deck.bodies], [c.nodes for c in deck.connections]) == ([2], [(2, None)])

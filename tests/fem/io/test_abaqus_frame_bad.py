@@ -77,7 +77,7 @@ NODE = "*NODE\n9, 0, 0, 1\n"
             "line 13: *BEAM GENERAL SECTION has no density",
         ),
     ],
-)  # fmt: skip
+)
 def test_one_line_names_file_line_and_keyword(tmp_path, text, words):
     with pytest.raises(MeshError) as found:
         deck_of(tmp_path, text)

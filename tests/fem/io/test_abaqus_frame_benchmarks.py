@@ -140,17 +140,27 @@ SPRINGS = (
     "*NODE\n900, 1., .5, 0.\n*ELEMENT, TYPE=SPRINGA, ELSET=SA\n600, 21, 900\n*SPRING, ELSET=SA\n\n20000.\n"
     "*ELEMENT, TYPE=SPRING1, ELSET=S1\n601, 21\n*SPRING, ELSET=S1\n3\n8000.\n"
 )
+FLAT, SLIM = section(1, ".02, .03"), section(1, ".01, .015")
+CLAMPED = "*BOUNDARY\n1, 1, 6\n"
+BESIDE = chain([(0.0, 0.2, 0), (1.0, 0.2, 0)], 10, 101)
+IN_SPACE = chain([(0.0, 0, 0), (0.0, 0, 1), (0.8, 0, 1), (0.8, 0.6, 1)], 8)
+BENT = chain([(0.0, 0, 0), (1.0, 0, 0), (1.0, 0.6, 0)], 8)
+SKEW = "*NSET, NSET=END\n33\n*TRANSFORM, NSET=END\n1., 1., 0., -1., 1., 0.\n"
+LEVER = "*EQUATION\n2\n21, 3, 1., 121, 3, -.5\n"
 DECKS = {
-    "cantilever": STRAIGHT + ALUMINIUM + section(1, ".02, .03") + "*BOUNDARY\n1, 1, 6\n",
-    "mass and springs": STRAIGHT + MASS + SPRINGS + ALUMINIUM + section(1, ".02, .03")
-    + "*BOUNDARY\n1, 1, 6\n900, 1, 3\n",
-    "equation": STRAIGHT + chain([(0.0, 0.2, 0), (1.0, 0.2, 0)], 10, 101) + ALUMINIUM + section(1, ".02, .03")
-    + section(101, ".02, .015") + "*BOUNDARY\n1, 1, 6\n101, 1, 6\n*EQUATION\n2\n21, 3, 1., 121, 3, -.5\n",
-    "frame in space": chain([(0.0, 0, 0), (0.0, 0, 1), (0.8, 0, 1), (0.8, 0.6, 1)], 8) + ALUMINIUM
-    + section(1, ".01, .015", ".3, 1, .2") + "*BOUNDARY\n1, 1, 6\n",
-    "skew support": chain([(0.0, 0, 0), (1.0, 0, 0), (1.0, 0.6, 0)], 8) + ALUMINIUM + section(1, ".01, .015")
-    + "*NSET, NSET=END\n33\n*TRANSFORM, NSET=END\n1., 1., 0., -1., 1., 0.\n*BOUNDARY\n1, 1, 6\n33, 1\n",
-}  # fmt: skip
+    "cantilever": STRAIGHT + ALUMINIUM + FLAT + CLAMPED,
+    "mass and springs": STRAIGHT + MASS + SPRINGS + ALUMINIUM + FLAT + CLAMPED + "900, 1, 3\n",
+    "equation": STRAIGHT
+    + BESIDE
+    + ALUMINIUM
+    + FLAT
+    + section(101, ".02, .015")
+    + CLAMPED
+    + "101, 1, 6\n"
+    + LEVER,
+    "frame in space": IN_SPACE + ALUMINIUM + section(1, ".01, .015", ".3, 1, .2") + CLAMPED,
+    "skew support": BENT + ALUMINIUM + SLIM + SKEW + CLAMPED + "33, 1\n",
+}
 
 
 def with_torsion_of_one_element(deck):

@@ -67,9 +67,9 @@ def test_axial_spring_is_along_its_nodes(tmp_path):
 def test_spring_between_nodes_has_axes(tmp_path):
     text = "*NODE\n7, 1e-3, 0, 0\n*ORIENTATION, NAME=O\n0, 1, 0, -1, 0, 0\n"
     text += "*ELEMENT, TYPE=SPRING2, ELSET=S\n91, 2, 7\n"
-    deck = deck_of(tmp_path, STIFF + text + "*SPRING, ELSET=S, ORIENTATION=O\n1, 1\n10.\n"
-    "*RIGID BODY, REF NODE=7, NSET=N\n"
-                   "*NSET, NSET=N\n7, 2\n")  # fmt: skip
+    text += "*SPRING, ELSET=S, ORIENTATION=O\n1, 1\n10.\n"
+    text += "*RIGID BODY, REF NODE=7, NSET=N\n*NSET, NSET=N\n7, 2\n"
+    deck = deck_of(tmp_path, STIFF + text)
     c = deck.connections[0]
     stiffness = c.axes.T @ c.K[:3, :3] @ c.axes
     np.testing.assert_allclose(stiffness, np.diag([0, 10, 0]), atol=1e-12)

@@ -97,10 +97,14 @@ def load_case(data: dict[str, Any], k: int) -> LoadCase:
         along = np.eye(3)[axis]
         members.append(
             LineLoad(
-                member=f"m{m}", force1=first * along, force2=second * along,
-                start=start, stop=stop, axes="local",
+                member=f"m{m}",
+                force1=first * along,
+                force2=second * along,
+                start=start,
+                stop=stop,
+                axes="local",
             )
-        )  # fmt: skip
+        )
     members += [
         MemberForce(member=f"m{m}", position=x, force=force, axes="local")
         for m, *force, x in case.get("forces", ())

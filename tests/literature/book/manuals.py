@@ -151,15 +151,24 @@ PROBLEMS = (
         title="tie rod under a lateral load (Timoshenko, 1956), second order and first order",
         quantities=(
             Quantity(
-                name="deflection under tension", unit="in", printed="-0.19945", allowance=1.2e-4,
+                name="deflection under tension",
+                unit="in",
+                printed="-0.19945",
+                allowance=1.2e-4,
                 reason=_LENGTHENED,
             ),
             Quantity(
-                name="slope under tension", unit="rad", printed="0.0032352", allowance=1.2e-4,
+                name="slope under tension",
+                unit="rad",
+                printed="0.0032352",
+                allowance=1.2e-4,
                 reason=_LENGTHENED,
             ),
             Quantity(
-                name="moment under tension", unit="lb·in", printed="-4580.1", allowance=1.2e-4,
+                name="moment under tension",
+                unit="lb·in",
+                printed="-4580.1",
+                allowance=1.2e-4,
                 reason=_LENGTHENED,
             ),
             Quantity(name="deflection", unit="in", printed="-0.38241"),
@@ -178,13 +187,11 @@ PROBLEMS = (
         name="SAP2000 example 1",
         title="frame of 2 bays and 7 storeys: modes and static loads",
         quantities=(
-            Quantity(
-                name="periods", unit="s", printed="1.2732 0.4313 0.2420 0.1602 0.1190 0.0951 0.0795"
-            ),
+            Quantity(name="periods", unit="s", printed="1.2732 0.4313 0.2420 0.1602 0.1190 0.0951 0.0795"),
             Quantity(name="sway of the top", unit="in", printed="1.45076"),
             Quantity(name="axial force at the left foot", unit="kip", printed="69.99"),
             Quantity(name="moment at the left foot", unit="kip·in", printed="2324.68"),
         ),
         compute=_seven_storeys,
     ),
-)  # fmt: skip
+)

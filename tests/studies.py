@@ -1,0 +1,16 @@
+"""Study files that tests write: a text becomes a file, or the study that is read from it."""
+
+from dovetail import load_study
+from dovetail.file.config import NEEDS
+
+
+def study_file(folder, text):
+    """Write a study's text to study.toml in a folder; return the path."""
+    path = folder / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def study_from(folder, text, needs=NEEDS):
+    """Write a study's text to study.toml in a folder; return the study with the parts that it needs."""
+    return load_study(study_file(folder, text), needs)
