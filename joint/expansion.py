@@ -207,11 +207,11 @@ def _modal_inverse(shapes: FloatArray, what: str) -> tuple[FloatArray, float]:
     s = np.linalg.svd(unit, compute_uv=False)
     if n < m or s[-1] < 1e-6 * s[0]:
         if n < m:
-            msg = f"{n} {what} cannot tell {m} modes apart; at least {m} are needed, or fewer modes"
+            msg = f"{n} {what} cannot distinguish {m} modes; at least {m} are needed, or fewer modes"
             raise ExpansionError(msg)
         v = np.abs(np.linalg.svd(unit)[2][-1])
         words = ", ".join(str(i + 1) for i in np.argsort(-v)[:3] if v[i] > 0.3)
-        msg = f"the {what} do not tell modes {words} apart; add some where these differ, or leave modes out"
+        msg = f"the {what} do not distinguish modes {words}; add some where these differ, or leave modes out"
         raise ExpansionError(msg)
     return np.asarray(np.linalg.pinv(shapes), dtype=float), float(s[0] / s[-1])
 

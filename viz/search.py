@@ -97,7 +97,7 @@ def plot_ranking(
                     hatch="////",
                     edgecolor="white",
                     linewidth=0,
-                    label="cannot be told from it",
+                    label="indistinguishable from it",
                 )
             )
         keys.append(Patch(color="#b9c3cd", label="other candidates"))

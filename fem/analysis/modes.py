@@ -501,7 +501,7 @@ def _describe_unstable(system: System, vectors: NDArray[np.float64]) -> str:
     return (
         f"the structure is unstable: {vectors.shape[1]} motion(s) have a negative stiffness{of}; the first "
         f"moves point {point} {DIRECTIONS[axis]} most. Only its undamped modes (solve_modes) and its FRFs "
-        "(compute_frf) are to be had: less compression is needed"
+        "(compute_frf) are available: less compression is needed"
     )
 
 

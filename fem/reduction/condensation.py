@@ -237,7 +237,7 @@ def reduce_serep(system: System, keep: Selection, n_modes: int | None = None) ->
     part = _partition(system, keep)
     n = len(part.kept) if n_modes is None else n_modes
     if n > len(part.kept):
-        msg = f"{len(part.kept)} kept DOFs cannot tell {n} modes apart; keep more, or ask for fewer modes"
+        msg = f"{len(part.kept)} kept DOFs cannot distinguish {n} modes; keep more, or ask for fewer modes"
         raise ModelError(msg)
     pairs = solve_eigenpairs(system, n)
     frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)

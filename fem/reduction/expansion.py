@@ -253,7 +253,7 @@ def left_inverse(seen: Array, frequency: NDArray[np.float64], n_sensors: int) ->
     n, m = seen.shape
     if n < m:
         msg = (
-            f"{n_sensors} sensors cannot tell {m} modes apart; at least {m} sensors are needed, "
+            f"{n_sensors} sensors cannot distinguish {m} modes; at least {m} sensors are needed, "
             "or fewer modes"
         )
         raise ModelError(msg)
@@ -267,7 +267,7 @@ def left_inverse(seen: Array, frequency: NDArray[np.float64], n_sensors: int) ->
         what = (
             f"mode {names[0]} does not move the {n_sensors} sensors"
             if len(names) == 1
-            else f"the {n_sensors} sensors cannot tell the modes {', '.join(names)} apart"
+            else f"the {n_sensors} sensors cannot distinguish the modes {', '.join(names)}"
         )
         msg = f"{what}; add sensors where they differ, or leave modes out"
         raise ModelError(msg)

@@ -194,7 +194,7 @@ def test_expansion_is_linear_and_does_not_depend_on_units(seed, factor):
 
 
 def test_fewer_sensors_than_modes_are_refused():
-    with pytest.raises(ModelError, match="3 sensors cannot tell 8 modes apart; at least 8 sensors"):
+    with pytest.raises(ModelError, match="3 sensors cannot distinguish 8 modes; at least 8 sensors"):
         expand_serep(PORTAL, MODES, SENSORS[:3], np.zeros((3, 1)))
 
 
@@ -206,7 +206,7 @@ def test_modes_that_the_sensors_cannot_tell_apart_are_named():
     with pytest.raises(ModelError, match=r"mode 2 \(25\.07 Hz\) does not move the 5 sensors"):
         expand_serep(system, modes, sensors, np.zeros((5, 1)))
     twins = Modes(modes.frequency[[0, 2, 2]], modes.shapes[:, [0, 2, 2]])
-    with pytest.raises(ModelError, match=r"cannot tell the modes 2 \(.*\), 3 \(.*\) apart"):
+    with pytest.raises(ModelError, match=r"cannot distinguish the modes 2 \(.*\), 3 \(.*\)"):
         expand_serep(system, twins, sensors, np.zeros((5, 1)))
 
 

@@ -264,7 +264,7 @@ def test_what_cannot_be_kept_is_refused_by_name():
         reduce_guyan(system, [])
     with pytest.raises(ModelError, match="combinations cannot be kept"):
         reduce_guyan(system, np.eye(system.model.n_dof)[:2])
-    with pytest.raises(ModelError, match="2 kept DOFs cannot tell 3 modes apart"):
+    with pytest.raises(ModelError, match="2 kept DOFs cannot distinguish 3 modes"):
         reduce_serep(system, [(8, "y"), (7, "x")], 3)
     with pytest.raises(ModelError, match="needs at least 1"):
         reduce_irs(system, [(8, "y")], 0)

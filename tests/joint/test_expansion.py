@@ -94,11 +94,11 @@ def test_serep_gives_rotations_that_its_modes_span():
 
 def test_serep_names_modes_that_the_sensors_cannot_tell_apart():
     shapes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 2.0, 2.0], [1.0, 0.0, 0.0]])
-    with pytest.raises(ExpansionError, match="do not tell modes 2, 3 apart"):
+    with pytest.raises(ExpansionError, match="do not distinguish modes 2, 3"):
         expand_serep(
             FREQUENCY, np.ones((40, 4, 4)), shapes, shapes, shapes, shapes, *[coordinates_of([1], "xy")] * 2
         )
-    with pytest.raises(ExpansionError, match="2 sensors cannot tell 3 modes apart"):
+    with pytest.raises(ExpansionError, match="2 sensors cannot distinguish 3 modes"):
         expand_serep(
             FREQUENCY,
             np.ones((40, 2, 2)),

@@ -146,19 +146,19 @@ def test_a_plan_tells_its_modes_apart(method):
     with pytest.raises(ValueError, match=r"candidate \(99, 'z'\) is not in the mesh"):
         pt.plan_pretest(model, modes, 6, candidates=[(99, "z")])
     sideways = [(p, "y") for p in range(model.mesh.n_points)]
-    with pytest.raises(ValueError, match=r"moves none of|cannot tell the modes"):
+    with pytest.raises(ValueError, match=r"moves none of|cannot distinguish the modes"):
         pt.plan_pretest(model, modes, 6, candidates=sideways)
 
 
 def test_what_cannot_be_asked_is_refused():
     phi = np.random.default_rng(1).standard_normal((5, 3))
-    with pytest.raises(ValueError, match="2 sensors cannot tell 3 modes apart"):
+    with pytest.raises(ValueError, match="2 sensors cannot distinguish 3 modes"):
         pt.place_by_effective_independence(phi, 2)
     with pytest.raises(ValueError, match="6 DOFs are asked for"):
         pt.place_by_auto_mac(phi, 6)
     with pytest.raises(ValueError, match="must differ"):
         pt.place_by_auto_mac(phi, 4, keep=[1, 1])
-    with pytest.raises(ValueError, match="cannot tell the modes 0, 1 apart"):
+    with pytest.raises(ValueError, match="cannot distinguish the modes 0, 1"):
         pt.effective_independence(phi[:, [0, 0]])
     with pytest.raises(ValueError, match="complex"):
         pt.effective_independence(1j * phi)

@@ -164,7 +164,7 @@ def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
     assert ax.yaxis_inverted()
     assert legend_texts(figure) == [
         "accepted",
-        "cannot be told from it",
+        "indistinguishable from it",
         "other candidates",
         "without: −10.0 dB",
         "noise floor: −33.0 dB",

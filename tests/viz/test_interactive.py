@@ -160,8 +160,8 @@ def test_bars_of_candidates_run_from_the_error_without_them():
     assert list(by_name["accepted"].customdata) == ["n1"]
     assert list(by_name["accepted"].y) == [0]  # on top
     assert by_name["accepted"].x[0] + by_name["accepted"].base[0] == pytest.approx(0.7)
-    assert list(by_name["cannot be told from it"].customdata) == ["n3"]
-    assert by_name["cannot be told from it"].marker.pattern.shape == "/"
+    assert list(by_name["indistinguishable from it"].customdata) == ["n3"]
+    assert by_name["indistinguishable from it"].marker.pattern.shape == "/"
     ends = [x + b for x, b in zip(by_name["other"].x, by_name["other"].base, strict=True)]
     assert ends == pytest.approx([2.5, 3.0])
     assert [s.x0 for s in figure.layout.shapes] == [2.67]

@@ -433,7 +433,7 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
         )
     if faults:
         return FAULT, (
-            f"with {len(faults)} fault(s) of the measurement set right nothing improves the model further; "
+            f"with {len(faults)} fault(s) of the measurement corrected, nothing improves the model further; "
             f"residual level {level} dB; probability {share}"
         )
     return NOTHING, (

@@ -330,7 +330,7 @@ class Baseline:
         return (
             f"the baseline is poor: the calibrated model misses it in {modes}, and something may be missing "
             "in both states",
-            f"the change was looked for beside each cause that both states may have: {shares}",
+            f"the change was searched for together with each cause that both states may have: {shares}",
         )
 
 

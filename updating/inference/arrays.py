@@ -210,7 +210,7 @@ def _check_shapes(shapes: NDArray[np.number], frequency: NDArray[np.float64], n_
         )
         raise ModelError(msg)
     if len(shapes) < 2:
-        msg = "a shape at one output says nothing; leave the shapes out"
+        msg = "a shape at one output has no information; omit the shapes"
         raise ModelError(msg)
     if np.isinf(shapes).any():
         i, k = np.argwhere(np.isinf(shapes))[0]

@@ -22,7 +22,7 @@ from updating.inference.update_settings import UpdateSettings
 class Ending(Enum):
     """Ending of an updating, with its cause and a remedy."""
 
-    CONVERGED = ("converged", "the last step is small beside the standard deviations", "")
+    CONVERGED = ("converged", "the last step is small compared with the standard deviations", "")
     OUT_OF_ITERATIONS = (
         "out of iterations",
         "the misfit was still falling",

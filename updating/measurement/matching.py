@@ -218,7 +218,7 @@ def match_geometry(
         msg = (
             f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it "
             "cannot be "
-            "found; give axes='same' or points beside the line"
+            "found; give axes='same' or points off the line"
         )
         raise GeometryMatchError(msg)
     found = _search(test, scaled, mesh, tree, tolerance, scale, labels)
@@ -273,7 +273,7 @@ def match_members(
     elif _spread(scaled) <= _COLLINEAR:
         msg = (
             f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it "
-            "cannot be found; give axes='same' or points beside the line"
+            "cannot be found; give axes='same' or points off the line"
         )
         raise GeometryMatchError(msg)
     else:
@@ -664,7 +664,7 @@ def _triangles(corners: Floats, mesh: Floats, tolerance: float) -> Ints:
             errors.append(abs(d[a, b] - ab) + abs(d[b, c] - bc) + abs(d[c, a] - ca))
     if len(places) > _MOST_PLACES:
         msg = (
-            f"{len(places)} triangles of mesh points are alike within {tolerance / 2:g} m; give fewer "
+            f"{len(places)} triangles of mesh points are similar within {tolerance / 2:g} m; give fewer "
             "mesh points, a "
             "smaller tolerance, labels of three points or axes='same'"
         )

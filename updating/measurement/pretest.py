@@ -79,9 +79,8 @@ def place_by_effective_independence(phi: ArrayLike, n_sensors: int, keep: ArrayL
     phi = _real(phi)
     kept = _checked(phi, n_sensors, keep)
     if n_sensors < phi.shape[1]:
-        msg = (
-            f"{n_sensors} sensors cannot tell {phi.shape[1]} modes apart; at least as many sensors are needed"
-        )
+        n = phi.shape[1]
+        msg = f"{n_sensors} sensors cannot distinguish {n} modes; at least as many sensors are needed"
         raise ValueError(msg)
     remaining = np.arange(len(phi))
     Q = _orthonormal(phi)
@@ -464,8 +463,9 @@ def _orthonormal(phi: Floats) -> Floats:
     U, s, Vt = np.linalg.svd(phi / _lengths(phi), full_matrices=False)
     if len(phi) < phi.shape[1] or s[-1] <= _FULL_RANK * s[0]:
         guilty = np.flatnonzero(np.abs(Vt[-1]) > 0.1 * np.abs(Vt[-1]).max())
+        modes = ", ".join(str(int(k)) for k in guilty)
         msg = (
-            f"the {len(phi)} candidates cannot tell the modes {', '.join(str(int(k)) for k in guilty)} apart "
+            f"the {len(phi)} candidates cannot distinguish the modes {modes} "
             "(counted from 0); allow more places or directions, or leave modes out"
         )
         raise ValueError(msg)

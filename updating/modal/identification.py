@@ -128,7 +128,7 @@ def identify_modes(
         std = frf.std if known else std
         frf = frf.frf
     if isinstance(frf, FRF) and H is not None:
-        msg = "H is given beside an FRF; give the FRF alone, or frequencies and H"
+        msg = "H is given in addition to an FRF; give the FRF alone, or frequencies and H"
         raise IdentificationError(msg)
     if isinstance(frf, FRF):
         full = frf

@@ -242,7 +242,7 @@ def phase_check(measurement: Measurement) -> Check:
     evidence = phase_evidence(frf)
     known, every = int((evidence.direction != 0).sum()), evidence.direction.size
     if not known:
-        why = "no FRF rings long enough in the band to tell e^{+iωt} from e^{-iωt}"
+        why = "no FRF rings long enough in the band to distinguish e^{+iωt} from e^{-iωt}"
         return Check("phase", NOT_RUN, why)
     wrong = misphased(evidence)
     if wrong:
@@ -281,7 +281,7 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
         taken_back = f"the apparent fault of {names} is explained by the effects that were found"
     if faults:  # of forces also where sensors are too few to check one another
         names = ", ".join(dict.fromkeys(f.sensor for f in faults))
-        found = f"{len(faults)} fault(s) were set right, at {names}"
+        found = f"{len(faults)} fault(s) were corrected, at {names}"
         return Check("sensors and forces", FAILED, f"{found}; {taken_back}" if taken_back else found)
     if withdrawn:
         return Check("sensors and forces", PASSED, taken_back)
@@ -318,7 +318,7 @@ def reciprocity_check(problem: FitProblem, gates: Gates) -> Check:
 
 def _level_check(gates: Gates, others: Sequence[Measurement]) -> Check:
     if not others:
-        why = "there is one measurement; whether the structure is linear takes two force levels"
+        why = "there is one measurement; a check of linearity needs two force levels"
         return Check("force levels", NOT_RUN, why)
     compared = [h for h in gates.homogeneity if np.isfinite(h.ratio)]
     words = "; ".join(_homogeneity_words(h) for h in gates.homogeneity)
@@ -335,7 +335,7 @@ def _homogeneity_words(h: Homogeneity) -> str:
     return (
         f"{h.measurement} differs from the first measurement by {h.ratio:.2g} times the noise in "
         f"the median, and {h.somewhere:.2g} times ({h.largest_db:.2g} dB) where it differs most: the "
-        "structure is not linear, or the two were not measured alike"
+        "structure is not linear, or the two were not measured in the same way"
     )
 
 

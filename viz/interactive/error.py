@@ -283,7 +283,7 @@ def ranking_figure(
 
 _CANDIDATES = {
     "accepted": (style.VERMILION, ""),
-    "cannot be told from it": ("#f2bf9b", "/"),
+    "indistinguishable from it": ("#f2bf9b", "/"),
     "other": ("#b9c3cd", ""),
 }
 """Colour and pattern of the bars of candidates."""

@@ -202,7 +202,7 @@ def search_of_problem(
             f"small beside the noise of {read.noise_db:.2g} dB",
         )
     if modes is not None:
-        notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted beside the FRFs",)
+        notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted together with the FRFs",)
 
     def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
         search = Search(

@@ -361,7 +361,7 @@ class Search:
 
         ``now`` is the score of the base on these lines.
         """
-        what = f"effects beside {labels(base.effects)}" if base.effects else "effects"
+        what = f"effects in addition to {labels(base.effects)}" if base.effects else "effects"
         self.tell(f"looking at {len(self.candidates)} {what}")
         quick, _ = self.fits.problems(base)
         kept = values_of(base.effects)
