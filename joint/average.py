@@ -256,8 +256,8 @@ def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[Floa
         words = ", ".join(form.names[i] for i in lead if abs(Vt[-1][i]) > 0.1)
         msg = (
             f"{len(problem.frequency)} lines determine {rank} of {n} parameters; not distinguished are "
-            f"{words} (a combination with {form.names[lead[0]]} changed by {weights[lead[0]]:.2g}); more lines, "
-            "internal coordinates, or a form with fewer parameters are needed"
+            f"{words} (a combination with {form.names[lead[0]]} changed by {weights[lead[0]]:.2g}); more "
+            "lines, internal coordinates, or a form with fewer parameters are needed"
         )
         raise IdentificationError(msg)
     theta = (Vt.T @ ((U.T @ g) / s)) / size

@@ -157,7 +157,8 @@ def build_problem(
     if not counted.size:
         msg = (
             f"no FRF of '{measurement.name}' can be compared: every value is 0, small compared with "
-            f"the others, or uncertain by more than {100 * NOISE_LIMIT:.0f} % (from {measurement.noise_source})"
+            f"the others, or uncertain by more than {100 * NOISE_LIMIT:.0f} % "
+            f"(from {measurement.noise_source})"
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]
