@@ -1,6 +1,6 @@
 """The page's candidates: a tree by place and kind, their ranking, and the results of a diagnosis."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -10,6 +10,7 @@ from dovetail.desk.session import Desk
 from dovetail.desk.widgets import Act, button, card, choice, labelled
 from dovetail.report.probable import hypotheses, probability_text
 from dovetail.report.words import departure_text, effect_label, parameters_text, place, ranked_label
+from fem.declarations import Environment
 from fem.model import parameter_values
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -109,30 +110,34 @@ class CandidateList:
         self._shown = now
         spots = [desk.spots[spot]] if spot else list(desk.spots.values())
         whole = bool(spot) or len(desk.candidates) <= MOST_LEAVES
+        unsaid = unstated(desk.study.model)
         nodes = []
         for one in spots:
             for where, names in one.places.items():
                 kinds: dict[str, list[str]] = {}
                 for name in names if whole else ():
                     kinds.setdefault(desk.candidates[name].kind, []).append(name)
-                nodes.append(
-                    {
-                        "id": f"place {where}",
-                        "label": f"{where} ({len(names)})",
-                        "children": [self._kind_node(where, k, n, added) for k, n in sorted(kinds.items())],
-                    }
-                )
+                children = [self._kind_node(where, k, n, added, unsaid) for k, n in sorted(kinds.items())]
+                label = f"{where} ({len(names)})"
+                nodes.append({"id": f"place {where}", "label": label, "children": children})
         self._tree.props["nodes"] = nodes
         self._tree.update()
         if spot:
             self._tree.expand([n["id"] for n in nodes] + [k["id"] for n in nodes for k in n["children"]])
 
-    def _kind_node(self, where: str, kind: str, names: list[str], added: set[str]) -> dict[str, Any]:
+    def _kind_node(
+        self,
+        where: str,
+        kind: str,
+        names: list[str],
+        added: set[str],
+        unsaid: Mapping[Environment, list[str]],
+    ) -> dict[str, Any]:
         leaves = [
             {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
         ]
-        unsaid = [str(e) for e, kinds in unstated(self._desk.study.model).items() if kind in kinds]
-        label = " – ".join([kind.replace("_", " "), *(f"{e} is not stated" for e in unsaid)])
+        needed = (e for e, kinds in unsaid.items() if kind in kinds)
+        label = " – ".join([kind.replace("_", " "), *(f"{e} is not stated" for e in needed)])
         return {"id": f"{where} {kind}", "label": label, "children": leaves}
 
     def _leaf(self, name: str) -> str:

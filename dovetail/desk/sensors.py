@@ -27,33 +27,40 @@ class SensorList:
             ).classes("desk-note")
             self._box = ui.element("div").classes("desk-sensors")
         self._known: Any = None
+        self._errors: dict[str, ui.label] = {}
         self.refresh()
 
     def refresh(self) -> None:
         """Show the present corrections of the sensors."""
         desk = self._desk
-        h, errors = desk.now.hypothesis, desk.shown.by_sensor()
-        now = (h.off, h.held_out, h.faults, errors.tobytes())
-        if now == self._known:
-            return
-        self._known = now
+        h, sensors = desk.now.hypothesis, desk.shown.comparison.outputs
+        now = (h.off, h.held_out, h.faults)
+        if now != self._known:
+            self._known = now
+            self._show_rows()
+        for name, error in zip(sensors, desk.shown.by_sensor(), strict=True):
+            self._errors[name].set_text(f"{error:.1f} dB" if np.isfinite(error) else "–")
+
+    def _show_rows(self) -> None:
+        """Make the rows anew; most actions change the errors alone, whose texts are less work."""
+        desk, h = self._desk, self._desk.now.hypothesis
         faults = {(f.kind, f.sensor): f.value for f in h.faults}
         self._box.clear()
         with self._box:
-            for name, error in zip(desk.shown.comparison.outputs, errors, strict=True):
-                self._row(name, float(error), name not in h.off, faults)
+            for name in desk.shown.comparison.outputs:
+                self._row(name, name not in h.off, faults)
             for name in desk.shown.comparison.inputs if len(desk.shown.comparison.inputs) > 1 else ():
                 with ui.element("div").classes("desk-sensor"):
                     ui.label(f"excitation {name}").classes("name")
                     self._hold(f"excitation {name}")
 
-    def _row(self, name: str, error: float, on: bool, faults: dict[tuple[str, str], float]) -> None:
+    def _row(self, name: str, on: bool, faults: dict[tuple[str, str], float]) -> None:
         act, desk = self._act, self._desk
         with ui.element("div").classes("desk-sensor"):
             counted = ui.checkbox(value=on, on_change=lambda: act(lambda: desk.switch(name)))
             labelled(counted, f"count sensor {name}")
             ui.label(name).classes("name")
-            ui.label(f"{error:.1f} dB" if np.isfinite(error) else "–").classes("desk-note")
+            self._errors[name] = ui.label().classes("desk-note")
             turned = ("sensor_sign", name) in faults
             self._hold(f"sensor {name}")
             sign = ui.button("−" if turned else "+", on_click=lambda: act(lambda: desk.turn(name)))

@@ -6,6 +6,7 @@ diagnosis; no other code has to be changed. `CONTRIBUTING.md` shows one.
 
 import importlib
 import pkgutil
+from functools import cache
 
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.joint import Joint, PointPair
@@ -55,8 +56,13 @@ __all__ = [
 
 def effect_classes() -> dict[str, type[Effect]]:
     """Return every effect class by its kind, from all modules of this package."""
+    return dict(_classes_in(tuple(__path__)))
+
+
+@cache  # a diagnosis or a page asks thousands of times, and each look at the folders takes a millisecond
+def _classes_in(folders: tuple[str, ...]) -> dict[str, type[Effect]]:
     out: dict[str, type[Effect]] = {}
-    for info in pkgutil.iter_modules(__path__):
+    for info in pkgutil.iter_modules(folders):
         module = importlib.import_module(f"{__name__}.{info.name}")
         for cls in vars(module).values():
             local = isinstance(cls, type) and issubclass(cls, Effect) and cls.__module__ == module.__name__

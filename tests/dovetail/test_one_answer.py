@@ -57,9 +57,14 @@ def some(effect):
     return effect.with_values(**start[len(start) // 2])
 
 
-def hypothesis(study, live, kind, form, fault):
+@pytest.fixture(scope="module")
+def found(study):
+    """Return the candidates by name."""
+    return {e.name: e for e in candidates(study)}
+
+
+def hypothesis(study, live, found, kind, form, fault):
     """Return a hypothesis with an effect beside a release, with the form and a fault."""
-    found = {e.name: e for e in candidates(study)}
     effects = [found[RELEASE].with_values(compliance=1.3e-4)]
     if kind != "end_release":
         own = [e for e in found.values() if e.kind == kind]
@@ -87,10 +92,10 @@ KINDS = sorted(set(candidate_kinds()) - OTHERWISE - FORMS)
 
 
 @pytest.mark.parametrize("kind", ["end_release", *KINDS])
-def test_all_who_compute_the_frfs_of_a_study_agree(tmp_path, study, live, kind, request):
+def test_all_who_compute_the_frfs_of_a_study_agree(tmp_path, study, live, found, kind, request):
     """Beside a release at a welded end, with the form, whose corner is softer there, and a fault."""
     plain = request.node.name.endswith("end_release0]")
-    h = hypothesis(study, live, kind, form=not plain, fault=not plain)
+    h = hypothesis(study, live, found, kind, form=not plain, fault=not plain)
     shown = live.evaluate(h)
     save_study(study, live, h, tmp_path / "found.toml")
     assert main(["compare", str(tmp_path / "found.toml"), "--quiet", "--json", str(tmp_path / "c.json")]) == 0
@@ -100,10 +105,10 @@ def test_all_who_compute_the_frfs_of_a_study_agree(tmp_path, study, live, kind, 
     assert printed["all_lines_db"] == pytest.approx(shown.comparison.total_db, rel=5e-3)
     report = by_hand(study, live, Hypothesis.nominal(live.problem), h, 0.0)
     assert report.steps[-1].fit_db == pytest.approx(shown.result.fit_db, rel=1e-6)
-    found = load_study(tmp_path / "found.toml")
-    problem = fit_problem(found)
+    saved = load_study(tmp_path / "found.toml")
+    problem = fit_problem(saved)
     fitted = problem.frf(problem.nominal())
-    computed = found.frf().select(outputs=fitted.outputs, inputs=fitted.inputs)
+    computed = saved.frf().select(outputs=fitted.outputs, inputs=fitted.inputs)
     apart = abs(20 * np.log10(abs(computed.H / fitted.H)))
     # beside resonances the two damp in one way: fits by ζ at each line, full models by that of each mode
     assert np.median(apart) < 0.02

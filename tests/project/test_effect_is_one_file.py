@@ -178,6 +178,12 @@ def test_the_scan_notices(code, found):
     assert list(named(code)) == found
 
 
+def test_the_folders_of_effects_are_read_once(monkeypatch):
+    known = effect_classes()
+    monkeypatch.setattr("pkgutil.iter_modules", None)
+    assert effect_classes() == known
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_docs_hold_the_tables_that_the_effects_declare(page):
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
