@@ -110,14 +110,14 @@ class CandidateList:
         self._shown = now
         spots = [desk.spots[spot]] if spot else list(desk.spots.values())
         whole = bool(spot) or len(desk.candidates) <= MOST_LEAVES
-        unsaid = unstated(desk.study.model)
+        missing = unstated(desk.study.model)
         nodes = []
         for one in spots:
             for where, names in one.places.items():
                 kinds: dict[str, list[str]] = {}
                 for name in names if whole else ():
                     kinds.setdefault(desk.candidates[name].kind, []).append(name)
-                children = [self._kind_node(where, k, n, added, unsaid) for k, n in sorted(kinds.items())]
+                children = [self._kind_node(where, k, n, added, missing) for k, n in sorted(kinds.items())]
                 label = f"{where} ({len(names)})"
                 nodes.append({"id": f"place {where}", "label": label, "children": children})
         self._tree.props["nodes"] = nodes
@@ -131,12 +131,12 @@ class CandidateList:
         kind: str,
         names: list[str],
         added: set[str],
-        unsaid: Mapping[Environment, list[str]],
+        missing: Mapping[Environment, list[str]],
     ) -> dict[str, Any]:
         leaves = [
             {"id": name, "label": self._leaf(name), "add": True, "added": name in added} for name in names
         ]
-        needed = (e for e, kinds in unsaid.items() if kind in kinds)
+        needed = (e for e, kinds in missing.items() if kind in kinds)
         label = " – ".join([kind.replace("_", " "), *(f"{e} is not stated" for e in needed)])
         return {"id": f"{where} {kind}", "label": label, "children": leaves}
 
