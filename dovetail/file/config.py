@@ -75,7 +75,7 @@ from dovetail.file.settings import (
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import Source, StudyError, Table
-from dovetail.file.uncertain import read_uncertain, shear_std
+from dovetail.file.uncertain import mode_std, read_uncertain, shear_std
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
 from fem.effects.joint import Joint
@@ -353,7 +353,10 @@ class _Reader:
         held_out = self._held_out(fit, sensors, excitations)
         measured_to = _highest(raw, raw_modes, band)
         frequency, highest = read_frequency(top, measured_to, notes)
-        superelements = tuple(part.reduced(geometry.mesh, highest, notes) for part in parts.foreign)
+        superelements = tuple(
+            part.reduced(geometry.mesh, highest, notes, with_modes=mode_std(top, part.name) > 0)
+            for part in parts.foreign
+        )
         mesh, chosen = self._refined(geometry.mesh, parts, highest, notes)
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)

@@ -253,8 +253,17 @@ class ForeignPart:
     folder: Path
     faces: PartFaces | None
 
-    def reduced(self, mesh: Mesh, highest: float, notes: list[str]) -> Superelement:
-        """Return the part reduced to its points and modes; what looks odd is noted."""
+    def reduced(
+        self, mesh: Mesh, highest: float, notes: list[str], *, with_modes: bool = False
+    ) -> Superelement:
+        """Return the part reduced to its points and modes; what looks odd is noted.
+
+        ``with_modes`` says whether the eigenvalues of its modes up to twice ``highest`` [Hz] are uncertain.
+        """
+        part = self._reduced(mesh, highest, notes)
+        return replace(part, n_uncertain=part.n_modes_below(2 * highest)) if with_modes else part
+
+    def _reduced(self, mesh: Mesh, highest: float, notes: list[str]) -> Superelement:
         top = None if self.n_modes is not None else self.max_frequency or 2 * highest
         file, key = self.folder / f"{self.name}{CONDENSED}", ""
         if self.matrices.n >= WORTH_KEEPING:

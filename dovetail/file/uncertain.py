@@ -48,7 +48,7 @@ def read_uncertain(
     materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
     out = _of_materials(t.table("materials"), materials, std)
     out += _of_joints(t.table("joint"), joints, std["joints"])
-    out += _of_parts(t.table("part"), parts, std["parts"])
+    out += _of_parts(t.table("part"), parts, std["parts"], t.number("part_modes", 0.0, least=0))
     t.finish()
     out += [Nuisance(e.name, p.name, std["shear"]) for e in shear for p in e.parameters()]
     return with_turning([n for n in out if n.std > 0], model), std["damping"]
@@ -57,6 +57,12 @@ def read_uncertain(
 def shear_std(top: Table) -> float:
     """Return the relative standard deviation of shear coefficients."""
     return top.table("uncertain").number("shear", SHEAR_STD, least=0)
+
+
+def mode_std(top: Table, part: str) -> float:
+    """Return the relative standard deviation of the eigenvalues of a part's fixed-interface modes."""
+    t = top.table("uncertain")
+    return t.table("part").table(part).number("modes", t.number("part_modes", 0.0, least=0), least=0)
 
 
 def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) -> list[Nuisance]:
@@ -70,13 +76,15 @@ def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) 
     return out
 
 
-def _of_parts(t: Table, parts: Iterable[Superelement], std: float) -> list[Nuisance]:
+def _of_parts(t: Table, parts: Iterable[Superelement], std: float, modes: float) -> list[Nuisance]:
     """Read the table of parts; a mass is known better than a stiffness, by :data:`MASS_SHARE`."""
     out = []
     for part in parts:
         inner = t.table(part.name)
         out.append(Nuisance(part.name, "stiffness", inner.number("stiffness", std, least=0)))
         out.append(Nuisance(part.name, "mass", inner.number("mass", MASS_SHARE * std, least=0)))
+        each = inner.number("modes", modes, least=0)
+        out += [Nuisance(part.name, f"mode{k + 1}", each) for k in range(part.n_uncertain)]
         inner.finish()
     t.finish()
     return out

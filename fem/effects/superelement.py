@@ -1,7 +1,7 @@
 """A part from another program, which joins the frame as one element with the part's K and M."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -68,6 +68,11 @@ class Superelement(Effect):
         Relative changes of K and M [-].
     eta : float
         Loss factor: D gains ``eta`` · K [-].
+    n_uncertain : int
+        Number of its lowest fixed-interface modes whose eigenvalues ω² may differ from those of the matrices;
+        each then has a parameter ``mode1``, ``mode2`` … Statics and mode shapes stay as they are.
+    deviations : mapping of str to float
+        Relative changes of these eigenvalues that are not zero [-].
     """
 
     kind: ClassVar[str] = "superelement"
@@ -89,6 +94,8 @@ class Superelement(Effect):
     stiffness: Any = 0.0
     mass: Any = 0.0
     eta: Any = 0.0
+    n_uncertain: int = 0
+    deviations: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def from_matrices(
@@ -224,21 +231,39 @@ class Superelement(Effect):
         """Number of fixed-interface modes."""
         return self.fixed_frequency.size
 
+    def n_modes_below(self, frequency: float) -> int:
+        """Return the number of fixed-interface modes below a frequency [Hz], no static responses counted."""
+        return int((self.fixed_frequency < min(frequency, self.limit)).sum())
+
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the relative changes of stiffness and mass, and the loss factor."""
+        """Return the relative changes of stiffness and mass, the loss factor, and changes of eigenvalues."""
+        modes = (f"mode{k + 1}" for k in range(self.n_uncertain))
         return (
             Parameter("stiffness", "-", self.stiffness, 0.0, -0.8, 4.0, linear=True),
             Parameter("mass", "-", self.mass, 0.0, -0.8, 4.0, linear=True),
             Parameter("eta", "-", self.eta, 0.0, 0.0, 2.0),
+            *(Parameter(m, "-", self.deviations.get(m, 0.0), 0.0, -0.6, 1.5, linear=True) for m in modes),
         )
+
+    def with_values(self, **values: Any) -> Self:
+        """Return the part with other values; those of modes are kept as deviations."""
+        modes = {name: values.pop(name) for name in list(values) if name.startswith("mode")}
+        return replace(self, deviations={**self.deviations, **modes}, **values)
 
     def dofs(self, model: Model) -> NDArray[np.int64]:
         """Return the DOF numbers of its coordinates, shape (m,)."""
         return np.concatenate([dofs_of(self.points).ravel(), model.internal_dofs(self.name)])
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return (1 + stiffness) K, (1 + mass) M, C, and D + eta (1 + stiffness) K."""
+        """Return K' = (1 + stiffness) K + Σ deviation ω² of modes, (1 + mass) M, C, and D + eta K'."""
         K = (1 + self.stiffness) * self.K
+        if self.deviations:
+            n_b = 6 * len(self.points)
+            change = np.zeros(len(self.K), dtype=np.result_type(*map(np.asarray, self.deviations.values())))
+            for name, deviation in self.deviations.items():
+                row = n_b + int(name.removeprefix("mode")) - 1
+                change[row] = deviation * self.K[row, row]
+            K = K + np.diag(change)
         D = self.D if self.D is not None else 0.0
         damped = self.D is not None or self.eta != 0
         return (

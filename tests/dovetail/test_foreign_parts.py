@@ -103,6 +103,21 @@ def test_stiffness_and_mass_of_parts_are_uncertain(tmp_path):
     assert ("bracket", "mass") not in found
 
 
+def test_modes_of_parts_are_uncertain_where_asked(tmp_path):
+    text = attached().replace("stop = 200", "stop = 6000") + "[uncertain]\npart_modes = 0.03\n"
+    made = study(tmp_path, text)
+    part = made.model.effect("bracket")
+    assert part.n_uncertain == (part.fixed_frequency < 12000).sum() > 0
+    found = {n.refs[0]: n.std for n in made.nuisances}
+    assert {name: std for (_, name), std in found.items() if name.startswith("mode")} == {
+        f"mode{k + 1}": 0.03 for k in range(part.n_uncertain)
+    }
+    alone = study(tmp_path, text + "part.bracket.modes = 0\n")
+    assert alone.model.effect("bracket").n_uncertain == 0
+    fitted = study(tmp_path, text + "[values.bracket]\nmode1 = 0.02\n")
+    assert fitted.model.values()["bracket", "mode1"] == 0.02
+
+
 PARTS = f"""
 [[superelements]]
 file = "bracket.npz"

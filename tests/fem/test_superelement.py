@@ -478,3 +478,50 @@ def test_a_large_part_must_say_how_many_modes():
     both, one = tie(part, ties, n_modes=20), tie(BRACKET, n_modes=10)
     np.testing.assert_allclose(both.fixed_frequency, np.repeat(one.fixed_frequency, 2), rtol=1e-9)
     assert both.limit >= one.limit * (1 - 1e-9)
+
+
+# Deviations of its modes ------------------------------------------------------------------------------------
+
+
+def test_deviations_change_the_frequencies_with_fixed_points_and_nothing_else():
+    part = Superelement.from_matrices(
+        "part", BRACKET, PLATE, [Attachment(0, END), Attachment(1, TOP)], n_modes=6, residual=False
+    )
+    part = replace(part, n_uncertain=3)
+    model = Model(PLATE, (part, fix(0), fix(1), fix(2)))
+    before = solve_modes(assemble(model), n=6).frequency
+    np.testing.assert_allclose(before, part.fixed_frequency, rtol=1e-9)
+    changed = model.with_values({("part", "mode1"): 0.21, ("part", "mode3"): -0.19})
+    expected = before * np.sqrt([1.21, 1.0, 0.81, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(solve_modes(assemble(changed), n=6).frequency, np.sort(expected), rtol=1e-9)
+    n_b = 6 * len(part.points)
+    (one,), (other,) = (m.parts_of(m.effect("part")) for m in (model, changed))
+    np.testing.assert_array_equal(one.K[0, :n_b], other.K[0, :n_b])  # statics
+    again = changed.with_values({("part", "mode3"): 0.0})
+    assert again.values()["part", "mode1"] == 0.21  # others stay
+
+
+def test_deviations_are_linear_together_with_the_stiffness():
+    part = replace(
+        Superelement.from_matrices("part", BRACKET, PLATE, [Attachment(0, END)], n_modes=4), n_uncertain=4
+    )
+    model = Model(PLATE, (part,))
+
+    def K(**values):
+        changed = model.with_values({("part", name): v for name, v in values.items()})
+        return changed.parts_of(changed.effect("part"))[0].K[0]
+
+    both = K(stiffness=0.3, mode2=0.1) - K()
+    np.testing.assert_allclose(both, K(stiffness=0.3) + K(mode2=0.1) - 2 * K(), atol=1e-9 * np.abs(K()).max())
+    np.testing.assert_allclose(np.imag(K(mode2=1e-30j)) * 1e30, (K(mode2=0.1) - K()) / 0.1, atol=1e-3)
+
+
+def test_static_responses_are_no_modes_that_deviate():
+    options = {"max_frequency": 9000.0}
+    plain, more = (
+        Superelement.from_matrices("part", BRACKET, PLATE, [Attachment(0, END)], residual=r, **options)
+        for r in (False, True)
+    )
+    assert more.n_internal > plain.n_internal
+    assert plain.n_modes_below(1e9) == more.n_modes_below(1e9) == plain.n_internal
+    assert plain.n_modes_below(plain.fixed_frequency[0] + 1) == 1
