@@ -385,8 +385,8 @@ def test_between_says_what_has_no_middle():
         Section.of_shape("tub", d=1.0)
 
 
-def test_without_the_library_the_message_names_the_extra(monkeypatch):
+def test_without_the_library_the_message_names_it(monkeypatch):
     for name in ("sectionproperties", "sectionproperties.analysis.section"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(PropertyError, match=r"dovetail\[sections\]"):
+    with pytest.raises(PropertyError, match="pip install sectionproperties"):
         Section.arbitrary([(0, 0), (1, 0), (1, 1)])
