@@ -350,7 +350,7 @@ def sentence(findings: Sequence[Finding]) -> str:
 
     Fields of a statement: ``where`` (place and direction), ``thing`` (the place alone), ``direction``,
     ``member`` and ``at`` of a place along a member, and ``label``; by the sign of the change ``stiffer``,
-    ``heavier`` and ``tension``; by the number of places ``are``, ``act`` and ``give``.
+    ``heavier`` and ``tension``; by the number of places ``are`` and ``act``.
     """
     finding = findings[0]
     where = place(finding.effect.where)
@@ -376,7 +376,6 @@ def sentence(findings: Sequence[Finding]) -> str:
         tension="tension" if more else "compression",
         are="are" if several else "is",
         act="act" if several else "acts",
-        give="give" if several else "gives",
     )
     n = sum(len(f.alternatives) for f in findings)
     if n:

@@ -14,7 +14,7 @@ class FootShift(AlongMember):
     kind: ClassVar[str] = "foot_shift"
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "orange")
-    statement: ClassVar[str] = "{thing} stands further along the member"
+    statement: ClassVar[str] = "{thing} is further along the member than in the model"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
         meaning="an elastic foot that stands at another place of its member",

@@ -1,4 +1,4 @@
-"""Supports that give way and dissipate: soil, rubber mounts, bolted feet."""
+"""Flexible supports with damping: soil, rubber mounts, bolted feet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class Foundation(_Foundation):
     marker: ClassVar[Marker | None] = Marker("triangle_down", "vermilion")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
-        meaning="a support that gives way and dissipates in a direction in which the model holds it",
+        meaning="a support that is flexible and damped in a direction in which it is rigid in the model",
         places="each fixed direction of each support, and of all alike",
     )
     loss_factor: Any

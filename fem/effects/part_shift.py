@@ -14,7 +14,7 @@ class PartShift(AlongMember):
     kind: ClassVar[str] = "part_shift"
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("diamond", "orange")
-    statement: ClassVar[str] = "{thing} sits further along the member"
+    statement: ClassVar[str] = "{thing} is further along the member than in the model"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
         meaning=(

@@ -78,7 +78,7 @@ class SolidCorner(Effect):
     is_form: ClassVar[bool] = True
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "purple")
-    statement: ClassVar[str] = "the structure has solid corners, whose size centre lines leave out"
+    statement: ClassVar[str] = "the structure has solid corners, whose size a model of centre lines neglects"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`size` [-], `rigid_zone_factor` [-]",
         meaning=(

@@ -1,4 +1,4 @@
-"""A support that gives way in a direction in which the model holds it rigidly."""
+"""A support that is flexible in a direction in which it is rigid in the model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ class SupportFlexibility(OnSupports):
     kind: ClassVar[str] = "support_flexibility"
     role: ClassVar[Role] = Role.STIFFNESS
     marker: ClassVar[Marker | None] = Marker("triangle_down", "support")
-    statement: ClassVar[str] = "{thing} {give} way {direction}, which the model takes to be rigid"
+    statement: ClassVar[str] = "{thing} {are} flexible {direction}, but rigid in the model"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad]",
-        meaning="a support that gives way in a direction in which the model holds it",
+        meaning="a support that is flexible in a direction in which it is rigid in the model",
         places="each fixed direction of each support, and of all alike",
     )
 

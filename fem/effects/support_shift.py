@@ -1,4 +1,4 @@
-"""A clamp that holds its member at another place."""
+"""A clamp that supports its member at another place."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from fem.model import (
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SupportShift(Effect):
-    """A clamp that holds its member at another place, in the same directions.
+    """A clamp that supports its member at another place, in the same directions.
 
     It adds strain of the member alone, so that it is damped as the member is.
 
@@ -44,10 +44,10 @@ class SupportShift(Effect):
     kind: ClassVar[str] = "support_shift"
     role: ClassVar[Role] = Role.GEOMETRY
     marker: ClassVar[Marker | None] = Marker("square", "orange")
-    statement: ClassVar[str] = "{thing} holds its member at another place"
+    statement: ClassVar[str] = "{thing} supports its member at another place than in the model"
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
-        meaning="a clamp that holds its member at another place",
+        meaning="a clamp that supports its member at another place",
         places="each support that holds all directions",
     )
     gives_way: ClassVar[bool] = True

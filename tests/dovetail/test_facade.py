@@ -23,7 +23,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def with_effect(study):
-    """The demo's hidden effect, a joint that gives way about x, added by hand and fitted."""
+    """The demo's hidden effect, a joint that is soft about x, added by hand and fitted."""
     (effect,) = [e for e in study.candidates(["joint_stiffness"]) if e.name.endswith("J.rx")]
     return study.add(effect), study.add(effect).fit()
 

@@ -463,8 +463,7 @@ SENTENCES = {
         "Member left is under compression that the model lacks.",
     ),
     "point_mass:left": ("Member left carries a mass at 0.250 m that the model lacks.",) * 2,
-    "support_flexibility:foot0.rx": ("Support foot0 gives way about x, which the model takes to be rigid.",)
-    * 2,
+    "support_flexibility:foot0.rx": ("Support foot0 is flexible about x, but rigid in the model.",) * 2,
     "joint_mass:bolt": ("The model lacks joint mass: joint bolt.",) * 2,
 }
 """Candidates of crossed beams and of a portal, and what is reported of more and of less."""
