@@ -50,18 +50,24 @@ def _spectra(ax: Axes, found: AmbientModes) -> None:
     for k in range(min(SHOWN_VALUES, s.values.shape[1])):
         first = k == 0
         ax.plot(
-            s.frequency[inside], 10 * np.log10(np.maximum(s.values[inside, k], 1e-300)),
-            color=style.MEASURED if first else style.GREY, linewidth=1.1 if first else 0.7,
+            s.frequency[inside],
+            10 * np.log10(np.maximum(s.values[inside, k], 1e-300)),
+            color=style.MEASURED if first else style.GREY,
+            linewidth=1.1 if first else 0.7,
             label="largest singular value" if first else "next singular values" if k == 1 else "_",
             zorder=2 - 0.1 * k,
-        )  # fmt: skip
+        )
     level = s.values[:, 0]
     at = [int(np.argmin(np.abs(s.frequency - p.frequency))) for p in found.unexplained]
     if at:
         ax.plot(
-            s.frequency[at], 10 * np.log10(level[at]), linestyle="none", marker="v", color=style.PURPLE,
+            s.frequency[at],
+            10 * np.log10(level[at]),
+            linestyle="none",
+            marker="v",
+            color=style.PURPLE,
             label="peak without a mode",
-        )  # fmt: skip
+        )
     ax.set_ylabel("singular values [dB re 1/Hz]")
 
 
@@ -77,9 +83,15 @@ def _poles(ax: Axes, found: AmbientModes) -> None:
         (taken, "pole of a mode", "o", style.BLUE, style.BLUE),
     ):
         ax.plot(
-            s.frequency[rows], s.order[rows], linestyle="none", marker=marker, markersize=3, color=colour,
-            markerfacecolor=face, label=label,
-        )  # fmt: skip
+            s.frequency[rows],
+            s.order[rows],
+            linestyle="none",
+            marker=marker,
+            markersize=3,
+            color=colour,
+            markerfacecolor=face,
+            label=label,
+        )
     ax.axhline(found.order - 1, color=style.MUTED, linewidth=0.8, linestyle="--", label="order of the record")
     ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 4, 10]))

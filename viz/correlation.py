@@ -163,9 +163,15 @@ def plot_signature(
         at = np.asarray(modes, dtype=float)
         if at.size:
             keys += ax.plot(
-                at, np.full(at.size, 0.02), "^", color=style.INK, markersize=4, label="measured modes",
-                clip_on=False, linestyle="none",
-            )  # fmt: skip
+                at,
+                np.full(at.size, 0.02),
+                "^",
+                color=style.INK,
+                markersize=4,
+                label="measured modes",
+                clip_on=False,
+                linestyle="none",
+            )
         ax.set_xlim(f[0], f[-1])
         ax.set_ylim(0, 1.03)
         ax.set_xlabel("frequency [Hz]")
@@ -317,9 +323,18 @@ def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0
             if rows:
                 px, pa, value = np.array(rows).T
                 dots = ax.scatter(
-                    px, pa, c=value, marker=marker, cmap=style.agreement_map(), norm=Normalize(0, 1), s=42,
-                    edgecolors=style.INK, linewidths=0.7, zorder=3, label=word,
-                )  # fmt: skip
+                    px,
+                    pa,
+                    c=value,
+                    marker=marker,
+                    cmap=style.agreement_map(),
+                    norm=Normalize(0, 1),
+                    s=42,
+                    edgecolors=style.INK,
+                    linewidths=0.7,
+                    zorder=3,
+                    label=word,
+                )
                 if not any(a is not ax for a in figure.axes):
                     bar = figure.colorbar(dots, ax=ax, fraction=0.05, pad=0.02, aspect=30)
                     bar.set_label("MAC [-]")

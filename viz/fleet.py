@@ -36,9 +36,15 @@ def plot_fleet(distance: Floats, rest: Floats, probability: Floats, n: int, titl
         )
         for those, colour, marker, label in groups:
             ax.loglog(
-                distance[those], rest[those], marker, color=colour, markersize=4, alpha=0.7, label=label,
+                distance[those],
+                rest[those],
+                marker,
+                color=colour,
+                markersize=4,
+                alpha=0.7,
+                label=label,
                 markeredgewidth=0,
-            )  # fmt: skip
+            )
         ax.axvline(np.sqrt(n), color=style.MUTED, linewidth=0.8, linestyle=":", label="expected distance")
         ax.set_xlabel("distance in the parameters [standard deviations of the population]")
         ax.set_ylabel("rest [spread of the population]")

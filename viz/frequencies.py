@@ -49,15 +49,26 @@ def plot_deviations(
             ax.axvspan(k - 0.4, k + 0.6, color=style.HELD_OUT, linewidth=0, zorder=0)
         ax.axhline(0, color=style.MUTED, linewidth=0.8, zorder=1)
         ax.errorbar(
-            at, np.zeros(f.size), spread, fmt="_", color=style.MEASURED, capsize=3, markersize=9,
-            linewidth=1, label="measured ± 2 std",
-        )  # fmt: skip
+            at,
+            np.zeros(f.size),
+            spread,
+            fmt="_",
+            color=style.MEASURED,
+            capsize=3,
+            markersize=9,
+            linewidth=1,
+            label="measured ± 2 std",
+        )
         for n, (label, values) in enumerate(computed.items()):
             off = 100 * (np.asarray(values, dtype=float) / f - 1)
             ax.plot(
-                at + 0.12 * (n + 1), off, MARKERS[n % len(MARKERS)], color=style.model_style(label, n)[0],
-                markersize=5.5, label=label,
-            )  # fmt: skip
+                at + 0.12 * (n + 1),
+                off,
+                MARKERS[n % len(MARKERS)],
+                color=style.model_style(label, n)[0],
+                markersize=5.5,
+                label=label,
+            )
         step = -(-f.size // 20)
         ax.set_xticks(at[::step], [f"{x:.4g}" for x in f[::step]])
         ax.set_xlim(-0.6, f.size - 0.2)

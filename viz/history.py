@@ -54,17 +54,29 @@ def plot_history(
             colour, dash = style.MODELS[k % len(style.MODELS)]
             mark = "os"[k // len(style.MODELS) % 2]
             top.errorbar(
-                at + 0.16 * (k / max(1, n - 1) - 0.5), value, error, fmt=mark, linestyle=dash, markersize=4,
-                color=colour, linewidth=1.0, capsize=2, label=label,
-            )  # fmt: skip
+                at + 0.16 * (k / max(1, n - 1) - 0.5),
+                value,
+                error,
+                fmt=mark,
+                linestyle=dash,
+                markersize=4,
+                color=colour,
+                linewidth=1.0,
+                capsize=2,
+                label=label,
+            )
         top.set_ylabel("shift of frequency [%]\n± 2 std")
         top.tick_params(labelbottom=False)
         for k, each in enumerate(changes, 1):
             for label, probability in each:
                 low.plot(
-                    k, rows.index(label), "o", markersize=8, color=style.EFFECT,
+                    k,
+                    rows.index(label),
+                    "o",
+                    markersize=8,
+                    color=style.EFFECT,
                     markerfacecolor=style.EFFECT if probability >= SURE else "none",
-                )  # fmt: skip
+                )
         low.set_yticks(range(len(rows)), rows)
         low.set_ylim(len(rows) - 0.4 if rows else 0.5, -0.6)
         low.set_xticks(at, ["baseline", *names])

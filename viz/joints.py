@@ -168,8 +168,13 @@ def plot_l_curve(curve: LCurve, chosen: float | None = None, title: str = "") ->
                 continue
             k = int(np.argmin(np.abs(np.log(curve.amount / amount))))
             ax.loglog(curve.residual[k], curve.solution[k], "o", color=colour, markersize=6)
-            ax.annotate(f"{word}: {amount:.1e}", (curve.residual[k], curve.solution[k]), xytext=(8, 6),
-                        textcoords="offset points", color=colour)  # fmt: skip
+            ax.annotate(
+                f"{word}: {amount:.1e}",
+                (curve.residual[k], curve.solution[k]),
+                xytext=(8, 6),
+                textcoords="offset points",
+                color=colour,
+            )
         ax.set_xlabel("residual ‖A X - B‖ / ‖B‖ [-]")
         ax.set_ylabel("solution ‖X‖, relative [-]")
         if title:

@@ -65,16 +65,24 @@ def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
     of_data, residual = level(data.H), level(data.H - fit.H)
     ax.plot(fit.frequency, of_data, color=style.MEASURED, linewidth=1.8, label="measured")
     ax.plot(
-        fit.frequency, level(fit.H), color=style.SKY, linewidth=1.1, linestyle="-.",
+        fit.frequency,
+        level(fit.H),
+        color=style.SKY,
+        linewidth=1.1,
+        linestyle="-.",
         label="fitted modes and residuals",
-    )  # fmt: skip
+    )
     ax.plot(fit.frequency, residual, color=style.GREY, linewidth=0.8, label="residual", zorder=1.5)
     at = [int(np.argmin(np.abs(fit.frequency - p.frequency))) for p in identified.unexplained]
     if at:
         ax.plot(
-            fit.frequency[at], of_data[at], linestyle="none", marker="v", color=style.PURPLE,
+            fit.frequency[at],
+            of_data[at],
+            linestyle="none",
+            marker="v",
+            color=style.PURPLE,
             label="peak without a mode",
-        )  # fmt: skip
+        )
     floor = float(np.percentile(np.minimum(residual, of_data), 1))
     ax.set_ylim(max(floor, float(of_data.max()) - DEEPEST_DB) - 3, float(of_data.max()) + 4)
     ax.set_ylabel("mode indicator [dB]")
@@ -90,9 +98,15 @@ def _poles(ax: Axes, identified: IdentifiedModes) -> None:
         (s.stable, "frequency, damping and participation stable", "o", style.BLUE, style.BLUE),
     ):
         ax.plot(
-            s.frequency[rows], s.order[rows], linestyle="none", marker=marker, markersize=3, color=colour,
-            markerfacecolor=face, label=label,
-        )  # fmt: skip
+            s.frequency[rows],
+            s.order[rows],
+            linestyle="none",
+            marker=marker,
+            markersize=3,
+            color=colour,
+            markerfacecolor=face,
+            label=label,
+        )
     ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
     ax.set_ylabel("order of the denominator")
 

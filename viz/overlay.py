@@ -139,10 +139,18 @@ def draw_triad(ax: Any, view: View, dpi: int) -> tuple[float, float, float, floa
     y0 = view.pixels[1] - pad - max(reach[:, 1].max(), 0)
     for k, end in ends.items():
         ax.annotate(
-            "", xy=(x0 + end[0], y0 + end[1]), xytext=(x0, y0),
-            arrowprops={"arrowstyle": "-|>", "color": style.INK, "lw": 0.9, "mutation_scale": 6,
-                        "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
+            "",
+            xy=(x0 + end[0], y0 + end[1]),
+            xytext=(x0, y0),
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": style.INK,
+                "lw": 0.9,
+                "mutation_scale": 6,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
+        )
         far = end * (1 + 0.1 * dpi / max(float(np.linalg.norm(end)), 1.0))
         ax.text(x0 + far[0], y0 + far[1], "xyz"[k], fontsize=7.5, style="italic", ha="center", va="center")
     low, high = reach.min(axis=0), reach.max(axis=0)
@@ -180,12 +188,17 @@ def draw_labels(
     anchors = view.project(np.array([label.point for label in labels]))
     texts = [
         ax.text(
-            *anchor, label.text, fontsize=label.size, color=label.colour, ha="center", va="center",
+            *anchor,
+            label.text,
+            fontsize=label.size,
+            color=label.colour,
+            ha="center",
+            va="center",
             weight="bold" if label.bold else "normal",
             path_effects=[withStroke(linewidth=1.8, foreground="white", alpha=0.85)],
         )
         for anchor, label in zip(anchors, labels, strict=True)
-    ]  # fmt: skip
+    ]
     boxes = [text.get_window_extent(renderer) for text in texts]
     sizes = np.array([[box.width + 3, box.height + 1] for box in boxes])
     spots = place_labels(anchors, sizes, occupied, taken)

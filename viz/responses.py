@@ -139,9 +139,13 @@ def plot_spectra(
         for i, (name, spectrum) in enumerate(spectra.items()):
             ax.loglog(lines, spectrum.at(lines), color=_COLOURS[i], label=f"spectrum, {name}")
             ax.plot(
-                frequencies, spectrum.at(frequencies), "o", color=_COLOURS[i], markersize=4,
+                frequencies,
+                spectrum.at(frequencies),
+                "o",
+                color=_COLOURS[i],
+                markersize=4,
                 label=f"modes, {name}",
-            )  # fmt: skip
+            )
         ax.set_xlim(low, high)
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("pseudo-acceleration [m/s²]")

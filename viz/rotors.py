@@ -56,15 +56,25 @@ def plot_campbell(found: Campbell, orders: Sequence[float] = (1.0,), title: str 
             end = min(rpm[-1], 60 * highest / order)
             top.plot([0, end], [0, order * end / 60], color=style.MUTED, linestyle="--", linewidth=0.9)
             top.text(
-                0.95 * end, 0.95 * order * end / 60, f"{order:g}X", ha="center", va="center",
-                color=style.MUTED, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
-            )  # fmt: skip
+                0.95 * end,
+                0.95 * order * end / 60,
+                f"{order:g}X",
+                ha="center",
+                va="center",
+                color=style.MUTED,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+            )
         top.plot(
             [c.speed * RPM for c in found.critical],
             [c.pole.imag / (2 * np.pi) for c in found.critical],
-            linestyle="none", marker="o", markersize=5, markerfacecolor="white", color=style.INK,
-            label="critical speed", zorder=4,
-        )  # fmt: skip
+            linestyle="none",
+            marker="o",
+            markersize=5,
+            markerfacecolor="white",
+            color=style.INK,
+            label="critical speed",
+            zorder=4,
+        )
         top.set_ylim(0, highest)
         top.set_xlim(rpm[0], rpm[-1])
         top.tick_params(labelbottom=False)

@@ -267,10 +267,17 @@ class Scene:
             draw_bars(figure, self.bars, nx / width, bottom / height, ny / height, 0.85 / self.width)
             if self.legend:
                 figure.legend(
-                    handles=self.legend, loc="lower left", ncols=self._legend_columns(), fontsize=7.5,
-                    bbox_to_anchor=(0.005, 0.0), borderaxespad=0.2, handlelength=1.6, handletextpad=0.5,
-                    columnspacing=1.4, labelspacing=0.35,
-                )  # fmt: skip
+                    handles=self.legend,
+                    loc="lower left",
+                    ncols=self._legend_columns(),
+                    fontsize=7.5,
+                    bbox_to_anchor=(0.005, 0.0),
+                    borderaxespad=0.2,
+                    handlelength=1.6,
+                    handletextpad=0.5,
+                    columnspacing=1.4,
+                    labelspacing=0.35,
+                )
             canvas.draw()
             return np.asarray(canvas.buffer_rgba()).copy()
 

@@ -68,15 +68,28 @@ def plot_ranking(
             name = labels[k]
             colour = style.EFFECT if name == accepted else "#f2bf9b" if name in twins else "#b9c3cd"
             hatch = "////" if name in twins and name != accepted else None
-            ax.barh(y, error[k] - baseline, left=baseline, height=0.66, color=colour, hatch=hatch,
-                    edgecolor="white" if hatch else colour, linewidth=0)  # fmt: skip
+            ax.barh(
+                y,
+                error[k] - baseline,
+                left=baseline,
+                height=0.66,
+                color=colour,
+                hatch=hatch,
+                edgecolor="white" if hatch else colour,
+                linewidth=0,
+            )
             gains = error[k] <= baseline
             ax.annotate(
-                number(float(error[k]), digits), (error[k], y), xytext=(-4 if gains else 4, 0),
-                textcoords="offset points", ha="right" if gains else "left", va="center", fontsize=7.5,
+                number(float(error[k]), digits),
+                (error[k], y),
+                xytext=(-4 if gains else 4, 0),
+                textcoords="offset points",
+                ha="right" if gains else "left",
+                va="center",
+                fontsize=7.5,
                 weight="bold" if name == accepted else "normal",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75},
-            )  # fmt: skip
+            )
         ax.axvline(baseline, color=style.INK, linewidth=1)
         ax.set_xlim(low - pad, high + pad)
         ax.set_ylim(n - 0.4, -0.6)
@@ -157,16 +170,29 @@ def plot_staircase(
             ax.axhspan(low - 10 * pad, floor_db, color=style.NOISE, linewidth=0, zorder=0)
             ax.axhline(floor_db, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
             ax.annotate(
-                f"noise floor {number(floor_db, digits)} {unit}", (-0.5, floor_db), xytext=(3, -3),
-                textcoords="offset points", ha="left", va="top", fontsize=7.5, color=style.MUTED,
-            )  # fmt: skip
+                f"noise floor {number(floor_db, digits)} {unit}",
+                (-0.5, floor_db),
+                xytext=(3, -3),
+                textcoords="offset points",
+                ha="left",
+                va="top",
+                fontsize=7.5,
+                color=style.MUTED,
+            )
         series = [(fit, style.FITTED, "-", names[0], 1)]
         if np.isfinite(held_out).any():
             series.append((held_out, style.VERMILION, "--", names[1], -1))
         for data, colour, line, name, _ in series:
             for k in range(n):
-                ax.plot([k - 0.36, k + 0.36], [data[k]] * 2, color=colour, linewidth=2.6,
-                        solid_capstyle="butt", zorder=3, label=name if k == 0 else None)  # fmt: skip
+                ax.plot(
+                    [k - 0.36, k + 0.36],
+                    [data[k]] * 2,
+                    color=colour,
+                    linewidth=2.6,
+                    solid_capstyle="butt",
+                    zorder=3,
+                    label=name if k == 0 else None,
+                )
                 if k + 1 < n and np.isfinite(data[k : k + 2]).all():
                     ax.plot(
                         [k + 0.36, k + 0.64],
@@ -185,11 +211,18 @@ def plot_staircase(
             ):
                 if np.isfinite(data[k]):
                     ax.annotate(
-                        number(data[k], digits), (k, data[k]), xytext=(0, 4 if above else -4),
-                        textcoords="offset points", ha="center", va="bottom" if above else "top",
-                        fontsize=8, color=colour, weight="bold", zorder=4,
+                        number(data[k], digits),
+                        (k, data[k]),
+                        xytext=(0, 4 if above else -4),
+                        textcoords="offset points",
+                        ha="center",
+                        va="bottom" if above else "top",
+                        fontsize=8,
+                        color=colour,
+                        weight="bold",
+                        zorder=4,
                         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8},
-                    )  # fmt: skip
+                    )
         ax.set_ylim(low - pad, high + pad)
         ax.set_xlim(-0.5, n - 0.5)
         wide = max(9, int(70 / max(n, 1)))
@@ -250,12 +283,28 @@ def plot_position(
         if baseline is not None:
             ax.axhline(baseline, color=style.INK, linewidth=0.9, linestyle="--", label="without the effect")
         ax.plot(s, error, color=style.FITTED, label="with the effect")
-        ax.plot(best, at_best, "o", color=style.EFFECT, markersize=6, markeredgecolor="white", zorder=4,
-                label=f"best at {best:.4g} m")  # fmt: skip
+        ax.plot(
+            best,
+            at_best,
+            "o",
+            color=style.EFFECT,
+            markersize=6,
+            markeredgecolor="white",
+            zorder=4,
+            label=f"best at {best:.4g} m",
+        )
         places = np.asarray(sensors, dtype=float)
         if places.size:
-            ax.plot(places, np.full(places.size, 0.025), "^", transform=ax.get_xaxis_transform(),
-                    color=style.SENSOR, markersize=4, label="sensors", clip_on=False)  # fmt: skip
+            ax.plot(
+                places,
+                np.full(places.size, 0.025),
+                "^",
+                transform=ax.get_xaxis_transform(),
+                color=style.SENSOR,
+                markersize=4,
+                label="sensors",
+                clip_on=False,
+            )
         ax.set_xlim(s[0], s[-1])
         ax.set_ylim(low - pad, high + pad)
         ax.set_xlabel(f"place along {member} [m]" if member else "place along the member [m]")

@@ -74,9 +74,13 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
                     continue
                 free = k + 0.012 * len(stages) * (len(stages[k]) + 1)
                 above.annotate(
-                    stages[k], (k - 0.4, 1.0), xycoords=("data", "axes fraction"), fontsize=7, va="bottom",
+                    stages[k],
+                    (k - 0.4, 1.0),
+                    xycoords=("data", "axes fraction"),
+                    fontsize=7,
+                    va="bottom",
                     color=style.MUTED,
-                )  # fmt: skip
+                )
         if title:
             figure.suptitle(title)
     return figure
@@ -112,9 +116,13 @@ def plot_parameters(updated: Updated, title: str = "") -> Figure:
                 f"{p.value:.5g} ± {p.std:.2g} {p.unit}" if np.isfinite(p.std) else f"{p.value:.5g} {p.unit}"
             )
             ax.annotate(
-                words, (1.02, y), xycoords=("axes fraction", "data"), va="center", fontsize=7.5,
+                words,
+                (1.02, y),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                fontsize=7.5,
                 annotation_clip=False,
-            )  # fmt: skip
+            )
         ax.axvline(0, color=style.MUTED, linewidth=0.8, linestyle=":")
         ax.set_yticks(range(n), [shorten(p.name, 36) for p in updated.parameters])
         ax.set_ylim(n - 0.4, -0.6)
@@ -172,9 +180,11 @@ def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
         ax.plot(curve.misfit[k], curve.size[k], "o", color=style.VERMILION)
         word = "corner" if curve.distinct else "no distinct corner"
         ax.annotate(
-            f"{word}: λ = {curve.chosen:.3g}", (curve.misfit[k], curve.size[k]), xytext=(8, 8),
+            f"{word}: λ = {curve.chosen:.3g}",
+            (curve.misfit[k], curve.size[k]),
+            xytext=(8, 8),
             textcoords="offset points",
-        )  # fmt: skip
+        )
         ax.set_xlabel("misfit ‖A x - b‖ [standard deviations]")
         ax.set_ylabel("size ‖L x‖")
         if title:

@@ -41,9 +41,13 @@ DAY = {"primary": "#0068a3", "positive": "#1a7f37", "negative": "#b3001b", "warn
 NIGHT = {**DAY, "primary": "#56b4e9", "dark_page": "#161b22", "dark": "#0d1117"}
 """Colours of controls and notices, which text on them and beside them can be read with (WCAG AA)."""
 NUMBERS = {
-    "fit": "error, lines of the fit", "held": "held-out lines", "all": "all lines", "noise": "noise floor",
-    "left": "error beyond the noise", "apart": "held-out channels",
-}  # fmt: skip
+    "fit": "error, lines of the fit",
+    "held": "held-out lines",
+    "all": "all lines",
+    "noise": "noise floor",
+    "left": "error beyond the noise",
+    "apart": "held-out channels",
+}
 ROLES = ("sensor", "excitation")
 """Marks of the model that choose the FRF shown."""
 PRESSED = "(e) => { e.currentTarget.pressedAt = [e.clientX, e.clientY]; }"
@@ -127,9 +131,13 @@ class Page:
             with ui.element("div").classes("desk-column"):
                 self.frfs = FrfPanel(desk, self.act)
                 self.effects = EffectList(
-                    desk, self.act, fit=self._start_fit, search=self.searches.start,
-                    move=self._newest.put, release=self._release,
-                )  # fmt: skip
+                    desk,
+                    self.act,
+                    fit=self._start_fit,
+                    search=self.searches.start,
+                    move=self._newest.put,
+                    release=self._release,
+                )
                 self._map_card()
                 self.sensors = SensorList(desk, self.act)
                 self.plan_view = PlanView(desk, self.searches.start)

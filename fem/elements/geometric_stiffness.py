@@ -265,13 +265,22 @@ def _work(forces: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[n
     N, Vy, Vz, T, My, Mz = forces.T
     S = np.zeros((len(forces), 9, 9))
     for i, j, value in (
-        (1, 1, N), (2, 2, N), (6, 6, N * radius),
-        (2, 3, Vy), (0, 5, -Vy), (3, 4, Vy / 2),
-        (0, 4, Vz), (1, 3, -Vz), (3, 5, Vz / 2),
-        (4, 8, -T / 2), (5, 7, T / 2),
-        (5, 6, -My / 2), (3, 8, My / 2),
-        (3, 7, -Mz / 2), (4, 6, Mz / 2),
-    ):  # fmt: skip
+        (1, 1, N),
+        (2, 2, N),
+        (6, 6, N * radius),
+        (2, 3, Vy),
+        (0, 5, -Vy),
+        (3, 4, Vy / 2),
+        (0, 4, Vz),
+        (1, 3, -Vz),
+        (3, 5, Vz / 2),
+        (4, 8, -T / 2),
+        (5, 7, T / 2),
+        (5, 6, -My / 2),
+        (3, 8, My / 2),
+        (3, 7, -Mz / 2),
+        (4, 6, Mz / 2),
+    ):
         S[:, i, j] = S[:, j, i] = value
     return S
 

@@ -59,9 +59,20 @@ class BeamReader:
         """Return the section of beams."""
         block = placed.block
         check(
-            block, "ELSET", "SECTION", "MATERIAL", "OFFSET1", "OFFSET2", "POISSON", "TEMPERATURE", "LUMPED",
-            "ROTARYINERTIA", "DENSITY", "ZERO", "ORIENTATION",
-        )  # fmt: skip
+            block,
+            "ELSET",
+            "SECTION",
+            "MATERIAL",
+            "OFFSET1",
+            "OFFSET2",
+            "POISSON",
+            "TEMPERATURE",
+            "LUMPED",
+            "ROTARYINERTIA",
+            "DENSITY",
+            "ZERO",
+            "ORIENTATION",
+        )
         kind = "".join(block.option("SECTION", "SECTION=").upper().split())
         kind = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}.get(kind, kind)  # CalculiX compares four letters
         if block.options.get("ROTARYINERTIA", "EXACT") != "EXACT":

@@ -270,9 +270,18 @@ def read_content(path: Path, units: Units) -> Content:
     if bad.size:
         raise error_at(path.name, f"{mesh.point(int(bad[0]))} is out of range, at {points[bad[0]]} m")
     return Content(
-        path.name, units, assembly, mesh, reader.placed, reader.procedures, points, kinds, owners,
-        mesh.notes, stand_ins,
-    )  # fmt: skip
+        path.name,
+        units,
+        assembly,
+        mesh,
+        reader.placed,
+        reader.procedures,
+        points,
+        kinds,
+        owners,
+        mesh.notes,
+        stand_ins,
+    )
 
 
 def _resolved(assembly: Assembly, mesh: RawMesh, labels: list[str]) -> dict[int, int]:

@@ -14,9 +14,16 @@ CALCULIX: Final = words("B31R B32R")
 """Element types that CalculiX alone has."""
 
 POINTS: Final = {
-    "MASS": 1, "ROTARYI": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2,
-    "DASHPOT1": 1, "DASHPOT2": 2, "DASHPOTA": 2, "CONN3D2": 2,
-}  # fmt: skip
+    "MASS": 1,
+    "ROTARYI": 1,
+    "SPRING1": 1,
+    "SPRING2": 2,
+    "SPRINGA": 2,
+    "DASHPOT1": 1,
+    "DASHPOT2": 2,
+    "DASHPOTA": 2,
+    "CONN3D2": 2,
+}
 """Element types that are no lines, and their numbers of nodes."""
 
 SUBS: Final[dict[str, frozenset[str]]] = {
@@ -43,9 +50,18 @@ PROCEDURES: Final = words(
 NOT_A_FRAME: Final[dict[str, str]] = {
     **dict.fromkeys(
         (
-            "TIE", "EMBEDDEDELEMENT", "SHELLTOSOLIDCOUPLING", "FASTENER", "CYCLICSYMMETRYMODEL",
-            "MULTIPOINTCONSTRAINT", "NETWORKMPC", "CONTACTPAIR", "CONTACT", "PRETENSIONSECTION",
-            "DISTRIBUTINGCOUPLING", "CONTACTINCLUSIONS",
+            "TIE",
+            "EMBEDDEDELEMENT",
+            "SHELLTOSOLIDCOUPLING",
+            "FASTENER",
+            "CYCLICSYMMETRYMODEL",
+            "MULTIPOINTCONSTRAINT",
+            "NETWORKMPC",
+            "CONTACTPAIR",
+            "CONTACT",
+            "PRETENSIONSECTION",
+            "DISTRIBUTINGCOUPLING",
+            "CONTACTINCLUSIONS",
         ),
         "connects parts in a way that is not read; write *MPC, *COUPLING, *RIGID BODY or *EQUATION",
     ),
@@ -59,7 +75,7 @@ NOT_A_FRAME: Final[dict[str, str]] = {
     "REBAR": "adds bars of reinforcement, which are not read",
     "MASSADJUST": "changes masses; give those that result",
     "BEAMFLUIDINERTIA": "adds the mass of a fluid; give *NONSTRUCTURAL MASS",
-}  # fmt: skip
+}
 """Keywords that are refused, because a model without them would have other frequencies."""
 
 LEFT_OUT: Final[dict[str, str]] = {

@@ -11,12 +11,24 @@ from fem.io.deck import words
 
 _SET = "GENERATE INSTANCE INTERNAL UNSORTED INPUT"
 _READ: Final = {
-    "NODE": "NSET SYSTEM INPUT", "ELEMENT": "TYPE ELSET INPUT", "NSET": f"NSET ELSET {_SET}",
-    "ELSET": f"ELSET {_SET}", "SYSTEM": "", "NGEN": "NSET LINE SYSTEM", "NFILL": "NSET BIAS",
-    "NCOPY": "CHANGENUMBER OLDSET NEWSET SHIFT REFLECT MULTIPLE", "ELGEN": "ELSET ALLNODES",
-    "ELCOPY": "ELEMENTSHIFT OLDSET SHIFTNODES NEWSET REFLECT", "PART": "NAME", "ENDPART": "",
-    "ASSEMBLY": "NAME", "ENDASSEMBLY": "", "INSTANCE": "NAME PART", "ENDINSTANCE": "", "INCLUDE": "INPUT",
-}  # fmt: skip
+    "NODE": "NSET SYSTEM INPUT",
+    "ELEMENT": "TYPE ELSET INPUT",
+    "NSET": f"NSET ELSET {_SET}",
+    "ELSET": f"ELSET {_SET}",
+    "SYSTEM": "",
+    "NGEN": "NSET LINE SYSTEM",
+    "NFILL": "NSET BIAS",
+    "NCOPY": "CHANGENUMBER OLDSET NEWSET SHIFT REFLECT MULTIPLE",
+    "ELGEN": "ELSET ALLNODES",
+    "ELCOPY": "ELEMENTSHIFT OLDSET SHIFTNODES NEWSET REFLECT",
+    "PART": "NAME",
+    "ENDPART": "",
+    "ASSEMBLY": "NAME",
+    "ENDASSEMBLY": "",
+    "INSTANCE": "NAME PART",
+    "ENDINSTANCE": "",
+    "INCLUDE": "INPUT",
+}
 READ: Final[dict[str, frozenset[str]]] = {key: words(options) for key, options in _READ.items()}
 """Keywords that are applied, with the parameters that are."""
 

@@ -16,9 +16,18 @@ from fem.sections.outlines import turned
 from fem.sections.section import Section
 
 ABAQUS_K: Final = {
-    "RECT": 0.85, "CIRC": 0.89, "PIPE": 0.53, "THICKPIPE": 0.89, "BOX": 0.44, "I": 0.44, "L": 1.0,
-    "HEX": 0.53, "TRAPEZOID": 0.822, "ARBITRARY": 1.0, "GENERAL": 1.0,
-}  # fmt: skip
+    "RECT": 0.85,
+    "CIRC": 0.89,
+    "PIPE": 0.53,
+    "THICKPIPE": 0.89,
+    "BOX": 0.44,
+    "I": 0.44,
+    "L": 1.0,
+    "HEX": 0.53,
+    "TRAPEZOID": 0.822,
+    "ARBITRARY": 1.0,
+    "GENERAL": 1.0,
+}
 """Shear coefficients of Abaqus, the same in both directions (Abaqus Analysis User's Guide, "Choosing a beam
 element"); a thick pipe has 0.53 to 0.89."""
 
@@ -85,11 +94,13 @@ SHAPES: Final[dict[str, Row]] = {
     "I": (7, 7, "l, h, b1, b2, t1, t2, t3", _i),
     "L": (4, 4, "a, b, t1, t2", _l),
     "HEX": (
-        2, 2, "circumscribed radius and wall thickness",
+        2,
+        2,
+        "circumscribed radius and wall thickness",
         lambda d, nu: Shape(Section.hollow_polygon(n=6, d=np.sqrt(3.0) * d[0], t=d[1])),
     ),
     "TRAPEZOID": (4, 4, "a, b, c, d", _trapezoid),
-}  # fmt: skip
+}
 """Least and greatest count of dimensions, what they are, and the section of them [m] and Poisson's ratio."""
 
 

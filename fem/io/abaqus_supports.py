@@ -9,10 +9,16 @@ from fem.io.abaqus_deck import Block, fault, name_of
 TYPES = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
     "PINNED": (0, 1, 2),
-    "XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4),
-    "XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5),
-    "NOWARP": (), "NOOVAL": (), "NODEFORM": (),
-}  # fmt: skip
+    "XSYMM": (0, 4, 5),
+    "YSYMM": (1, 3, 5),
+    "ZSYMM": (2, 3, 4),
+    "XASYMM": (1, 2, 3),
+    "YASYMM": (0, 2, 4),
+    "ZASYMM": (0, 1, 5),
+    "NOWARP": (),
+    "NOOVAL": (),
+    "NODEFORM": (),
+}
 """Degrees of freedom that a type of boundary condition fixes, counted from 0."""
 
 

@@ -19,7 +19,7 @@ from fem.io.deck_nodes import (
     text_of,
     with_nodes,
     wrapped,
-)  # fmt: skip
+)
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_of_model import ModelDeck

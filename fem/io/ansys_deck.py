@@ -40,10 +40,23 @@ NAMED = {
     "M": "master degrees of freedom are left out: all of them are solved",
 }
 _BLOCKS = ("NBLOCK", "EBLOCK", "RLBLOCK", "ETBLOCK", "CMBLOCK")
-_SHORT = {"SECT": "SECTYPE", "SECD": "SECDATA", "SECO": "SECOFFSET", "SECC": "SECCONTROL", "SECN": "SECNUM",
-          "KEYO": "KEYOPT", "MPDA": "MPDATA", "RMOD": "RMODIF", "RMOR": "RMORE", "ALPH": "ALPHAD",
-          "BETA": "BETAD", "INIS": "INISTATE", "ISTR": "ISTRESS", "PSTR": "PSTRES",
-          "CORI": "CORIOLIS"}  # fmt: skip
+_SHORT = {
+    "SECT": "SECTYPE",
+    "SECD": "SECDATA",
+    "SECO": "SECOFFSET",
+    "SECC": "SECCONTROL",
+    "SECN": "SECNUM",
+    "KEYO": "KEYOPT",
+    "MPDA": "MPDATA",
+    "RMOD": "RMODIF",
+    "RMOR": "RMORE",
+    "ALPH": "ALPHAD",
+    "BETA": "BETAD",
+    "INIS": "INISTATE",
+    "ISTR": "ISTRESS",
+    "PSTR": "PSTRES",
+    "CORI": "CORIOLIS",
+}
 LABELS = {"UX": 0, "UY": 1, "UZ": 2, "ROTX": 3, "ROTY": 4, "ROTZ": 5}
 
 
@@ -157,13 +170,27 @@ class _Reader:
 
     def __post_init__(self) -> None:
         self.commands = {
-            "N": self._node, "EN": self._element, "E": self._element, "ET": self._et, "KEYOPT": self._keyopt,
-            "R": self._r, "RMORE": self._rmore, "RMODIF": self._rmodif, "MP": self._mp,
-            "MPDATA": self._mpdata, "SECTYPE": self._sectype, "D": self._d, "CE": self._ce, "CP": self._cp,
+            "N": self._node,
+            "EN": self._element,
+            "E": self._element,
+            "ET": self._et,
+            "KEYOPT": self._keyopt,
+            "R": self._r,
+            "RMORE": self._rmore,
+            "RMODIF": self._rmodif,
+            "MP": self._mp,
+            "MPDATA": self._mpdata,
+            "SECTYPE": self._sectype,
+            "D": self._d,
+            "CE": self._ce,
+            "CP": self._cp,
             **dict.fromkeys(("SECDATA", "SECOFFSET", "SECCONTROL"), self._of_section),
-            "NBLOCK": self._nblock, "EBLOCK": self._eblock, "RLBLOCK": self._rlblock,
-            "ETBLOCK": self._etblock, "CMBLOCK": self._cmblock,
-        }  # fmt: skip
+            "NBLOCK": self._nblock,
+            "EBLOCK": self._eblock,
+            "RLBLOCK": self._rlblock,
+            "ETBLOCK": self._etblock,
+            "CMBLOCK": self._cmblock,
+        }
 
     def read(self) -> None:
         """Read all commands."""

@@ -28,12 +28,26 @@ _BEAMS = {3: 2, 4: 2, 16: 2, 44: 2, 188: 2, 189: 3, 288: 2, 289: 3}
 """Nodes of beams and pipes on their axis; another one orients them."""
 _LINKS = (1, 8, 10, 180)
 _BY_SECTION = (188, 189, 288, 289)
-_NAMES = {**dict.fromkeys((3, 4, 44, 188, 189), "BEAM"), **dict.fromkeys(_LINKS, "LINK"), 14: "COMBIN",
-          16: "PIPE", 21: "MASS", 184: "MPC", 288: "PIPE", 289: "PIPE"}  # fmt: skip
+_NAMES = {
+    **dict.fromkeys((3, 4, 44, 188, 189), "BEAM"),
+    **dict.fromkeys(_LINKS, "LINK"),
+    14: "COMBIN",
+    16: "PIPE",
+    21: "MASS",
+    184: "MPC",
+    288: "PIPE",
+    289: "PIPE",
+}
 _IGNORED = {200: "MESH200"}
-_UNITS = {"SI": (1.0, 1.0, 1.0), "MKS": (1.0, 1.0, 1.0), "CGS": (0.01, 1e-3, 1.0), "MPA": (1e-3, 1e3, 1.0),
-          "UMKS": (1e-6, 1.0, 1.0), "BFT": (0.3048, 14.59390, 1.0),
-          "BIN": (0.0254, 175.12683, 1.0)}  # fmt: skip
+_UNITS = {
+    "SI": (1.0, 1.0, 1.0),
+    "MKS": (1.0, 1.0, 1.0),
+    "CGS": (0.01, 1e-3, 1.0),
+    "MPA": (1e-3, 1e3, 1.0),
+    "UMKS": (1e-6, 1.0, 1.0),
+    "BFT": (0.3048, 14.59390, 1.0),
+    "BIN": (0.0254, 175.12683, 1.0),
+}
 WAVE_OF_MASSLESS = 1e8
 """Speed of waves in a material without density: members need some [m/s]. Steel has then 2e-5 kg/m³."""
 _RELEASES = ((1, 5), (10, 4), (100, 3), (1000, 0))
@@ -95,11 +109,19 @@ class _Frame(Found):
         self._constraints()
         bars = Bars.of([(n, [self.rows[k] for k in ends], *rest) for n, ends, *rest in self.bars])
         return FrameDeck(
-            file=self.source.file, nodes=np.array(numbers, dtype=np.int64), points=points, bars=bars,
-            properties=tuple(self.properties), supports=supports, bodies=tuple(self.bodies),
-            connections=tuple(self.connections), links=links, equations=tuple(self.equations),
-            damping=self._damping(), notes=self._all_notes(elements),
-        )  # fmt: skip
+            file=self.source.file,
+            nodes=np.array(numbers, dtype=np.int64),
+            points=points,
+            bars=bars,
+            properties=tuple(self.properties),
+            supports=supports,
+            bodies=tuple(self.bodies),
+            connections=tuple(self.connections),
+            links=links,
+            equations=tuple(self.equations),
+            damping=self._damping(),
+            notes=self._all_notes(elements),
+        )
 
     def _check_units(self) -> None:
         if self.source.units is None:
@@ -281,11 +303,14 @@ class _Frame(Found):
             self.known[key] = len(self.properties)
             self.properties.append(
                 BarProperty(
-                    name=self._unique(name, e), material=material, section=first.section,
+                    name=self._unique(name, e),
+                    material=material,
+                    section=first.section,
                     section2=second.section if second is not first else None,
-                    theory="bar" if kind in _LINKS else "timoshenko", mass_per_length=first.mass_per_length,
+                    theory="bar" if kind in _LINKS else "timoshenko",
+                    mass_per_length=first.mass_per_length,
                 )
-            )  # fmt: skip
+            )
         pair = [np.array([0.0, *p.from_node]) for p in (first, second)]
         return self.known[key], pair[0], pair[1]
 

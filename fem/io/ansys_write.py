@@ -19,7 +19,7 @@ from fem.io.deck_nodes import (
     text_of,
     with_nodes,
     wrapped,
-)  # fmt: skip
+)
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
@@ -63,8 +63,11 @@ def ansys_text(
     deck = with_nodes(deck, offsets=True, releases=True, arms=True, springs=_springy)
     numbers, ground = _Numbers(deck), []
     lines = ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
-    lines += [_command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
-              for k in range(len(deck.nodes)) if k not in deck.known]  # fmt: skip
+    lines += [
+        _command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
+        for k in range(len(deck.nodes))
+        if k not in deck.known
+    ]
     lines += [*_bars(deck, u, numbers), *_bodies(deck, u, numbers)]
     lines += _springs(deck, u, numbers, ground)
     equations = solved_equations(deck, links=True)
@@ -73,9 +76,15 @@ def ansys_text(
     lines += [_command("D", n, "ALL", 0) for n in ground]
     if not deck.part:
         lines += [
-            *_damping(deck), "FINISH", "/SOLU", "ANTYPE,MODAL", f"MODOPT,LANB,{modes}", f"MXPAND,{modes}",
-            "SOLVE", "FINISH",
-        ]  # fmt: skip
+            *_damping(deck),
+            "FINISH",
+            "/SOLU",
+            "ANTYPE,MODAL",
+            f"MODOPT,LANB,{modes}",
+            f"MXPAND,{modes}",
+            "SOLVE",
+            "FINISH",
+        ]
     return text_of("!", heading, [*lines, *notes_of("!", deck)])
 
 

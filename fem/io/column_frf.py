@@ -28,9 +28,14 @@ _PARTS: dict[str, str] = {
 }
 """Words of a header that identify a column."""
 _EXACT = {
-    "f": "frequency", "x-axis": "frequency", "index": "index", "no": "index", "nr": "index", "line": "index",
+    "f": "frequency",
+    "x-axis": "frequency",
+    "index": "index",
+    "no": "index",
+    "nr": "index",
+    "line": "index",
     "#": "index",
-}  # fmt: skip
+}
 """The same of cells that hold nothing else."""
 _PART = {
     part: re.compile(rf"(?<![\w/])(?:{words})(?![\w/])", re.IGNORECASE) for part, words in _PARTS.items()

@@ -34,10 +34,16 @@ def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
     }
     bars, properties, known_bars = _bars(deck, before)
     return replace(
-        deck, bars=bars, properties=properties, supports=supports, part=True, known=frozenset(rows),
-        known_bars=known_bars, **parts,
+        deck,
+        bars=bars,
+        properties=properties,
+        supports=supports,
+        part=True,
+        known=frozenset(rows),
+        known_bars=known_bars,
+        **parts,
         notes=(*_replaced(deck, before, items), *_freed(deck, before), *deck.notes),
-    )  # fmt: skip
+    )
 
 
 def _without(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:

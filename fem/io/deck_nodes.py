@@ -145,11 +145,18 @@ def with_nodes(
     first = max(int(deck.nodes.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1)
     numbers = np.concatenate([deck.nodes, np.arange(first, first + len(more.points) - len(deck.nodes))])
     return replace(
-        deck, nodes=numbers, points=np.array(more.points), bars=bars, connections=tuple(connections),
-        bodies=(*masses, *more.bodies), links=(*deck.links, *more.links), matrices=tuple(matrices),
-        equations=(*deck.equations, *more.equations), supports={**deck.supports, **more.supports},
+        deck,
+        nodes=numbers,
+        points=np.array(more.points),
+        bars=bars,
+        connections=tuple(connections),
+        bodies=(*masses, *more.bodies),
+        links=(*deck.links, *more.links),
+        matrices=tuple(matrices),
+        equations=(*deck.equations, *more.equations),
+        supports={**deck.supports, **more.supports},
         notes=(*deck.notes, *more.notes),
-    )  # fmt: skip
+    )
 
 
 def _with_ends(deck: FrameDeck, more: _More, offsets: bool, releases: bool) -> Bars:

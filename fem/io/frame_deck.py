@@ -81,9 +81,13 @@ class Bars:
         numbers, ends, properties = (np.array(column, dtype=np.int64) for column in columns[:3])
         height, offsets, stiffness = (np.array(column, dtype=float) for column in columns[3:])
         return cls(
-            numbers=numbers, ends=ends.reshape(-1, 2), properties=properties, height=height.reshape(-1, 3),
-            offsets=offsets.reshape(-1, 2, 3), stiffness=stiffness.reshape(-1, 2, 6),
-        )  # fmt: skip
+            numbers=numbers,
+            ends=ends.reshape(-1, 2),
+            properties=properties,
+            height=height.reshape(-1, 3),
+            offsets=offsets.reshape(-1, 2, 3),
+            stiffness=stiffness.reshape(-1, 2, 6),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -262,10 +262,19 @@ class _Properties:
         ]
         try:
             return MemberProperties(
-                p.material, section, up, offsets[0], offsets[1],
-                theory=p.theory, section2=section2, mass=p.mass,
-                release1=free[0], release2=free[1], spring1=springs[0], spring2=springs[1],
-            )  # fmt: skip
+                p.material,
+                section,
+                up,
+                offsets[0],
+                offsets[1],
+                theory=p.theory,
+                section2=section2,
+                mass=p.mass,
+                release1=free[0],
+                release2=free[1],
+                spring1=springs[0],
+                spring2=springs[1],
+            )
         except (ModelError, PropertyError) as reason:
             msg = f"element {self.deck.bars.numbers[row]}: {reason}"
             raise ModelError(msg) from reason
@@ -331,9 +340,12 @@ def _links(deck: FrameDeck, nodes: Nodes) -> Iterator[Effect]:
             first, second = (follow, lead) if follow is not None else (lead, None)
             assert first is not None  # two grounded nodes are one body
             yield Joint(
-                name=link.name, point1=nodes.index(first), point2=_index(nodes, second),
-                location=deck.points[row], rigid=link.directions,
-            )  # fmt: skip
+                name=link.name,
+                point1=nodes.index(first),
+                point2=_index(nodes, second),
+                location=deck.points[row],
+                rigid=link.directions,
+            )
         if points and lead is not None:
             yield RigidLink(
                 name=link.name, point=nodes.index(lead), dependents=tuple(points), directions=link.directions
@@ -365,9 +377,16 @@ def _joint(deck: FrameDeck, nodes: Nodes, c: Connection) -> Iterator[Joint]:
     acts = c.rigid or any(X.any() for X in (c.K, c.C, c.D))
     if acts and first is not None and first != second:
         yield Joint(
-            name=c.name, point1=nodes.index(first), point2=_index(nodes, second),
-            location=nodes.place_of(c), axes=c.axes, K=c.K, C=c.C, D=c.D, rigid=c.rigid,
-        )  # fmt: skip
+            name=c.name,
+            point1=nodes.index(first),
+            point2=_index(nodes, second),
+            location=nodes.place_of(c),
+            axes=c.axes,
+            K=c.K,
+            C=c.C,
+            D=c.D,
+            rigid=c.rigid,
+        )
 
 
 def _with_distinct_names(effects: Sequence[Effect]) -> tuple[Effect, ...]:

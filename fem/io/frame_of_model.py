@@ -125,11 +125,20 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
     for effect in model.effects:
         _add_effect(effect, model, parts)
     return ModelDeck(
-        file=file, nodes=_numbers(model.mesh, len(parts.points)), points=np.array(parts.points), bars=bars,
-        properties=properties, supports=parts.supports, bodies=tuple(parts.bodies),
-        connections=tuple(parts.connections), links=tuple(parts.links), equations=tuple(parts.equations),
-        damping=model.damping, notes=tuple(parts.notes), matrices=tuple(parts.matrices),
-    )  # fmt: skip
+        file=file,
+        nodes=_numbers(model.mesh, len(parts.points)),
+        points=np.array(parts.points),
+        bars=bars,
+        properties=properties,
+        supports=parts.supports,
+        bodies=tuple(parts.bodies),
+        connections=tuple(parts.connections),
+        links=tuple(parts.links),
+        equations=tuple(parts.equations),
+        damping=model.damping,
+        notes=tuple(parts.notes),
+        matrices=tuple(parts.matrices),
+    )
 
 
 def _numbers(mesh: Mesh, n: int) -> Ints:
@@ -184,9 +193,13 @@ def _bars(model: Model, springs: list[tuple[int, int, str, float]]) -> tuple[Bar
                 found.append(_property(model, frame, g, int(line), member, layout.along[line]))
             which[line] = len(found) - 1
     bars = Bars(
-        numbers=np.arange(1, mesh.n_lines + 1), ends=mesh.lines, properties=which, height=g.R[:, 2],
-        offsets=g.end, stiffness=stiffness,
-    )  # fmt: skip
+        numbers=np.arange(1, mesh.n_lines + 1),
+        ends=mesh.lines,
+        properties=which,
+        height=g.R[:, 2],
+        offsets=g.end,
+        stiffness=stiffness,
+    )
     return bars, tuple(found)
 
 
@@ -317,9 +330,15 @@ def _of_joint(joint: Joint, model: Model) -> Connection:
         np.where(rigid[:, None] | rigid, 0.0, X) for X in (joint.K, joint.C, joint.D + joint.eta * joint.K)
     )
     return Connection(
-        name=joint.name, nodes=(joint.point1, joint.point2), K=K, C=C, D=D, axes=joint.axes,
-        place=joint.location, rigid=tuple(d for d in joint.rigid if d in constrained),
-    )  # fmt: skip
+        name=joint.name,
+        nodes=(joint.point1, joint.point2),
+        K=K,
+        C=C,
+        D=D,
+        axes=joint.axes,
+        place=joint.location,
+        rigid=tuple(d for d in joint.rigid if d in constrained),
+    )
 
 
 def _add_sprung_mass(e: SprungMass, model: Model, parts: _Parts) -> None:

@@ -80,10 +80,14 @@ def with_walls(
     length = np.linalg.norm(ends[pairs[:, 1]] - ends[pairs[:, 0]], axis=1)
     y, z = flow.shear_centre
     return replace(
-        section, J=flow.J_cells + float(length @ t**3) / 3 if J is None else J, ky=flow.area_y / section.A,
-        kz=flow.area_z / section.A, shear_centre=(float(y), float(z)), walls=Walls(ends, tuple(walls), t),
+        section,
+        J=flow.J_cells + float(length @ t**3) / 3 if J is None else J,
+        ky=flow.area_y / section.A,
+        kz=flow.area_z / section.A,
+        shear_centre=(float(y), float(z)),
+        walls=Walls(ends, tuple(walls), t),
         estimated_k=True,
-    )  # fmt: skip
+    )
 
 
 def walled(
@@ -122,9 +126,13 @@ def box(
     J = 4 * (wide * high) ** 2 / (wide / bottom + high / right + wide / top + high / left)
     outlines = [rectangle(0, b, 0, h), rectangle(left, b - right, bottom, h - top)]
     return walled(
-        f"box {b:g} x {h:g} m", outlines, rectangle(y1, y2, z1, z2), [(0, 1), (1, 2), (2, 3), (3, 0)], walls,
+        f"box {b:g} x {h:g} m",
+        outlines,
+        rectangle(y1, y2, z1, z2),
+        [(0, 1), (1, 2), (2, 3), (3, 0)],
+        walls,
         J if bredt else None,
-    )  # fmt: skip
+    )
 
 
 def angle(b: float, h: float, flat: float, upright: float) -> tuple[Section, Floats]:

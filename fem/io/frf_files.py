@@ -86,18 +86,26 @@ READERS: tuple[FRFReader, ...] = (
     FRFReader("universal file", (".uff", ".unv", ".uf", ".ufb"), _uff, (), is_universal),
     FRFReader("NumPy archive", (".npz",), _npz, (), lambda head: head.startswith(b"PK\x03\x04")),
     FRFReader(
-        "HDF5 file", (".h5", ".hdf5", ".hdf", ".nc"), _hdf5, ("arrays", "axes", "form"),
+        "HDF5 file",
+        (".h5", ".hdf5", ".hdf", ".nc"),
+        _hdf5,
+        ("arrays", "axes", "form"),
         lambda head: any(head[k : k + 8] == HDF5_MARK for k in (0, 512, 1024, 2048)),
     ),
     FRFReader(
-        "MATLAB file, of 7.3 too", (".mat",), _mat, ("arrays", "axes", "form"),
+        "MATLAB file, of 7.3 too",
+        (".mat",),
+        _mat,
+        ("arrays", "axes", "form"),
         lambda head: head.startswith(b"MATLAB 5.0 MAT-file"),
     ),
     FRFReader(
-        "text in columns", (".csv", ".txt", ".tsv", ".dat", ".asc"), frf_of_columns,
+        "text in columns",
+        (".csv", ".txt", ".tsv", ".dat", ".asc"),
+        frf_of_columns,
         ("delimiter", "header", "form", "pairs"),
     ),
-)  # fmt: skip
+)
 """All formats of FRFs."""
 
 

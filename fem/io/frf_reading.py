@@ -11,9 +11,15 @@ from fem.io.arrays import TableError
 from fem.io.uff_types import Function, Points
 
 FORMS = (
-    "auto", "complex", "re-im", "magnitude-degrees", "magnitude-radians", "decibel-degrees", "magnitude",
+    "auto",
+    "complex",
+    "re-im",
+    "magnitude-degrees",
+    "magnitude-radians",
+    "decibel-degrees",
+    "magnitude",
     "decibel",
-)  # fmt: skip
+)
 """What the values of an FRF may be."""
 
 

@@ -30,9 +30,16 @@ from fem.io.rawsets import LineSets, listed
 from fem.mesh import Mesh, MeshError
 
 _APPLIED = (
-    "MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "ParametricNodes", "Elements",
-    "NOD", "ELM",
-)  # fmt: skip
+    "MeshFormat",
+    "PhysicalNames",
+    "Entities",
+    "PartitionedEntities",
+    "Nodes",
+    "ParametricNodes",
+    "Elements",
+    "NOD",
+    "ELM",
+)
 _HARMLESS = ("Comments", "Parametrizations", "InterpolationScheme")
 """Sections without points, lines and groups: texts, surfaces' parameters, and how data are drawn."""
 

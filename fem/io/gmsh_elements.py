@@ -278,10 +278,15 @@ def _binary_elements_2(source: Bytes, left_out: Counter[str]) -> Lines:
         none = np.zeros(n, dtype=np.int64)
         parts.append(
             _Part(
-                kind, rows[:, 0], rows[:, 1 + n_tags :], rows[:, 2] if n_tags > 1 else none,
-                rows[:, 1] if n_tags else none, begin + 4 * width * np.arange(n), True,
+                kind,
+                rows[:, 0],
+                rows[:, 1 + n_tags :],
+                rows[:, 2] if n_tags > 1 else none,
+                rows[:, 1] if n_tags else none,
+                begin + 4 * width * np.arange(n),
+                True,
             )
-        )  # fmt: skip
+        )
     if read != announced:
         source.refuse(f"{announced} elements are announced, and {read} are there")
     source.finish()

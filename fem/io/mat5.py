@@ -22,9 +22,20 @@ MARK = b"MATLAB 5.0 MAT-file"
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _TYPES = {
-    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8", 16: "u1",
-    17: "u2", 18: "u4",
-}  # fmt: skip
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+    16: "u1",
+    17: "u2",
+    18: "u4",
+}
 """NumPy's types of the format's."""
 _CELL, _STRUCTURE, _TEXT, _SPARSE = 1, 2, 4, 5
 _NUMBERS = range(6, 16)

@@ -83,9 +83,16 @@ def matrices_of(system: System, *, constrained: bool = True) -> Matrices:
     node, direction = _coordinates(Q, model.mesh.n_points)
     trivial = Q.shape[0] == Q.shape[1] == 6 * model.mesh.n_points
     return Matrices.from_arrays(
-        K, M, node, direction, np.arange(model.mesh.n_points), model.mesh.points,
-        C if abs(C).sum() else None, D if abs(D).sum() else None, None if trivial else Q,
-    )  # fmt: skip
+        K,
+        M,
+        node,
+        direction,
+        np.arange(model.mesh.n_points),
+        model.mesh.points,
+        C if abs(C).sum() else None,
+        D if abs(D).sum() else None,
+        None if trivial else Q,
+    )
 
 
 def _coordinates(Q: Any, n_points: int) -> tuple[Ints, Ints]:
@@ -274,9 +281,16 @@ def _built(
                 parts[key] = turned if key == "Q" else sp.diags_array(sign) @ turned
     try:
         matrices = Matrices.from_arrays(
-            parts["K"], parts["M"], node, direction, found.get("nodes", ()), found.get("points", ()),
-            parts["C"], parts["D"], parts["Q"],
-        )  # fmt: skip
+            parts["K"],
+            parts["M"],
+            node,
+            direction,
+            found.get("nodes", ()),
+            found.get("points", ()),
+            parts["C"],
+            parts["D"],
+            parts["Q"],
+        )
         axes = {p: R.T for p, R in found.get("axes", {}).items()}
         return (matrices.turned(axes) if axes else matrices).scaled(units)
     except MatricesError as reason:

@@ -105,9 +105,12 @@ def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
     """Return springs and dashpots: CELAS, CDAMP, CVISC, CBUSH and CBUSH1D."""
     found: list[Connection] = []
     for names, reader in (
-        (SPRINGS, _spring), (DAMPERS, _damper), (("CVISC",), _viscous), (("CBUSH",), _bush),
+        (SPRINGS, _spring),
+        (DAMPERS, _damper),
+        (("CVISC",), _viscous),
+        (("CBUSH",), _bush),
         (("CBUSH1D",), _bush1d),
-    ):  # fmt: skip
+    ):
         found += [reader(deck, card, fixed) for card in deck.by_number(*names).values()]
     return [c for c in found if c.K.any() or c.C.any() or c.D.any()]
 
@@ -143,9 +146,13 @@ def _scalar(
         _check_scalar(deck, card, sides, fixed)
     spring = entry(k, K * deck.units.stiffness[k])
     return Connection(
-        name=str(card), nodes=(node, sides[1][0] if len(sides) > 1 else None), axes=deck.axes(node),
-        K=spring, C=entry(k, C * deck.units.damping[k]), D=eta * spring,
-    )  # fmt: skip
+        name=str(card),
+        nodes=(node, sides[1][0] if len(sides) > 1 else None),
+        axes=deck.axes(node),
+        K=spring,
+        C=entry(k, C * deck.units.damping[k]),
+        D=eta * spring,
+    )
 
 
 def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], fixed: Fixed) -> None:
@@ -160,7 +167,9 @@ def _check_scalar(deck: NastranDeck, card: Card, sides: list[tuple[int, int]], f
     if component < 3 and turning and np.linalg.norm(np.cross(axis, arm)) > 1e-6 * np.linalg.norm(arm):
         deck.notes.add(
             "it acts across the line between its grid points, where Nastran leaves the moments unbalanced; "
-            "here rigid arms from the middle balance them", card)  # fmt: skip
+            "here rigid arms from the middle balance them",
+            card,
+        )
 
 
 def _viscous(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
@@ -185,9 +194,12 @@ def _bush1d(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     system = card.integer(4, -1)
     axes = deck.axes_of(card, system, ends[0]) if system >= 0 else _line_axes(deck, card, ends)
     return Connection(
-        name=str(card), nodes=ends, axes=axes,
-        K=entry(0, source.real(1) * u.stiffness[0]), C=entry(0, source.real(2) * u.damping[0]),
-    )  # fmt: skip
+        name=str(card),
+        nodes=ends,
+        axes=axes,
+        K=entry(0, source.real(1) * u.stiffness[0]),
+        C=entry(0, source.real(2) * u.damping[0]),
+    )
 
 
 def _bush(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
@@ -196,10 +208,14 @@ def _bush(deck: NastranDeck, card: Card, fixed: Fixed) -> Connection:
     b = deck.node(card, 3) if card.text(3) not in ("", "0") else None
     K = np.diag(values["K"] * deck.units.stiffness)
     return Connection(
-        name=str(card), nodes=(a, b), K=K, C=np.diag(values["B"] * deck.units.damping),
-        D=np.diag(values["GE"]) @ K, axes=_bush_axes(deck, card, a, b, values["K"]),
+        name=str(card),
+        nodes=(a, b),
+        K=K,
+        C=np.diag(values["B"] * deck.units.damping),
+        D=np.diag(values["GE"]) @ K,
+        axes=_bush_axes(deck, card, a, b, values["K"]),
         place=_bush_place(deck, card, a, b),
-    )  # fmt: skip
+    )
 
 
 def _bush_values(card: Card) -> dict[str, Floats]:

@@ -117,9 +117,10 @@ def _nodes(connections: list, constraints) -> Iterator[int]:
 def _check(deck: NastranDeck) -> None:
     """Refuse elements that a frame model cannot have: the frequencies of the rest would mean nothing."""
     lost: dict[str, list[Card]] = {
-        name: cards for name, cards in deck.cards.items()
+        name: cards
+        for name, cards in deck.cards.items()
         if name in REFUSED or (name[:1] == "C" and name not in APPLIED | _SILENT | HARMLESS)
-    }  # fmt: skip
+    }
     if not lost:
         return
     first = next(iter(lost.values()))[0]

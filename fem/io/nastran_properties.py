@@ -100,8 +100,11 @@ class Properties:
         card = self.material(profile.card, profile.material)
         E, G, nu = elastic(card)
         if not (card.text(2) or card.text(3)) and element.name in BEAMS:
-            deck.notes.add("it has neither G nor NU, so that Nastran gives bars no stiffness in torsion; "
-                           "NU = 0.3 is taken", card)  # fmt: skip
+            deck.notes.add(
+                "it has neither G nor NU, so that Nastran gives bars no stiffness in torsion; "
+                "NU = 0.3 is taken",
+                card,
+            )
         if element.name not in BEAMS or profile.section.label == "rod":
             theory = "bar"
         else:
@@ -272,8 +275,9 @@ def _tapered(
 
 
 def _by_constants(s: Section) -> Section:
-    return Section(s.A, s.Iy, s.Iz, s.J, s.ky, s.kz, label=s.label, Ip=s.Ip, angle=s.angle,
-                   shear_centre=s.shear_centre)  # fmt: skip
+    return Section(
+        s.A, s.Iy, s.Iz, s.J, s.ky, s.kz, label=s.label, Ip=s.Ip, angle=s.angle, shear_centre=s.shear_centre
+    )
 
 
 _STATION = ("YES", "YESA", "NO")
@@ -299,10 +303,13 @@ def _pbeam(reader: Properties, card: Card) -> Profile:
     if M1 or M2 or M1b or M2b:
         deck.notes.add("the non-structural mass is taken at the centroid, not at M1 and M2", card)
     stations = [
-        (x, _constants(reader, card, row[[0, 1, 2, 3, 4]], (k1, k2)),
-         float(row[5]) * deck.mass_factor * units.mass_per_length)
+        (
+            x,
+            _constants(reader, card, row[[0, 1, 2, 3, 4]], (k1, k2)),
+            float(row[5]) * deck.mass_factor * units.mass_per_length,
+        )
         for x, row in zip(where, rows, strict=True)
-    ]  # fmt: skip
+    ]
     return _tapered(reader, card, stations, np.array([(N1, N2), (N1b, N2b)]) * units.length)
 
 
@@ -328,8 +335,9 @@ def _ptube(reader: Properties, card: Card) -> Profile:
         reader.deck.notes.add("the tube tapers; the mean of its diameters is taken", card)
     J = math.pi / 32 * (outer**4 - inner**4)
     nsm = card.real(4) * reader.deck.mass_factor * units.mass_per_length
-    return Profile(card, card.integer(1), rod(math.pi / 4 * (outer**2 - inner**2)),
-                   mass_per_length=nsm, torsion=J)  # fmt: skip
+    return Profile(
+        card, card.integer(1), rod(math.pi / 4 * (outer**2 - inner**2)), mass_per_length=nsm, torsion=J
+    )
 
 
 _READERS: dict[str, Callable[[Properties, Card], Profile]] = {

@@ -17,7 +17,7 @@ from fem.io.deck_nodes import (
     text_of,
     with_nodes,
     wrapped,
-)  # fmt: skip
+)
 from fem.io.deck_units import Units
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection

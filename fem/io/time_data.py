@@ -39,9 +39,17 @@ _NAMES = ("channels", "names", "labels", "channelnames", "channellabels")
 _UNIT_KEYS = ("unit_string", "unit", "units", "NI_UnitDescription")
 """Properties of TDMS that hold a channel's unit; the first that is there counts."""
 _TDMS_SCALES = (
-    "Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple", "Add", "Subtract",
+    "Linear",
+    "Polynomial",
+    "RTD",
+    "Strain",
+    "Table",
+    "Thermistor",
+    "Thermocouple",
+    "Add",
+    "Subtract",
     "AdvancedAPI",
-)  # fmt: skip
+)
 """Scales of TDMS that nptdms applies; of another one it returns the raw counts."""
 _LEAD_IN = 28
 """Bytes of the lead-in of a TDMS segment."""
@@ -399,9 +407,10 @@ def _tdms_starts(
     if len(set(dated)) > 1 and len(dated) < len(dates):
         bare = channels[dates.index(None)]
         _refuse(
-            path, f"channel '{bare}' has no wf_start_time and others start at different ones; they cannot be "
+            path,
+            f"channel '{bare}' has no wf_start_time and others start at different ones; they cannot be "
             "aligned",
-        )  # fmt: skip
+        )
     out = []
     for name, f, date in zip(channels, found, dates, strict=True):
         offset = f[2].get("wf_start_offset", 0.0)
@@ -724,13 +733,17 @@ READERS: tuple[TimeReader, ...] = (
     TimeReader("universal file", (".uff", ".unv", ".uf", ".ufb"), _uff, is_universal),
     TimeReader("NumPy archive", (".npz",), _npz, lambda head: head[:4] == b"PK\x03\x04"),
     TimeReader(
-        "HDF5 file", (".h5", ".hdf5", ".hdf"), lambda path, rate: _arrays(path, read_hdf5(path), rate),
+        "HDF5 file",
+        (".h5", ".hdf5", ".hdf"),
+        lambda path, rate: _arrays(path, read_hdf5(path), rate),
         lambda head: any(head[k : k + 8] == HDF5_MARK for k in (0, 512, 1024, 2048)),
     ),
     TimeReader(
-        "MATLAB file, of 7.3 too", (".mat",), lambda path, rate: _arrays(path, read_mat(path), rate),
+        "MATLAB file, of 7.3 too",
+        (".mat",),
+        lambda path, rate: _arrays(path, read_mat(path), rate),
         lambda head: head.startswith(b"MATLAB 5.0 MAT-file"),
     ),
     TimeReader("text in columns", (".csv", ".txt", ".tsv", ".dat", ".asc"), _text),
-)  # fmt: skip
+)
 """All formats of time data."""

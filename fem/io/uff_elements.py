@@ -22,8 +22,16 @@ ENTITIES = {7: "nodes", 8: "elements", 27: "trace lines"}
 """Entities of groups that are used, by their codes."""
 
 GROUP_COLUMNS: dict[int, int] = {
-    752: 2, 2417: 2, 2429: 2, 2430: 2, 2432: 2, 2435: 4, 2452: 4, 2467: 4, 2477: 4,
-}  # fmt: skip
+    752: 2,
+    2417: 2,
+    2429: 2,
+    2430: 2,
+    2432: 2,
+    2435: 4,
+    2452: 4,
+    2467: 4,
+    2477: 4,
+}
 """Numbers for each entity of a group: its code and its label; in the newer datasets two more."""
 
 
@@ -71,9 +79,12 @@ class Elements(Sequence[Element]):
             return tuple(self[k] for k in range(*index.indices(len(self))))
         k = range(len(self))[index]
         return Element(
-            int(self.number[k]), int(self.descriptor[k]), int(self.property[k]), int(self.material[k]),
+            int(self.number[k]),
+            int(self.descriptor[k]),
+            int(self.property[k]),
+            int(self.material[k]),
             tuple(self.nodes[self.first[k] : self.first[k + 1]].tolist()),
-        )  # fmt: skip
+        )
 
     def __eq__(self, other: object) -> bool:
         """Tell whether another sequence has the same elements."""
@@ -108,10 +119,14 @@ class Elements(Sequence[Element]):
     def _chosen(self, kept: Bools) -> "Elements":
         counts = np.diff(self.first)
         return Elements(
-            self.number[kept], self.descriptor[kept], self.property[kept], self.material[kept],
-            self.nodes[np.repeat(kept, counts)], np.concatenate([[0], np.cumsum(counts[kept])]),
+            self.number[kept],
+            self.descriptor[kept],
+            self.property[kept],
+            self.material[kept],
+            self.nodes[np.repeat(kept, counts)],
+            np.concatenate([[0], np.cumsum(counts[kept])]),
             self.line[kept],
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,11 +65,25 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
         x_unit = "s" if axes[0][0] == TIME else "Hz"
         notes.append(f"an abscissa in '{axes[0][1]}' is converted to {x_unit}")
     function = Function(
-        numbers[0], labels[0], labels[1], text_of(ends[0].name), text_of(ends[1].name), factor * x, values,
-        axes[0][0], axes[1][0], axes[2][0], x_unit, axes[1][1], axes[2][1],
-        tuple(text_at(block, k) for k in range(1, 6)), numbers[3], numbers[2], block.name,
+        numbers[0],
+        labels[0],
+        labels[1],
+        text_of(ends[0].name),
+        text_of(ends[1].name),
+        factor * x,
+        values,
+        axes[0][0],
+        axes[1][0],
+        axes[2][0],
+        x_unit,
+        axes[1][1],
+        axes[2][1],
+        tuple(text_at(block, k) for k in range(1, 6)),
+        numbers[3],
+        numbers[2],
+        block.name,
         axes[0][1],
-    )  # fmt: skip
+    )
     return function, notes
 
 

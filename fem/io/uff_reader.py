@@ -24,11 +24,23 @@ GEOMETRY: dict[int, str] = {71: "elements of an old form"}
 """Datasets that change the lines of a mesh and are not read: a mesh is refused where there is one."""
 
 LEFT_OUT: dict[int, str] = {
-    56: "results on elements", 57: "results at nodes on elements", 754: "constraints", 755: "restraints",
-    756: "loads", 757: "degrees of freedom of analyses", 772: "beam cross sections", 773: "materials",
-    776: "beam cross sections", 789: "physical properties", 790: "loads", 791: "restraints",
-    1710: "materials", 2437: "physical properties", 2448: "physical properties", 2470: "materials",
-}  # fmt: skip
+    56: "results on elements",
+    57: "results at nodes on elements",
+    754: "constraints",
+    755: "restraints",
+    756: "loads",
+    757: "degrees of freedom of analyses",
+    772: "beam cross sections",
+    773: "materials",
+    776: "beam cross sections",
+    789: "physical properties",
+    790: "loads",
+    791: "restraints",
+    1710: "materials",
+    2437: "physical properties",
+    2448: "physical properties",
+    2470: "materials",
+}
 """Words for some of the datasets that are left out and named."""
 
 _RESULTS = ("FRF", "55", "57", "58", "2414")

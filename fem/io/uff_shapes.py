@@ -110,9 +110,20 @@ def _header_of_55(block: Block) -> _Header | str:
     number = _integers(block, 7, 4)[3]
     frequency, mass, viscous, hysteretic, *_ = reals = _reals(block, 8, 6)
     return _Header(
-        analysis, characteristic, result, data_type, per_node, frequency, mass, viscous, hysteretic,
-        complex(*reals[:2]), complex(*reals[2:4]), number, 9,
-    )  # fmt: skip
+        analysis,
+        characteristic,
+        result,
+        data_type,
+        per_node,
+        frequency,
+        mass,
+        viscous,
+        hysteretic,
+        complex(*reals[:2]),
+        complex(*reals[2:4]),
+        number,
+        9,
+    )
 
 
 def _header_of_2414(block: Block) -> _Header | str:
@@ -125,9 +136,20 @@ def _header_of_2414(block: Block) -> _Header | str:
     if not frequency and eigenvalue > 0:
         frequency = float(np.sqrt(eigenvalue)) / (2 * np.pi)
     return _Header(
-        analysis, characteristic, result, data_type, per_node, frequency, mass, viscous, hysteretic,
-        complex(*more[:2]), complex(*more[2:4]), number, 14,
-    )  # fmt: skip
+        analysis,
+        characteristic,
+        result,
+        data_type,
+        per_node,
+        frequency,
+        mass,
+        viscous,
+        hysteretic,
+        complex(*more[:2]),
+        complex(*more[2:4]),
+        number,
+        14,
+    )
 
 
 def _nodal_values(block: Block, count: int, first: int) -> tuple[Ints, Floats]:

@@ -15,10 +15,23 @@ from fem.io.uff_types import MOTIONS, Function, Units
 from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, strain_of
 
 _FREQUENCIES = {
-    "hz": 1.0, "hertz": 1.0, "cps": 1.0, "cycles/s": 1.0, "khz": 1e3, "rads": 0.5 / np.pi, "rpm": 1 / 60,
-    "cpm": 1 / 60, "r/min": 1 / 60, "rev/min": 1 / 60, "cycles/min": 1 / 60, "1/min": 1 / 60,
-    "krpm": 1e3 / 60, "rps": 1.0, "rev/s": 1.0, "r/s": 1.0,
-}  # fmt: skip
+    "hz": 1.0,
+    "hertz": 1.0,
+    "cps": 1.0,
+    "cycles/s": 1.0,
+    "khz": 1e3,
+    "rads": 0.5 / np.pi,
+    "rpm": 1 / 60,
+    "cpm": 1 / 60,
+    "r/min": 1 / 60,
+    "rev/min": 1 / 60,
+    "cycles/min": 1 / 60,
+    "1/min": 1 / 60,
+    "krpm": 1e3 / 60,
+    "rps": 1.0,
+    "rev/s": 1.0,
+    "r/s": 1.0,
+}
 """Labels [Hz], without blanks and brackets; others are in rad/s. 1/s is none: it may be either."""
 
 FREQUENCY, TIME = 18, 17

@@ -14,22 +14,55 @@ POUND_FORCE = 4.4482216152605
 """[N]."""
 
 _LENGTHS = {
-    "m": 1.0, "meter": 1.0, "metre": 1.0, "km": 1e3, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
-    "µm": 1e-6, "μm": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
-    "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "mil": 2.54e-5, "mils": 2.54e-5,
-}  # fmt: skip
+    "m": 1.0,
+    "meter": 1.0,
+    "metre": 1.0,
+    "km": 1e3,
+    "dm": 0.1,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "um": 1e-6,
+    "µm": 1e-6,
+    "μm": 1e-6,
+    "micron": 1e-6,
+    "microns": 1e-6,
+    "nm": 1e-9,
+    "in": 0.0254,
+    "inch": 0.0254,
+    "inches": 0.0254,
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "mil": 2.54e-5,
+    "mils": 2.54e-5,
+}
 _GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}
 _ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
 _STRAINS = {
-    "%": 0.01, "strain": 1.0, "ε": 1.0, **dict.fromkeys(
+    "%": 0.01,
+    "strain": 1.0,
+    "ε": 1.0,
+    **dict.fromkeys(
         ("ue", "µe", "μe", "uε", "µε", "με", "ustrain", "µstrain", "μstrain", "microstrain"), 1e-6
     ),
-}  # fmt: skip
+}
 _FORCES = {
-    "n": 1.0, "newton": 1.0, "kn": 1e3, "mn": 1e-3, "dan": 10.0, "lbf": POUND_FORCE, "lb": POUND_FORCE,
-    "lbs": POUND_FORCE, "pound": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "ozf": POUND_FORCE / 16, "kgf": G0,
-    "kp": G0, "gf": 1e-3 * G0, "dyn": 1e-5,
-}  # fmt: skip
+    "n": 1.0,
+    "newton": 1.0,
+    "kn": 1e3,
+    "mn": 1e-3,
+    "dan": 10.0,
+    "lbf": POUND_FORCE,
+    "lb": POUND_FORCE,
+    "lbs": POUND_FORCE,
+    "pound": POUND_FORCE,
+    "kip": 1e3 * POUND_FORCE,
+    "ozf": POUND_FORCE / 16,
+    "kgf": G0,
+    "kp": G0,
+    "gf": 1e-3 * G0,
+    "dyn": 1e-5,
+}
 
 CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
 """Frequencies in which capitals matter [Hz]."""
@@ -37,9 +70,21 @@ CAPITALS = {"MHz": 1e6, "mHz": 1e-3, "GHz": 1e9}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 TIME_NAMES = (
-    "time", "t", "zeit", "temps", "times", "timestamp", "elapsed", "elapsedtime", "timeelapsed", "timevector",
-    "timeaxis", "relativetime", "timerelative", "datetime",
-)  # fmt: skip
+    "time",
+    "t",
+    "zeit",
+    "temps",
+    "times",
+    "timestamp",
+    "elapsed",
+    "elapsedtime",
+    "timeelapsed",
+    "timevector",
+    "timeaxis",
+    "relativetime",
+    "timerelative",
+    "datetime",
+)
 """Names of times in small letters, without blanks and underscores."""
 
 Dimension = tuple[int, int, int, int]
@@ -72,17 +117,30 @@ _CASES: dict[str, Size] = {
 
 _PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "kilo": "k"}
 _WORDS = {
-    "second": "s", "sec": "s", "metre": "m", "meter": "m", "newton": "N", "hertz": "Hz", "radian": "rad",
-}  # fmt: skip
+    "second": "s",
+    "sec": "s",
+    "metre": "m",
+    "meter": "m",
+    "newton": "N",
+    "hertz": "Hz",
+    "radian": "rad",
+}
 _WORD = re.compile(
     rf"(?<![a-z])({'|'.join(_PREFIXES)[1:]})?\s*({'|'.join(_WORDS)})s?(?![a-z])", re.IGNORECASE
 )
 _SHORT_SECONDS = re.compile(r"(?<![a-z])([muµμn]?)secs?(?![a-z])", re.IGNORECASE)
 _OTHER_WORDS = (
-    (r"\bmillis\b", "ms"), (r"\bmicros\b", "us"),
-    (r"\bdegrees?\b", "deg"), (r"\bminutes?\b", "min"), (r"\bhours?\b", "h"), (r"\bmps2\b", "m/s^2"),
-    (r"\bmps\b", "m/s"), (r"\s+per\s+", "/"), (r"\s+squared\b", "^2"), (r"\bsince\b.*$", ""),
-)  # fmt: skip
+    (r"\bmillis\b", "ms"),
+    (r"\bmicros\b", "us"),
+    (r"\bdegrees?\b", "deg"),
+    (r"\bminutes?\b", "min"),
+    (r"\bhours?\b", "h"),
+    (r"\bmps2\b", "m/s^2"),
+    (r"\bmps\b", "m/s"),
+    (r"\s+per\s+", "/"),
+    (r"\s+squared\b", "^2"),
+    (r"\bsince\b.*$", ""),
+)
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _TOKEN = re.compile(r"\s*(?:([()/*·×.-])|(1)(?![\d.])|([A-Za-zµμε°%]+))")
 _POWER = re.compile(r"\s*(?:\^|\*\*)?\s*(?:\((-?[1-9])\)|(-?[1-9]))")

@@ -101,8 +101,10 @@ def model_figure(
     marks, notes = place_traces(places)
     named = names if len(sensors) + len(excitations) <= MOST_NAMED else []
     look = layout(
-        height, title, scene=scene(np.vstack(bounds), [*named, *notes]),
-    )  # fmt: skip
+        height,
+        title,
+        scene=scene(np.vstack(bounds), [*named, *notes]),
+    )
     look["margin"] |= {"l": 0, "r": 0, "b": 0}
     look["legend"] |= {"itemsizing": "constant"}
     return Figure([*traces, *marks], look)
@@ -128,11 +130,17 @@ def _member_traces(
         role = "member" if (vertex[used] < n_lines).all() else "part"
         out.append(
             solid(
-                surface.rest[used], triangles, color=style.MEMBERS[n % len(style.MEMBERS)],
-                name=plain(shorten(name, 40)), showlegend=len(names) > 1, customdata=members,
-                hoverinfo="text", hovertext=[f"{role} {plain(m)}" for m in members], meta={"role": role},
+                surface.rest[used],
+                triangles,
+                color=style.MEMBERS[n % len(style.MEMBERS)],
+                name=plain(shorten(name, 40)),
+                showlegend=len(names) > 1,
+                customdata=members,
+                hoverinfo="text",
+                hovertext=[f"{role} {plain(m)}" for m in members],
+                meta={"role": role},
             )
-        )  # fmt: skip
+        )
     return out
 
 
@@ -142,15 +150,22 @@ def _valued_members(
     at = owner[vertex].tolist()
     shown = values[vertex]
     return solid(
-        surface.rest, surface.triangles, intensity=single(np.nan_to_num(shown)), cmin=0.0,
-        cmax=top, colorscale=_share_scale(),
-        colorbar=_bar(label, 0.0), customdata=at, hoverinfo="text", showlegend=False,
+        surface.rest,
+        surface.triangles,
+        intensity=single(np.nan_to_num(shown)),
+        cmin=0.0,
+        cmax=top,
+        colorscale=_share_scale(),
+        colorbar=_bar(label, 0.0),
+        customdata=at,
+        hoverinfo="text",
+        showlegend=False,
         hovertext=[
             f"member {plain(m)}" + (f"<br>{v:.3g}: {plain(label)}" if np.isfinite(v) else "")
             for m, v in zip(at, shown, strict=True)
         ],
         meta={"role": "member"},
-    )  # fmt: skip
+    )
 
 
 def _valued_joints(joints: Sequence[tuple[Place, float]], label: str, top: float) -> list[dict[str, Any]]:
@@ -158,9 +173,14 @@ def _valued_joints(joints: Sequence[tuple[Place, float]], label: str, top: float
     if not joints:
         return []
     marker = {
-        "color": single([v for _, v in joints]), "cmin": 0.0, "cmax": top, "colorscale": _share_scale(),
-        "symbol": "diamond", "size": 10, "line": {"color": style.INK, "width": 1},
-    }  # fmt: skip
+        "color": single([v for _, v in joints]),
+        "cmin": 0.0,
+        "cmax": top,
+        "colorscale": _share_scale(),
+        "symbol": "diamond",
+        "size": 10,
+        "line": {"color": style.INK, "width": 1},
+    }
     hover = [f"{plain(p.label or p.name)}<br>{v:.3g}: {plain(label)}" for p, v in joints]
     places, names = [p.point for p, _ in joints], [p.name for p, _ in joints]
     return [points_trace(places, names, hover, marker, name="joint or support", meta={"role": "joint"})]
@@ -172,9 +192,14 @@ def _share_scale() -> list[tuple[float, str]]:
 
 def _bar(label: str, x: float) -> dict[str, Any]:
     return {
-        "title": {"text": plain(label), "side": "right", "font": {"size": 11}}, "thickness": 10, "len": 0.6,
-        "outlinewidth": 0, "x": x, "xanchor": "right" if x > 0.5 else "left", "tickfont": {"size": 10},
-    }  # fmt: skip
+        "title": {"text": plain(label), "side": "right", "font": {"size": 11}},
+        "thickness": 10,
+        "len": 0.6,
+        "outlinewidth": 0,
+        "x": x,
+        "xanchor": "right" if x > 0.5 else "left",
+        "tickfont": {"size": 10},
+    }
 
 
 def _instrument_traces(
@@ -200,9 +225,12 @@ def _instrument_traces(
         cmap = style.misfit_map()
         colours = [rgb_text(cmap(norm(e))) if np.isfinite(e) else CELL for e in known]
         marker |= {
-            "color": single(np.nan_to_num(known, nan=low)), "cmin": norm.vmin, "cmax": norm.vmax,
-            "colorscale": colour_scale(cmap), "colorbar": _bar("error of the sensor [dB]", 1.0),
-        }  # fmt: skip
+            "color": single(np.nan_to_num(known, nan=low)),
+            "cmin": norm.vmin,
+            "cmax": norm.vmax,
+            "colorscale": colour_scale(cmap),
+            "colorbar": _bar("error of the sensor [dB]", 1.0),
+        }
     else:
         colours = [style.GREEN if force else style.SENSOR] * len(group)
         marker |= {"color": colours[0]}
@@ -226,10 +254,18 @@ def _instrument_names(group: Sequence[Sensor], free: Floats, size: float, shift:
     out = []
     for text, k in merge_names([s.name for s in group], free, 1e-6 * size):
         x, y, z = free[k].tolist()
-        out.append({
-            "x": x, "y": y, "z": z, "text": plain(text), "showarrow": False, "yshift": shift,
-            "name": "instrument", "font": {"size": 10, "color": style.MUTED},
-        })  # fmt: skip
+        out.append(
+            {
+                "x": x,
+                "y": y,
+                "z": z,
+                "text": plain(text),
+                "showarrow": False,
+                "yshift": shift,
+                "name": "instrument",
+                "font": {"size": 10, "color": style.MUTED},
+            }
+        )
     return out
 
 
@@ -257,10 +293,12 @@ def _effect_traces(model: Model) -> list[dict[str, Any]]:
         words = kind.replace("_", " ")
         out.append(
             points_trace(
-                [point for _, point in found], [e.where for e, _ in found],
+                [point for _, point in found],
+                [e.where for e, _ in found],
                 [f"{plain(words)}<br>{plain(e.where)}" for e, _ in found],
                 {"color": colour, "symbol": symbol, "size": 6, "line": {"color": "white", "width": 1}},
-                name=plain(words), meta={"role": "effect", "kind": kind},
+                name=plain(words),
+                meta={"role": "effect", "kind": kind},
             )
-        )  # fmt: skip
+        )
     return out
