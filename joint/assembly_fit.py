@@ -18,7 +18,7 @@ from joint.identification import identify_joint as solve_directly
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
 from joint.output_error import fit_joint
-from joint.released import ReleasedParts
+from joint.released import ReleasedParts, deviations
 from updating.correlation import DB_PER_NEPER
 from updating.inference.fit import FitProblem
 from updating.inference.preparation import build_problem
@@ -117,7 +117,8 @@ class Estimate:
     refused : Stage or None
         The next wider band, which contradicts the last: the model is not right there.
     prior, prior_std : (m,) arrays
-        Uncertain parameters of the model [their units], and relative standard deviations [-].
+        Uncertain parameters of the model [their units], and relative standard deviations [-]; of a parameter
+        that is 0, that of its value.
     """
 
     task: JointTask
@@ -138,7 +139,7 @@ class Estimate:
 
     def moved(self) -> NDArray[np.float64]:
         """How far each uncertain parameter moved, in its standard deviations before the fit, (m,) [-]."""
-        return np.log(self.fit.part_values / self.prior) / self.prior_std
+        return deviations(self.fit.part_values, self.prior, self.prior_std)
 
     @property
     def misfit_db(self) -> float:

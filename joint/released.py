@@ -77,14 +77,15 @@ class ReleasedParts:
         springs : (p,) array
             Stiffness of the springs in the relative motions [N/m, N·m/rad].
         nuisances : sequence of Nuisance
-            Parameters that are uncertain, with relative standard deviations.
+            Parameters that are uncertain: positive ones with the standard deviation of their logarithm,
+            those that are 0, such as a relative change, with that of their value.
         damping : DampingCurve
             Modal damping and its uncertainty.
 
         Raises
         ------
         ModelError
-            For a nuisance that is no parameter of the model or has no positive value.
+            For a nuisance that is no parameter of the model or has a negative value.
         """
         lines = as_frequency(frequency)
         outputs, inputs, relative = vectors
@@ -92,8 +93,8 @@ class ReleasedParts:
         known = model.values()
         refs = [(n.effect, n.parameter) for n in nuisances]
         for ref in refs:
-            if not known.get(ref, 0.0) > 0:
-                msg = f"'{ref[0]} {ref[1]}' is uncertain, but no parameter of the model with a positive value"
+            if not known.get(ref, -1.0) >= 0:
+                msg = f"'{ref[0]} {ref[1]}' is uncertain, but no parameter of the model that is 0 or positive"
                 raise ModelError(msg)
         engine = ParametricFRF(
             reduced, np.hstack([outputs, relative]), np.hstack([inputs, relative]), lines, refs
@@ -111,14 +112,18 @@ class ReleasedParts:
         return (*(f"{n.effect} {n.parameter}" for n in self.nuisances), *knots)
 
     def physical(self, x: FloatArray) -> FloatArray:
-        """Return the parameters in their own units: mean · exp(std · x)."""
-        std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
-        return np.append(self._means, self.damping.nominal) * np.exp(std * x)
+        """Return the parameters in their own units: mean · exp(std · x), std · x where the mean is 0."""
+        mean, std = self._priors()
+        return np.where(mean > 0, mean * np.exp(std * x), std * x)
 
     def standard(self, values: FloatArray) -> FloatArray:
         """Return x of parameters in their own units: the inverse of `physical`."""
+        return deviations(values, *self._priors())
+
+    def _priors(self) -> tuple[FloatArray, FloatArray]:
+        """Return means and standard deviations of the nuisances, then of the damping at its knots."""
         std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
-        return np.log(values / np.append(self._means, self.damping.nominal)) / std
+        return np.append(self._means, self.damping.nominal), std
 
     def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives by x."""
@@ -136,7 +141,8 @@ class ReleasedParts:
         p = len(self._springs)
         left = _left(H, S, p)
         right = _left(H.mT, S.mT, p).mT
-        slopes = [left @ (dH[k] * (values[k] * each.std)) @ right for k, each in enumerate(self.nuisances)]
+        scale = np.where(self._means > 0, values[:n], 1.0)
+        slopes = [left @ (dH[k] * (scale[k] * each.std)) @ right for k, each in enumerate(self.nuisances)]
         # the springs that are taken out carry the damping too: dS = -z⁻¹ dz z⁻¹ - dH'_dd
         base = left @ dH_dzeta @ right
         through = solve_lines(S, H[:, -p:]) / dz[:, :, None]
@@ -151,6 +157,12 @@ class ReleasedParts:
     def _blocks(self, H: ComplexArray) -> ReceptanceBlocks:
         p = len(self._springs)
         return ReceptanceBlocks(H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
+
+
+def deviations(values: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray:
+    """Return parameters in standard deviations from their means, of logarithms unless a mean is 0."""
+    ratio = np.divide(values, mean, out=np.ones_like(mean), where=mean > 0)
+    return np.where(mean > 0, np.log(ratio), values) / std
 
 
 def _taken_out(

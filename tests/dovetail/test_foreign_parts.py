@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import dovetail
+from dovetail.cli import main
 from dovetail.export import WRITERS, exported_deck
 from dovetail.file import condensed, connections
 from dovetail.file.config import load_study
@@ -15,6 +17,7 @@ from fem.analysis.modes import solve_modes
 from fem.effects.joint_stiffness import JointStiffness
 from fem.effects.superelement import Superelement
 from fem.elements.part_ties import Attachment
+from fem.io.arrays import write_npz
 from fem.io.frame_model import model_of, read_deck
 from fem.io.matrices import read_matrices, write_matrices
 from fem.model import DIRECTIONS
@@ -241,3 +244,46 @@ def test_cards_of_what_was_found_leave_a_part_to_its_program(tmp_path):
     assert [c.name.split(" with ")[0] for c in deck.connections] == ["bolt"]
     assert any("change the part's own model: bracket: stiffness 0.040 ± 0.010" in note for note in deck.notes)
     assert not any("bracket" in line or "kx" in line for line in lines)
+
+
+JOINED = f"""
+{SUPPORTED}
+[[sensors]]
+name = "s"
+point = "B"
+direction = "z"
+
+[[sensors]]
+name = "t"
+member = "first"
+position = 0.3
+direction = "z"
+
+[[excitations]]
+sensor = "t"
+
+[damping]
+modal = 0.004
+
+[uncertain]
+joints = 0
+"""
+
+
+def test_a_joint_of_a_part_is_identified_from_frfs(tmp_path, capsys):
+    """The other side of the joint is a part whose stiffness and mass are uncertain, too."""
+    bolt = (
+        ', name = "bolt", k = { kx = 4e6, ky = 5e6, kz = 2e6, krx = 2e3, kry = 1e3, krz = 3e3 }, rigid = ""'
+    )
+    text = JOINED.replace("nodes = ", f"{bolt[2:]}, nodes = ").replace("stop = 200", "stop = 800")
+    study(tmp_path, text)
+    made = dovetail.load_study(tmp_path / "study.toml")
+    lines = np.arange(20.0, 800.0, 2.0)
+    truth = made.model.with_values({("bolt", "kry"): 400.0, ("bracket", "mass"): 0.01})
+    write_npz(tmp_path / "frf.npz", replace(made, model=truth).frf(lines))
+    (tmp_path / "measured.toml").write_text(text + '[[measurements]]\nfile = "frf.npz"\n')
+    command = ["identify-joint", str(tmp_path / "measured.toml"), "--joint", "bolt", "--directions", "ry"]
+    assert main([*command, "--terms", "K", "--accuracy", "0.01", "--quiet", "--json", "-"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["directions"]
+    assert found["k"] == pytest.approx(400.0, rel=0.02)
+    assert abs(found["k"] - 400.0) < 3 * found["k_std"]
