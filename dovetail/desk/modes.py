@@ -9,6 +9,7 @@ from dovetail.desk.figures import MODE_HEAD, mode_rows, shapes_figure, shapes_ti
 from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
+from dovetail.desk.views import frequency_bars
 from dovetail.desk.widgets import button, card, labelled, plot, show
 from viz.interactive.frequencies import mac_figure
 
@@ -44,6 +45,7 @@ class ModePanel:
         self._desk, self._search = desk, search
         self._drawn: Any = None
         self._shape: ui.plotly | None = None
+        self._bars: ui.plotly | None = None
         self._menus: dict[str, Any] = {}
         self._shown = 0
         with card("Modes"):
@@ -100,7 +102,8 @@ class ModePanel:
         found = self._desk.compared_modes
         assert found is not None
         figure = await run.io_bound(shapes_figure, found, i, j)
-        if figure is None:  # the desk is closing
+        bars = await run.io_bound(frequency_bars, self._desk, found, j)
+        if figure is None or bars is None:  # the desk is closing
             return
         menus, self._shown = figure.layout.updatemenus, self._shown + 1
         choose, stop = (menus[k].buttons[0].args for k in (0, 1))
@@ -108,16 +111,19 @@ class ModePanel:
         figure.update_layout(meta={"shown": self._shown})
         figure.layout.updatemenus = ()  # buttons below play it, which keys can press
         words = f"Shapes of measured mode {i + 1} and computed mode {j + 1}"
-        if self._shape is None:
+        changes = f"Change of the frequency of computed mode {j + 1} by each parameter"
+        if self._shape is None or self._bars is None:
             with self._box:
                 self._title = ui.label().classes("desk-name").props("role=status")
                 self._shape = plot(figure, words)
                 with ui.element("div").classes("desk-row"):
                     button("Play", lambda: self._play("play"), "play_arrow", label="Play the shapes")
                     button("Stop", lambda: self._play("stop"), "stop", label="Stop the shapes")
+                self._bars = plot(bars, changes)
         else:
-            show(self._shape, figure)
-            labelled(self._shape, words)
+            for part, drawn, text in ((self._shape, figure, words), (self._bars, bars, changes)):
+                show(part, drawn)
+                labelled(part, text)
         self._title.set_text(shapes_title(found, i, j))
         self._play("play", asked=False)
 

@@ -33,7 +33,12 @@ from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import Promise, rank
-from updating.live.sensitivity import Sensitivity, sensitivities
+from updating.live.sensitivity import (
+    FrequencySensitivity,
+    Sensitivity,
+    frequency_sensitivities,
+    sensitivities,
+)
 from updating.live.weighing import Weighed, weigh
 from updating.plan.plan import Plan
 from updating.quality.corrections import Fault
@@ -197,6 +202,15 @@ class Desk:
     def sensitivities(self, pair: tuple[str, str]) -> tuple[Sensitivity, ...]:
         """Return the change of an FRF by each parameter of the present hypothesis, the largest first."""
         return sensitivities(self.live, self.now.hypothesis, pair)
+
+    def frequency_sensitivities(self, found: ComparedModes, j: int) -> tuple[FrequencySensitivity, ...]:
+        """Return the change of the frequency of an elastic computed mode by each parameter."""
+        k = found.computed.n_rigid + j
+        f, shape = (
+            float(found.computed.frequency[k]),
+            np.asarray(found.computed.shapes[:, k].real, dtype=float),
+        )
+        return frequency_sensitivities(self.live, found.hypothesis, found.model, f, shape)
 
     def second(self) -> Evaluation | None:
         """Return the evaluation of the second hypothesis, where there is one."""

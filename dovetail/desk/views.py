@@ -8,12 +8,14 @@ import numpy as np
 from plotly.graph_objects import Figure
 
 from dovetail.desk import figures
+from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.figures import HERE, NOMINAL, SECOND
 from dovetail.desk.session import Desk
 from dovetail.report.words import effect_label, number
 from fem.analysis.frf import FRF
 from updating.live.engine import Evaluation
-from updating.live.sensitivity import Sensitivity
+from updating.live.hypothesis import Hypothesis
+from updating.live.sensitivity import FrequencySensitivity, Sensitivity
 from updating.measurement.held_out import Band
 from viz.interactive.indicators import (
     FRAC,
@@ -156,22 +158,34 @@ def _frac_changes(shown: Evaluation, chosen: Chosen) -> Changes:
 
 def _sensitivity(desk: Desk, chosen: Chosen) -> Figure:
     best = desk.sensitivities(chosen.pair)[:MOST_BARS]
-    names = [_name(desk, s) for s in best]
+    names = [_name(desk.now.hypothesis, s) for s in best]
     hover = [f"{name}: {_change(s)}" for name, s in zip(names, best, strict=True)]
     return sensitivity_figure(names, [s.mean_db for s in best], hover, [s.added for s in best])
 
 
-def _name(desk: Desk, s: Sensitivity) -> str:
+def frequency_bars(desk: Desk, found: ComparedModes, j: int) -> Figure:
+    """Return bars of the change of an elastic computed mode's natural frequency by each parameter."""
+    best = desk.frequency_sensitivities(found, j)[:MOST_BARS]
+    names = [_name(found.hypothesis, s) for s in best]
+    hover = [f"{name}: {s.percent:+.2g} % {_step(s)}" for name, s in zip(names, best, strict=True)]
+    label = "change per standard deviation of the prior [%]"
+    return sensitivity_figure(names, [abs(s.percent) for s in best], hover, [s.added for s in best], label)
+
+
+def _name(h: Hypothesis, s: Sensitivity | FrequencySensitivity) -> str:
     effect, parameter = s.refs[0]
     if not s.added:
         return f"{effect}.{parameter}"
-    added = desk.now.hypothesis.effect(effect)
+    added = h.effect(effect)
     return f"{parameter.replace('_', ' ')} of {effect_label(added.kind, added.where)}"
 
 
 def _change(s: Sensitivity) -> str:
-    step = "by 20 %, as it has no prior" if s.assumed else "by one standard deviation of its prior"
-    return f"{number(s.largest_db)} dB at most, at {number(s.frequency, 4)} Hz, {step}"
+    return f"{number(s.largest_db)} dB at most, at {number(s.frequency, 4)} Hz, {_step(s)}"
+
+
+def _step(s: Sensitivity | FrequencySensitivity) -> str:
+    return "by 20 %, as it has no prior" if s.assumed else "by one standard deviation of its prior"
 
 
 VIEWS = {

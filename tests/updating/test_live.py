@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from dovetail.pipeline import fit_problem
+from fem.analysis.modes import solve_modes
 from fem.model import ModelError
+from fem.system import assemble
 from updating.correlation import compare
+from updating.inference.preparation import fitted_model
 from updating.live.engine import LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import rank, twins
-from updating.live.sensitivity import sensitivities
+from updating.live.sensitivity import frequency_sensitivities, sensitivities
 from updating.live.weighing import weigh
 from updating.quality.corrections import Fault
 
@@ -252,3 +255,23 @@ def test_sensitivities_are_the_differences_of_two_models(live, candidates, fitte
         change = sigma * (levels[0] - levels[1]) / (2 * step)
         at = int(np.abs(h0.frequency - by_ref[ref].frequency).argmin())
         assert change[at] == pytest.approx(by_ref[ref].largest_db, rel=2e-3)
+
+
+def test_sensitivities_of_a_natural_frequency_are_the_differences_of_two_models(live, candidates, fitted):
+    h = fitted.with_effect(candidates["point_mass:U"]).with_value("point_mass:U", "mass", 0.1)
+    model = fitted_model(live.problem.reduced.model, h.result())
+    pairs = solve_modes(assemble(model), n=9)
+    k = pairs.n_rigid
+    f, shape = float(pairs.frequency[k]), pairs.shapes[:, k]
+    found = frequency_sensitivities(live, h, model, f, shape)
+    assert [abs(s.percent) for s in found] == sorted((abs(s.percent) for s in found), reverse=True)
+    by_ref = {s.refs[0]: s for s in found}
+    for ref, sigma in {("frame", "E:steel"): 0.02, ("point_mass:U", "mass"): 0.2}.items():
+        value, step = model.values()[ref], 1e-4
+        moved = [
+            solve_modes(assemble(model.with_values({ref: value * (1 + s * step)})), n=9).frequency[k]
+            for s in (1, -1)
+        ]
+        change = 100 * sigma * (moved[0] - moved[1]) / (2 * step * f)
+        assert by_ref[ref].percent == pytest.approx(change, rel=1e-3)
+    assert by_ref["point_mass:U", "mass"].added

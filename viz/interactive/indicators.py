@@ -146,20 +146,26 @@ def frac_figure(values: Mapping[str, ArrayLike], sensors: Sequence[str], *, forc
 
 
 def sensitivity_figure(
-    names: Sequence[str], mean_db: ArrayLike, hover: Sequence[str], added: Sequence[bool]
+    names: Sequence[str],
+    values: ArrayLike,
+    hover: Sequence[str],
+    added: Sequence[bool],
+    label: str = "mean change per standard deviation of the prior [dB]",
 ) -> Figure:
-    """Return bars of the change of an FRF by each parameter.
+    """Return bars of the change of an FRF or a natural frequency by each parameter.
 
     Parameters
     ----------
     names, hover : sequence of str
         Parameters, and words about each.
-    mean_db : array_like (n,)
-        Mean absolute change over the lines [dB].
+    values : array_like (n,)
+        Absolute changes, such as the mean over the lines [dB].
     added : sequence of bool
         Which parameters are those of added effects.
+    label : str
+        Of the axis, with the unit.
     """
-    values = np.asarray(mean_db, dtype=float)
+    values = np.asarray(values, dtype=float)
     bars = {
         **BAR,
         "x": single(values),
@@ -170,7 +176,7 @@ def sensitivity_figure(
         "text": [f"{v:.2g}" for v in values],
     }
     top = 1.12 * float(values.max(initial=1e-6))
-    scale = axis("mean change per standard deviation of the prior [dB]", range=[0, top])
+    scale = axis(label, range=[0, top])
     return Figure([bars], _rows_layout(names, scale))
 
 
