@@ -555,7 +555,7 @@ def test_a_desk_by_keys_in_both_colours(tmp_path, chromium):
         page.wait_for_function(f"() => {shapes}?._transitionData?._frames?.length === 7")
         page.get_by_text("Measured mode 2, ").wait_for()
         bars = "document.querySelector('[aria-label^=\"Change of the frequency of computed mode\"]')"
-        page.wait_for_function(f"() => {bars}?._fullData?.[0]?.y?.length > 2")
+        page.wait_for_function(f"() => {bars}?._fullData?.[0]?.y?.length === 2")  # E and density
         cell = page.locator('[aria-label^="MAC of measured"] .nsewdrag').first
         cell.scroll_into_view_if_needed()
         box = cell.bounding_box()

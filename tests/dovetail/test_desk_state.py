@@ -24,7 +24,7 @@ from dovetail.desk.journal import JournalError, journal_of, read_journal, write_
 from dovetail.desk.saving import save_study
 from dovetail.desk.session import Desk
 from dovetail.desk.state import MOST_STATES, History, Stair, State
-from dovetail.desk.views import VIEWS, Chosen
+from dovetail.desk.views import VIEWS, Chosen, frequency_bars
 from dovetail.disk.output import OutputError
 from dovetail.file.measured_modes import MeasuredModes
 from dovetail.file.table import StudyError
@@ -418,6 +418,9 @@ def test_modes_of_the_model_itself_have_a_mac_of_one(desk):
     tips = [t for t in figure.data if t.meta and t.meta.get("moves") in ("measured", "computed")]
     measured, computed = (np.array([t.x, t.y, t.z]).T.reshape(-1, 3, 3)[:, 1] for t in tips)
     np.testing.assert_allclose(measured, computed, atol=1e-6)  # scaled to the mode, and alike
+    (bars,) = frequency_bars(desk, found, seen[0]).data
+    assert list(bars.x) == sorted(bars.x, reverse=True)
+    assert any("frame.rho:steel: -0.25 %" in text for text in bars.hovertext)  # half of 0.5 %, all mass moves
     desk.add(MASS, mass=0.1)
     again = desk.compare_modes()
     assert again.wait(60)
