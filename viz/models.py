@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
+from fem.elements.part_faces import PartFaces
 from fem.model import Model
 from viz.surfaces import Surface, extrude, joined
 from viz.triangles import Floats, Outlines, circle_of_area
@@ -28,9 +29,9 @@ def frame_of(model: Model) -> Frame:
     return frames[0]
 
 
-def drawn_parts(model: Model) -> tuple[Superelement, ...]:
-    """Return the model's imported parts that have a surface to draw."""
-    return tuple(part for part in model.of_kind(Superelement) if part.faces is not None)
+def drawn_parts(model: Model) -> tuple[tuple[Superelement, PartFaces], ...]:
+    """Return the model's imported parts that have a surface to draw, with this surface."""
+    return tuple((part, part.faces) for part in model.of_kind(Superelement) if part.faces is not None)
 
 
 def drawn_names(model: Model) -> list[str]:
@@ -38,12 +39,12 @@ def drawn_names(model: Model) -> list[str]:
 
     A triangle of :func:`model_surface` has its place in this list as ``line``.
     """
-    return [*map(str, model.mesh.member_of_line()), *(part.name for part in drawn_parts(model))]
+    return [*map(str, model.mesh.member_of_line()), *(part.name for part, _ in drawn_parts(model))]
 
 
 def drawn_size(model: Model) -> float:
     """Return the largest extent of members and drawn parts along a coordinate axis [m]."""
-    places = [model.mesh.points, *(part.faces.points for part in drawn_parts(model) if part.faces)]
+    places = [model.mesh.points, *(faces.points for _, faces in drawn_parts(model))]
     return float(np.ptp(np.concatenate(places), axis=0).max())
 
 
@@ -76,11 +77,8 @@ def model_surface(model: Model, motion: ArrayLike | None = None, pieces: int = 6
     if motion is not None:
         given = np.asarray(motion, dtype=float).ravel()
         full[: given.size] = given
-    surfaces = [] if parts and not mesh.n_lines else [_frame_surface(model, full, pieces)]
-    for k, part in enumerate(parts):
-        faces = part.faces
-        if faces is None:
-            continue
+    surfaces = [_frame_surface(model, full, pieces)] if mesh.n_lines or not parts else []
+    for k, (part, faces) in enumerate(parts):
         moved = faces.motion(part.part, part.motion(model, full))
         none = np.zeros_like(faces.points)
         number = np.full(len(faces.triangles), mesh.n_lines + k)
@@ -166,7 +164,7 @@ def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArr
     if not len(points):
         return np.empty((0, 3), dtype=motion.dtype)
     at = _points_of_parts(model, points)
-    out = np.zeros((len(points), 3), dtype=motion.dtype)
+    out = np.zeros((len(points), 3), dtype=np.result_type(motion, float))
     out[at >= 0] = motion[6 * at[at >= 0][:, None] + np.arange(3)]
     others = points[at < 0]
     if len(others):
@@ -202,7 +200,7 @@ def member_families(model: Model) -> dict[str, str]:
     for group, names in mesh.groups.items():
         family.update(dict.fromkeys(names, group))
     stems = {name: re.sub(r"[\s_.:-]*\d+[a-zA-Z]?$", "", group) or group for name, group in family.items()}
-    parts = {part.name: f"part {part.name}" for part in drawn_parts(model)}
+    parts = {part.name: f"part {part.name}" for part, _ in drawn_parts(model)}
     chosen = next((f for f in (family, stems) if len(set(f.values())) <= 8), None)
     if chosen is None:
         frame = frame_of(model)
