@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from fem.io.ansys_deck import AnsysDeck, Element, read_deck
+from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
+from fem.io.ansys_deck import read_deck
 from fem.io.rawmesh import RawMesh
-
-_LINES = {1: 2, 3: 2, 4: 2, 8: 2, 10: 2, 16: 2, 44: 2, 180: 2, 188: 2, 189: 3, 288: 2, 289: 3}
-"""Nodes on the axis of beams, pipes and links."""
 
 
 def read_ansys(path: Path) -> RawMesh:
@@ -27,9 +25,9 @@ def read_ansys(path: Path) -> RawMesh:
     numbers: list[int] = []
     sets: dict[str, list[int]] = {}
     inside = {n for kind, items in deck.components.values() if kind == "ELEM" for n in items}
-    for e in deck.elements:
+    for e in deck.elements.values():
         kind = _kind(deck, e)
-        count = _LINES.get(kind, 0)
+        count = ON_AXIS.get(kind, 0)
         if not count or len(e.nodes) < count:
             raw.left_out[f"elements of type {kind}"] += 1
             continue
