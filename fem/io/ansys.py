@@ -1,9 +1,13 @@
-"""ANSYS archive files (``.cdb``) as line meshes: nodes, line elements, components."""
+"""ANSYS decks as line meshes: nodes, line elements, components."""
 
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
 from fem.io.ansys_deck import read_deck
+from fem.io.ansys_systems import rotation
 from fem.io.rawmesh import RawMesh
 
 
@@ -45,6 +49,16 @@ def read_ansys(path: Path) -> RawMesh:
             raw.point_sets[name] = [rows[n] for n in items if n in rows]
     raw.sets, raw.line_numbers = sets, numbers
     return raw
+
+
+def ansys_places(path: Path) -> dict[str, Any]:
+    """Return ``nodes``, ``points`` and, of rotated nodes, ``axes`` (rows are unit vectors) of a deck."""
+    nodes = read_deck(path).nodes
+    return {
+        "nodes": np.array(list(nodes), dtype=np.int64),
+        "points": np.array([row[:3] for row in nodes.values()]).reshape(-1, 3),
+        "axes": {n: rotation(*row[3:]) for n, row in nodes.items() if any(row[3:])},
+    }
 
 
 def _kind(deck: AnsysDeck, e: Element) -> int:
