@@ -99,7 +99,8 @@ class Command:
             try:
                 value = self.parameters.number(text)
             except ValueError as other:
-                raise self._unlike(k, other) from other
+                plain = str(other).endswith("is not a number")
+                raise self._unlike(k, reason if plain else other) from other
             if abs(value) > 1e12 or abs(value - round(value)) > 1e-6:
                 raise self._unlike(k, reason) from reason
             return round(value)
