@@ -125,9 +125,8 @@ class Parameters:
             plain = reason
         if len(text) > LONGEST or text.count("(") > DEEPEST or "'" in text:
             raise plain
-        expression = _Expression(self, text, undefined)
         try:
-            value = expression.result()
+            value = _Expression(self, text, undefined).result()
         except (ArithmeticError, TypeError) as reason:
             msg = f"'{text}' has no value ({reason})"
             raise ValueError(msg) from reason

@@ -308,7 +308,7 @@ class Script:
         step = c.real(3) if c.raw(3) else 1.0
         if not step:
             c.refuse("has the increment 0 and no end")
-        loop = _Loop(c.line, self.at, c.raw(0), c.real(1), c.real(2), step)
+        loop = _Loop(c.line, self.at, c.raw(0).upper(), c.real(1), c.real(2), step)
         self._assign(c.line, loop.name, repr(loop.value))
         if loop.runs():
             self.open.append(loop)
@@ -320,7 +320,7 @@ class Script:
         loop = self.open[-1]
         assert isinstance(loop, _Loop)
         loop.value += loop.step
-        self._assign(c.line, loop.name, repr(loop.value))
+        self.parameters.values[loop.name] = loop.value
         if loop.runs():
             self.at = loop.start
         else:
