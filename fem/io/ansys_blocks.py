@@ -3,8 +3,6 @@
 import re
 from collections.abc import Callable, Iterator, Sequence
 
-import numpy as np
-
 from fem.io.ansys_script import Command
 from fem.io.ansys_state import State
 from fem.io.deck import integer, real
@@ -33,8 +31,11 @@ def _format(state: State, c: Command) -> tuple[list[int], int]:
 
 
 def _cut(line: str, widths: list[int]) -> list[str]:
-    starts = np.cumsum([0, *widths])
-    return [line[a : a + w].strip() for a, w in zip(starts, widths, strict=False)]
+    out, start = [], 0
+    for width in widths:
+        out.append(line[start : start + width].strip())
+        start += width
+    return out
 
 
 def _rows(

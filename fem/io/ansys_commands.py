@@ -92,8 +92,10 @@ def node(state: State, c: Command) -> None:
     if c.text(1) == "P":
         c.refuse("is picked on the screen; write its coordinates")
     number = c.integer(0) or 1 + max(state.deck.nodes, default=0)
-    point = state.active(c).to_global(np.array([c.reals(1, 4)]))[0]
-    state.add_node(number, [*point.tolist(), *_angles(state, c, 4)])
+    place = c.reals(1, 4)
+    if state.system:
+        place = state.active(c).to_global(np.array([place]))[0].tolist()
+    state.add_node(number, [*place, *_angles(state, c, 4)])
 
 
 def _angles(state: State, c: Command, start: int) -> list[float]:

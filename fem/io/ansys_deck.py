@@ -90,7 +90,7 @@ _OTHER_FILE = "reads another file; write all into one"
 _REASONS = {
     """FILL NGEN NSYM NORA NANG NKPT TRANSFER MOVE CENTER NUMMRG NUMCMP NUMSTR EGEN ESYM EMORE ENGEN
     EINTF ESURF EORIENT ENSYM ENORM ETCHG ENDRELEASE KMESH LMESH AMESH VMESH PSMESH MPCOPY CPCYC
-    CPMERGE CECYC CESGEN CYCLIC CMGRP""": _GENERATES,
+    CPMERGE CECYC CESGEN CYCLIC""": _GENERATES,
     "DSYM DK DL DA DTRAN SBCTRAN CERIG RBE3 CEINTF CPINTF CPLGEN CPSGEN": (
         "becomes supports or equations of nodes only in ANSYS; write the file with CDWRITE,DB after that"
     ),
@@ -99,7 +99,7 @@ _REASONS = {
         "selects by a solid model, which is not read; select by numbers or places"
     ),
     "CSKP CSWPLA": "defines a coordinate system by a solid model or the working plane; use LOCAL",
-    "CMMOD CMEDIT": "changes a component; define it anew with CM",
+    "CMMOD CMEDIT CMGRP": "changes or groups components; select them one by one, and name them with CM",
     "SE": "reads a superelement; read its matrices as a part of a study",
     "CDREAD NREAD EREAD MPREAD SECREAD LSREAD RESUME PARRES /INPUT *ULIB": _OTHER_FILE,
     "*USE *CREATE *REPEAT *GO *DOWHILE": "changes the order of commands; write the model with CDWRITE,DB",
