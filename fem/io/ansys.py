@@ -48,6 +48,7 @@ def read_ansys(path: Path) -> RawMesh:
         else:
             raw.point_sets[name] = [rows[n] for n in items if n in rows]
     raw.sets, raw.line_numbers = sets, numbers
+    raw.notes += deck.notes
     return raw
 
 

@@ -19,7 +19,7 @@ def _log(x: float) -> float:
 
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
-    "ABS": abs,
+    "ABS": math.fabs,
     "SQRT": math.sqrt,
     "EXP": math.exp,
     "LOG": _log,

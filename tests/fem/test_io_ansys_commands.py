@@ -8,7 +8,8 @@ import pytest
 from fem.analysis.modes import solve_modes
 from fem.io.frame_deck import FrameDeck
 from fem.io.frame_model import model_of, read_deck
-from fem.mesh import MeshError
+from fem.io.meshfile import read_mesh
+from fem.mesh import MeshError, MeshWarning
 from fem.system import assemble
 
 TABLES = """\
@@ -63,6 +64,9 @@ SELECTIONS = {
     "component in NSEL": COMPONENT + "NSEL,S,,,_TIP\nD,ALL,UZ\n",
     "component of CM": "NSEL,S,NODE,,3\nCM,END,NODE\nALLSEL\nCMSEL,S,END\nD,ALL,UZ\nALLSEL\n",
     "nodes of elements": "ESEL,S,ELEM,,2\nNSLE\nNSEL,R,LOC,X,1.5,3\nD,ALL,UZ\n",
+    "elements of nodes": "NSEL,S,NODE,,3\nESLN\nALLSEL,BELOW,ELEM\nNSEL,U,NODE,,2\nD,ALL,UZ\n",
+    "elements of all their nodes": "NSEL,S,NODE,,2,3\nESLN,S,1\nNSLE\nNSEL,U,NODE,,2\nD,ALL,UZ\n",
+    "elements of a material": "EMODIF,2,MAT,2\nESEL,S,MAT,,2\nEMODIF,ALL,MAT,1\nNSLE\nNSEL,U,,,2\nD,ALL,UZ\n",
     "all but a component": COMPONENT + "CMSEL,U,_TIP\nNSEL,INVE\nD,ALL,UZ\n",
     "range of D in the selection": "NSEL,S,NODE,,3\nD,2,UZ,,,3\n",
     "picked": "FLST,2,1,1,ORDE,1\nFITEM,2,3\nD,P51X,UZ\n",
@@ -211,6 +215,82 @@ def test_a_script_with_parameters_loops_and_conditions(tmp_path: Path):
     np.testing.assert_allclose(frequencies(tmp_path, text), PROPPED, atol=1e-3)
 
 
+WORKBENCH = """\
+/batch
+*get,_wallstrt,active,,time,wall
+*DIM,_wb_ProjectScratch_dir,string,248
+_wb_ProjectScratch_dir(1) = 'C:\\Temp\\'
+/com,--- Data in consistent units. $ D,ALL,ALL
+/units,MKS
+/wb,file,start
+/prep7
+SHPP,OFF,,NOWARN
+etcon,set
+nblock,3,,3
+(1i9,3e20.9e3)
+        1    0.000000000E+000    0.000000000E+000    0.000000000E+000
+        2    1.000000000E+000    0.000000000E+000    0.000000000E+000
+        3    2.000000000E+000    0.000000000E+000    0.000000000E+000
+-1
+et,1,4
+r,1,1e-3,4e-7,1e-7,.1,.2,0.
+rmore,0.,2e-7
+eblock,10,,,2
+(15i9)
+        1        1        1        1        0        1        2
+        2        1        1        1        0        2        3
+-1
+Temperature = 'TEMP'
+MPTEMP,1,7.88860905221012e-31
+MPDATA,DENS,1,1,7800,
+MP,EX,1,2e11,
+MP,PRXY,1,.25,
+MP,UVID,1,7
+CMBLOCK,FIXEDSU,NODE,        1
+(8i10)
+         1
+CMBLOCK,_DISPNODEZ,NODE,        2
+(8i10)
+         3        -3
+cmsel,s,FIXEDSU
+d,all,all
+nsel,all
+*DIM,_loadvari40z,TABLE,2,1,1,TIME,
+_loadvari40z(1,1,1) = 0.
+cmsel,s,_DISPNODEZ
+d,all,uz,%_loadvari40z%
+nsel,all
+finish
+/solu
+antype,2
+modopt,lanb,6
+*get,ANSINTER_,active,,int
+*if,ANSINTER_,ne,0,then
+/eof
+*endif
+solve
+fini
+/post1
+*get,n,active,0,set,nset
+*do,i,1,n
+*enddo
+"""
+"""What Workbench writes for a clamp at one node and a displacement at another."""
+
+
+def test_an_input_file_of_workbench(tmp_path: Path):
+    np.testing.assert_allclose(frequencies(tmp_path, WORKBENCH), PROPPED, atol=1e-3)
+    found = notes(tmp_path, WORKBENCH)
+    assert "D of node 3 moves it by a table; it is fixed here" in found
+    assert "not read" not in found
+
+
+def test_a_mesh_names_commands_that_are_not_read(tmp_path: Path):
+    (tmp_path / "a.cdb").write_text(BEAM + "FOO,1\n")
+    with pytest.warns(MeshWarning, match=r"commands that are not read: FOO \(line 20\)"):
+        read_mesh(tmp_path / "a.cdb")
+
+
 NOTES = [
     ("FOO,1\nFOO,2\nBAR\n", "commands that are not read: FOO (2, first at line 20), BAR (line 22)"),
     ("/COM,a\nC*** text\n/TITLE,b\nNLIST\nEPLOT\nOUTRES,ALL\nAUTOTS,ON\n", ""),
@@ -264,7 +344,6 @@ REFUSED = [
     ("*IF,1,EQ,1,THEN", "line 20: *IF has no *ENDIF"),
     ("*IF,1,EQ,2,THEN", "line 20: *IF has no *ENDIF"),
     ("*DO,I,1,3", "line 20: *DO has no *ENDDO"),
-    ("*DO,I,1,1e9\n*ENDDO", "*DO loops read more than 200000 lines"),
     ("*DO,I,1,2,0\n*ENDDO", "*DO has the increment 0"),
     ("*ENDIF", "*ENDIF has no *IF before it"),
     ("*ENDDO", "*ENDDO has no *DO before it"),
@@ -292,3 +371,9 @@ def test_names_count_by_their_first_four_letters(tmp_path: Path):
     """KEYO and SECTYPES are KEYOPT and SECTYPE; E, EN and ENDR are three commands."""
     text = TABLES.replace("/PREP7", "/PREP").replace("RMORE", "RMOR") + NODES + ELEMENTS + "D,1,ALL\n"
     np.testing.assert_allclose(frequencies(tmp_path, text), FREE, atol=1e-3)
+
+
+def test_endless_loops_are_refused(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("fem.io.ansys_script.MOST_LOOPED", 1000)
+    with pytest.raises(MeshError, match=r"line 2\d: \*DO loops read more than 1000 lines"):
+        deck(tmp_path, BEAM + "*DO,I,1,1e9\n*DO,J,1,2\n*ENDDO\n*ENDDO\n")
