@@ -114,7 +114,7 @@ def _read(path: Path, deck: Path | None, ordered: bool) -> dict[str, Any]:
         return {**_matlab(path), **(places(deck) if deck else {})}
     base, files = matrix_files(path)
     found = _mtx(path, files) if suffix == ".mtx" else _harwell_boeing(path, files)
-    deck = deck or _companion(path, base, (".nodes.csv", ".inp"))
+    deck = deck or _companion(path, base, (".nodes.csv", ".inp", ".cdb"))
     known = places(deck) if deck else {}
     tables = {path.with_name(f"{name}.dofs.csv") for name in (path.stem, base)}
     unlabelled = "node" not in found and suffix == ".mtx" and _has_entries(files["K"])

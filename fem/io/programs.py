@@ -25,6 +25,9 @@ ALLOWED = "; ".join(f"{', '.join(s)} or a text with {_SIGNS[p]} ({p})" for p, s 
 MOST_READ = 1_000_000
 """Bytes of a file in which a line that tells its program is looked for."""
 
+LONGEST_LINE = 200
+"""Characters of a line that are looked at."""
+
 _SLASH = re.compile(r"/[A-Z]{2,}")
 _STAR = re.compile(r"\*\s*([A-Z][A-Z ]*?)\s*(,|$)")
 _PARAMETERS = re.compile(r"SET|IF|DO|GET|DIM|ASK|AFUN|CREATE|USE|MSG|CFOPEN|DEL|GO")
@@ -52,7 +55,7 @@ def program_by_text(path: Path) -> str | None:
     if b"\x00" in head:
         return None
     for line in head.decode("utf-8-sig", errors="replace").splitlines():
-        found = _program_of_line(line.split("!")[0].strip().upper())
+        found = _program_of_line(line[:LONGEST_LINE].split("!")[0].strip().upper())
         if found is not None:
             return found
     return None

@@ -4,8 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fem.analysis.modes import solve_modes
+from fem.io.ansys_deck import read_deck as read_commands
 from fem.io.frame_deck import FrameDeck
 from fem.io.frame_model import model_of, read_deck
 from fem.io.meshfile import read_mesh
@@ -81,6 +84,36 @@ SELECTIONS = {
 @pytest.mark.parametrize("commands", SELECTIONS.values(), ids=SELECTIONS)
 def test_supports_are_those_of_the_selection(tmp_path: Path, commands: str):
     np.testing.assert_allclose(frequencies(tmp_path, BEAM + commands), PROPPED, atol=1e-3)
+
+
+GRID = {n: (n % 4, n // 4 % 3, n // 12) for n in range(24)}
+"""Places of nodes 1 to 24, less one."""
+STEPS = st.one_of(
+    st.tuples(
+        st.just("LOC"), st.sampled_from("SRAU"), st.sampled_from("XYZ"), st.integers(0, 3), st.integers(0, 3)
+    ),
+    st.tuples(st.just("NODE"), st.sampled_from("SRAU"), st.just(""), st.integers(1, 24), st.integers(1, 24)),
+    st.just(("INVE",)),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps=st.lists(STEPS, max_size=6))
+def test_selections_are_sets(tmp_path_factory, steps):
+    """Selecting, reselecting, adding and unselecting are operations of sets."""
+    selected, text = set(GRID), "".join(f"N,{n + 1},{x},{y},{z}\n" for n, (x, y, z) in GRID.items())
+    for item, *fields in steps:
+        if item == "INVE":
+            selected, text = set(GRID) - selected, f"{text}NSEL,INVE\n"
+            continue
+        how, axis, low, high = fields
+        text += f"NSEL,{how},{item},{axis},{low},{high}\n"
+        value = {n: GRID[n]["XYZ".index(axis)] if axis else n + 1 for n in GRID}
+        found = {n for n, v in value.items() if low <= v <= high}
+        selected = {"S": found, "R": selected & found, "A": selected | found, "U": selected - found}[how]
+    path = tmp_path_factory.mktemp("deck") / "a.cdb"
+    path.write_text(text + "D,ALL,UX\n")
+    assert {n - 1 for n, _ in read_commands(path).supports} == selected
 
 
 SCALED = np.array(FREE) / 4
