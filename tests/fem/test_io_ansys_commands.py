@@ -127,6 +127,7 @@ NO_CHANGE = {
     "a node of nothing is deleted": BEAM + "N,9,5\nD,9,ALL\nCP,1,UZ,3,9\nNDELE,9\n",
     "a node of an element stays": BEAM + "NDELE,2\n",
     "commands after the file's end": BEAM + "/EOF\nD,3,ALL\n",
+    "a clamp by place": TABLES + NODES + ELEMENTS + "NSEL,S,LOC,X,0\nD,ALL,ALL\nNSEL,ALL\n",
     "a false condition": BEAM + "*IF,0,EQ,1,THEN\nD,3,ALL,0\n*ENDIF\n",
     "a false condition of nothing": BEAM + "*IF,_NO,EQ,1\nD,3,ALL,0\n*ELSE\n*ENDIF\n",
     "a second load step": BEAM + "FINISH\n/SOLU\nSOLVE\nD,3,ALL,0\nSOLVE\n",

@@ -2,6 +2,7 @@
 
 import random
 import re
+from collections.abc import Sequence
 
 HEAD = """/PREP7
 ET,1,188,,,3
@@ -85,7 +86,7 @@ def script(rng: random.Random) -> bytes:
     return (text.lower() if rng.random() < 0.1 else text).encode()
 
 
-def _block(rng: random.Random, forms: list[str], count: int, depth: int) -> list[str]:
+def _block(rng: random.Random, forms: Sequence[str], count: int, depth: int) -> list[str]:
     out: list[str] = []
     for _ in range(count):
         kind = rng.random()
