@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
 
-_MESHES = (".bdf", ".nas", ".dat", ".fem", ".inp", ".cdb", ".msh", ".vtu", ".vtk", ".xdmf", ".med")
-"""Suffixes of files that are a mesh or a deck where two are given; universal files may be either."""
+_MESHES = (".msh", ".vtu", ".vtk", ".xdmf", ".med")
+"""Suffixes of files that are a mesh where two are given; universal files may be either."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -148,9 +148,18 @@ def _files_of(given: Sequence[Path]) -> tuple[Path | None, Path]:
         msg = f"--from takes a deck or a mesh, and FRFs if there are some; found {len(given)} files"
         raise OutputError(msg)
     one, other = given
-    if one.suffix.lower() in _MESHES and other.suffix.lower() not in _MESHES:
+    if _is_structure(one) and not _is_structure(other):
         one, other = other, one
     return one, other
+
+
+def _is_structure(file: Path) -> bool:
+    """Whether a file is a mesh or a deck; .dat is a deck by its text only, as FRFs may end so, too."""
+    from fem.io.programs import program_by_text, program_of
+
+    if file.suffix.lower() in _MESHES or program_by_text(file) is not None:
+        return True
+    return file.suffix.lower() != ".dat" and program_of(file) is not None
 
 
 def _units(text: str) -> str | tuple[float, ...]:

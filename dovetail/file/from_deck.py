@@ -22,8 +22,9 @@ from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.abaqus import abaqus_text
 from fem.io.frame_deck import FrameDeck
-from fem.io.frame_model import READERS, model_of, read_deck
+from fem.io.frame_model import model_of, read_deck
 from fem.io.meshfile import check_names, read_mesh
+from fem.io.programs import program_of
 from fem.mesh import Mesh, MeshError, free_name
 from fem.model import DIRECTIONS, Damping, Model
 from fem.sections.section import Section
@@ -79,11 +80,6 @@ class Structure:
     notes: tuple[str, ...] = ()
 
 
-def is_deck(file: Path) -> bool:
-    """Return whether a file's suffix is that of a deck."""
-    return file.suffix.lower() in READERS
-
-
 def read_structure(
     file: Path,
     folder: Path,
@@ -111,9 +107,10 @@ def read_structure(
         If the file cannot be read.
     """
     notes: list[str] = []
-    if is_deck(file) and scale != 1:
+    is_deck = program_of(file) is not None
+    if is_deck and scale != 1:
         notes.append("the deck is read as a mesh: give --units in place of --mesh-scale for its sections")
-    elif is_deck(file):
+    elif is_deck:
         try:
             deck = read_deck(file, units)
             if deck.properties:

@@ -13,6 +13,7 @@ from typing import Any
 from dovetail.file.table import StudyError
 from dovetail.file.toml import with_values
 from fem.io.part_files import matrix_files
+from fem.io.programs import ABAQUS, NASTRAN, program_of
 from fem.matrices import MatricesError
 
 FILES: dict[tuple[str, ...], str] = {
@@ -45,9 +46,6 @@ FILES: dict[tuple[str, ...], str] = {
 
 CONDENSED = ".condensed.npz"
 """End of the names of files with condensed parts, which follow from others."""
-
-INCLUDING = (".inp", ".bdf", ".dat", ".nas")
-"""Suffixes of mesh files that may include others."""
 
 _INCLUDES = (
     re.compile(
@@ -159,7 +157,7 @@ def _included(path: Path) -> list[Path]:
     todo, seen = [path], {path.resolve()}
     while todo:
         one = todo.pop()
-        if one.suffix.lower() not in INCLUDING and one == path:
+        if one == path and program_of(one) not in (ABAQUS, NASTRAN):
             break
         with suppress(OSError):
             text = one.read_text(encoding="utf-8", errors="replace")

@@ -1,12 +1,14 @@
-"""ANSYS archive files (``.cdb``) as line meshes: nodes, line elements, components."""
+"""ANSYS decks as line meshes: nodes, line elements, components."""
 
 from pathlib import Path
+from typing import Any
 
-from fem.io.ansys_deck import AnsysDeck, Element, read_deck
+import numpy as np
+
+from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
+from fem.io.ansys_deck import read_deck
+from fem.io.ansys_systems import rotation
 from fem.io.rawmesh import RawMesh
-
-_LINES = {1: 2, 3: 2, 4: 2, 8: 2, 10: 2, 16: 2, 44: 2, 180: 2, 188: 2, 189: 3, 288: 2, 289: 3}
-"""Nodes on the axis of beams, pipes and links."""
 
 
 def read_ansys(path: Path) -> RawMesh:
@@ -27,9 +29,9 @@ def read_ansys(path: Path) -> RawMesh:
     numbers: list[int] = []
     sets: dict[str, list[int]] = {}
     inside = {n for kind, items in deck.components.values() if kind == "ELEM" for n in items}
-    for e in deck.elements:
+    for e in deck.elements.values():
         kind = _kind(deck, e)
-        count = _LINES.get(kind, 0)
+        count = ON_AXIS.get(kind, 0)
         if not count or len(e.nodes) < count:
             raw.left_out[f"elements of type {kind}"] += 1
             continue
@@ -46,7 +48,18 @@ def read_ansys(path: Path) -> RawMesh:
         else:
             raw.point_sets[name] = [rows[n] for n in items if n in rows]
     raw.sets, raw.line_numbers = sets, numbers
+    raw.notes += deck.notes
     return raw
+
+
+def ansys_places(path: Path) -> dict[str, Any]:
+    """Return ``nodes``, ``points`` and, of rotated nodes, ``axes`` (rows are unit vectors) of a deck."""
+    nodes = read_deck(path).nodes
+    return {
+        "nodes": np.array(list(nodes), dtype=np.int64),
+        "points": np.array([row[:3] for row in nodes.values()]).reshape(-1, 3),
+        "axes": {n: rotation(*row[3:]) for n, row in nodes.items() if any(row[3:])},
+    }
 
 
 def _kind(deck: AnsysDeck, e: Element) -> int:

@@ -6,14 +6,16 @@ an orientation node has its y parallel to the global X-Y plane, or along global 
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from fem.io.ansys_deck import AnsysDeck, Element, ignored_notes, read_deck
+from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
+from fem.io.ansys_deck import read_deck
 from fem.io.ansys_sections import PlacedSection, placed_section
+from fem.io.ansys_systems import rotation
 from fem.io.array_types import Floats
 from fem.io.deck import named
 from fem.io.deck_units import Units
@@ -24,9 +26,9 @@ from fem.materials import Material, PropertyError
 from fem.model import DIRECTIONS, Damping
 from fem.sections.section import Section
 
-_BEAMS = {3: 2, 4: 2, 16: 2, 44: 2, 188: 2, 189: 3, 288: 2, 289: 3}
-"""Nodes of beams and pipes on their axis; another one orients them."""
 _LINKS = (1, 8, 10, 180)
+_BEAMS = {kind: count for kind, count in ON_AXIS.items() if kind not in _LINKS}
+"""Nodes of beams and pipes on their axis; another one orients them."""
 _BY_SECTION = (188, 189, 288, 289)
 _NAMES = {
     **dict.fromkeys((3, 4, 44, 188, 189), "BEAM"),
@@ -90,12 +92,12 @@ class _Frame(Found):
     def deck(self) -> FrameDeck:
         """Return the frame."""
         self._check_units()
-        self.fixed = {(n, k) for n, k, _, _ in self.source.supports}
+        self.fixed = set(self.source.supports)
         elements = self._frame_elements()
         for e in elements:
             for node, ks in self._dofs_of(e):
                 self.dofs[node].update(ks)
-        for _, terms, _, _ in self.source.equations:
+        for _, terms, _, _ in self._source_equations():
             for node, _, _ in terms:
                 self.dofs[node] |= set()  # a node of an equation alone is a node of the model
         numbers = [n for n in self.source.nodes if n in self.dofs]
@@ -146,14 +148,14 @@ class _Frame(Found):
 
     def _frame_elements(self) -> list[Element]:
         """Return the elements that are read; refuse others that share nodes with them."""
-        mine = [e for e in self.source.elements if self._kind(e) in _NAMES]
+        mine = [e for e in self.source.elements.values() if self._kind(e) in _NAMES]
         if not any(_NAMES[self._kind(e)] in ("BEAM", "PIPE", "LINK") for e in mine):
-            kinds = sorted({str(self._kind(e)) for e in self.source.elements})
+            kinds = sorted({str(self._kind(e)) for e in self.source.elements.values()})
             text = f"no beams, pipes or links; it has elements of the types {named(kinds) or 'none'}"
-            raise self.source.error(len(kinds) and self.source.elements[0].line, text)
+            raise self.source.error(len(kinds) and next(iter(self.source.elements.values())).line, text)
         used = {n for e in mine for n in e.nodes}
         counts: dict[int, list[Element]] = defaultdict(list)
-        for e in self.source.elements:
+        for e in self.source.elements.values():
             if (kind := self._kind(e)) not in _NAMES and kind not in _IGNORED:
                 counts[kind].append(e)
         for kind, others in counts.items():
@@ -220,13 +222,8 @@ class _Frame(Found):
         return np.array(self.source.nodes[node][:3])
 
     def _axes(self, node: int) -> Floats:
-        """Return a node's axes as rows: THXY about z, then THYZ about x, then THZX about y."""
-        a, b, c = np.deg2rad(self.source.nodes[node][3:])
-        Z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-        X = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
-        Y = np.array([[np.cos(c), 0, np.sin(c)], [0, 1, 0], [-np.sin(c), 0, np.cos(c)]])
-        axes = (Z @ X @ Y).T
-        return np.where(np.abs(axes) < 1e-12, 0.0, axes)
+        """Return a node's axes as rows."""
+        return rotation(*self.source.nodes[node][3:])
 
     # Bars --------------------------------------------------------------------------------------------------
 
@@ -466,11 +463,23 @@ class _Frame(Found):
     def _supports(self) -> dict[int, tuple[str, ...]]:
         """Return fixed global directions; those of rotated nodes that are not global become connections."""
         fixed: dict[int, set[int]] = defaultdict(set)
-        for n, k, value, line in self.source.supports:
+        moved: dict[tuple[int, float | str], list[int]] = {}
+        undefined: dict[int, int] = {}
+        for (n, k), (value, line) in self.source.supports.items():
             if n in self.rows:
                 fixed[n].add(k)
             if value:
-                self.notes.append(f"line {line}: D of node {n} moves it by {value:g}; it is fixed here")
+                moved.setdefault((line, "a table" if np.isnan(value) else value), []).append(n)
+            if n not in self.source.nodes:
+                undefined.setdefault(n, line)
+        for (line, by), numbers in moved.items():
+            shown = f"{by:g}" if isinstance(by, float) else by
+            others = len(set(numbers)) - 1
+            more = f" and {others} more" if others else ""
+            self.notes.append(
+                f"line {line}: D of node {numbers[0]}{more} moves it by {shown}; it is fixed here"
+            )
+        self.notes += [f"line {line}: D of node {n}, which is not defined" for n, line in undefined.items()]
         lacking = 0
         for n in self.rows:
             missing = set(range(6)) - self.dofs[n] if self.dofs[n] else set()
@@ -511,8 +520,17 @@ class _Frame(Found):
         ]
         return Equation(name=name, terms=terms_of(motions))
 
+    def _source_equations(self) -> Iterator[tuple[str, list[tuple[int, int, float]], float, int]]:
+        """Yield name, terms, constant and line of the equations, and of the pairs of coupled sets."""
+        for number, e in self.source.equations.items():
+            yield f"CE {number}", [(n, k, c) for (n, k), c in e.terms.items()], e.constant, e.line
+        for coupled in self.source.coupled.values():
+            for first, node in zip(coupled.nodes[:1] * len(coupled.nodes), coupled.nodes[1:], strict=False):
+                terms = [(first, coupled.label, 1.0), (node, coupled.label, -1.0)]
+                yield f"CP {first} {node}", terms, 0.0, coupled.line
+
     def _constraints(self) -> None:
-        for name, terms, constant, line in self.source.equations:
+        for name, terms, constant, line in self._source_equations():
             missing = [n for n, _, _ in terms if n not in self.source.nodes]
             if missing or not terms:
                 what = f"refers to node {missing[0]}, which is not defined" if missing else "has no terms"
@@ -540,4 +558,4 @@ class _Frame(Found):
             self.notes.append("KEYOPT(1) = 1, warping of open sections, is left out")
         if any(k == 10 for k, _ in kinds):
             self.notes.append("LINK10 carries tension and compression here")
-        return tuple(dict.fromkeys([*self.source.notes, *self.notes, *ignored_notes(self.source)]))
+        return tuple(dict.fromkeys([*self.source.notes, *self.notes]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.io.ansys_deck import AnsysDeck, Element, SectionCommand
+from fem.io.ansys_content import AnsysDeck, Element, SectionCommand
 from fem.io.deck_units import Units
 from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, of_constants, rod, walled, with_shear

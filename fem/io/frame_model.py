@@ -26,28 +26,30 @@ from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck
 from fem.io.frame_nodes import Nodes
 from fem.io.frame_parts import terms_of
+from fem.io.programs import ABAQUS, ALLOWED, ANSYS, NASTRAN, program_of
 from fem.materials import PropertyError
 from fem.mesh import Mesh, MeshWarning, free_name
 from fem.model import DIRECTIONS, Damping, Effect, Model, ModelError, lever_matrix
 
-READERS: Mapping[str, tuple[str, str]] = {
-    **dict.fromkeys((".bdf", ".nas", ".dat", ".fem"), ("fem.io.nastran_frame", "read_nastran_frame")),
-    ".inp": ("fem.io.abaqus_frame", "read_abaqus_frame"),
-    ".cdb": ("fem.io.ansys_frame", "read_ansys_frame"),
+_READERS: Mapping[str, tuple[str, str]] = {
+    NASTRAN: ("fem.io.nastran_frame", "read_nastran_frame"),
+    ABAQUS: ("fem.io.abaqus_frame", "read_abaqus_frame"),
+    ANSYS: ("fem.io.ansys_frame", "read_ansys_frame"),
 }
-"""Module and function that read a deck, by the suffix of its file."""
+"""Module and function that read a deck, by its program."""
 
 SAME = 1e-7
 """Distance of unit vectors up to which bars have the same orientation: decks give about eight digits."""
 
 
 def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units = "SI") -> FrameDeck:
-    """Read the frame model of a Nastran, Abaqus, CalculiX or ANSYS deck; the suffix says the program.
+    """Read the frame model of a Nastran, Abaqus, CalculiX or ANSYS deck; its text says the program.
 
     Parameters
     ----------
     path : path
-        ``.bdf .nas .dat .fem`` (Nastran), ``.inp`` (Abaqus, CalculiX) or ``.cdb`` (ANSYS).
+        Where the text does not tell, ``.bdf .nas .dat .fem`` are Nastran, ``.inp`` Abaqus and CalculiX,
+        ``.cdb .mac`` ANSYS.
     units : str or (length, mass, time)
         Of the deck: a name of :data:`fem.matrices.UNITS`, such as ``"mm-t-s"``, or the three in m, kg and s.
 
@@ -57,11 +59,12 @@ def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units
         If the deck cannot be read, or has what no model here can have; the message names file, line and card.
     """
     file = Path(path)
-    if file.suffix.lower() not in READERS:
-        raise error_at(file.name, f"models are read from {', '.join(READERS)} files, not '{file.suffix}'")
+    program = program_of(file)
+    if program is None:
+        raise error_at(file.name, f"models are read from {ALLOWED}, not '{file.suffix}'")
     if not file.is_file():
         raise error_at(file, "there is no such file")
-    module, function = READERS[file.suffix.lower()]
+    module, function = _READERS[program]
     reader: Callable[[Path, Units], FrameDeck] = getattr(importlib.import_module(module), function)
     return reader(file, Units.of(units))
 

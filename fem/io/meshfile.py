@@ -1,6 +1,6 @@
-"""Line meshes from files and to files; the suffix says the format.
+"""Line meshes from files and to files; the suffix says the format, but for decks the text.
 
-Universal files, Gmsh, Abaqus, Nastran and ANSYS archives are read by Dovetail; everything else, such as
+Universal files, Gmsh, Abaqus, Nastran and ANSYS decks are read by Dovetail; everything else, such as
 ``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio.
 """
 
@@ -20,10 +20,12 @@ from fem.io.faults import error_at
 from fem.io.gmsh import gmsh_text, read_gmsh
 from fem.io.meshio_mesh import SET_PREFIX, quiet, read_by_meshio
 from fem.io.nastran import read_nastran
+from fem.io.programs import ABAQUS, ANSYS, NASTRAN, program_of
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError
 
-_NASTRAN = (".bdf", ".nas", ".fem", ".dat")
+_OF_PROGRAM = {NASTRAN: read_nastran, ABAQUS: read_abaqus, ANSYS: read_ansys}
+_OTHER_MESHES = (".msh", ".vtu", ".vtk", ".xdmf", ".med")
 _UNIVERSAL = (".uff", ".unv")
 
 
@@ -71,14 +73,11 @@ def read_mesh(
     suffix = file.suffix.lower()
     if suffix in _UNIVERSAL:
         return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
-    if suffix == ".inp":
-        raw = read_abaqus(file)
-    elif suffix in _NASTRAN:
-        raw = read_nastran(file)
-    elif suffix == ".msh":
+    program = None if suffix in _OTHER_MESHES else program_of(file)
+    if suffix == ".msh":
         raw = read_gmsh(file)
-    elif suffix == ".cdb":
-        raw = read_ansys(file)
+    elif program is not None:
+        raw = _OF_PROGRAM[program](file)
     else:
         raw = read_by_meshio(file, sets)
     return mesh_of(raw, file.name, scale, merge_tolerance, free_points)

@@ -13,6 +13,7 @@ import numpy as np
 
 from fem.io.array_types import Ints
 from fem.io.faults import error_at
+from fem.io.programs import ALLOWED
 from fem.io.rawmesh import RawMesh
 from fem.io.rawsets import LineSets, listed
 from fem.mesh import MeshError
@@ -70,6 +71,9 @@ def load(file: Path) -> tuple[Any, str]:
                 warnings.simplefilter("ignore")
                 return meshio.read(file), log.getvalue()
         except (Exception, SystemExit) as reason:
+            if file.suffix.lower() not in meshio.extension_to_filetypes:
+                msg = f"{file.name}: '{file.suffix}' is no format of meshes; decks are {ALLOWED}"
+                raise MeshError(msg) from reason
             msg = f"{file.name}: it cannot be read as {file.suffix or 'a mesh'} ({_why(file, reason, log)})"
             raise MeshError(msg) from reason
 

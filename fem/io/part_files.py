@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fem.io.abaqus import read_abaqus_nodes
 from fem.io.abaqus_matrices import number_rows, read_entries, read_substructure, rows_in_order
+from fem.io.ansys import ansys_places
 from fem.io.arrays import TableError
 from fem.io.harwell_boeing import read_harwell_boeing, read_mapping
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
@@ -21,6 +22,7 @@ from fem.io.matrix_market import read_matrix_market
 from fem.io.nastran import read_grids
 from fem.io.nastran_cards import BulkData
 from fem.io.nastran_matrices import DECKS, read_dmig, read_output4
+from fem.io.programs import ABAQUS, ALLOWED, ANSYS, NASTRAN, program_of
 from fem.matrices import MatricesError
 from fem.mesh import MeshError
 
@@ -112,7 +114,7 @@ def _read(path: Path, deck: Path | None, ordered: bool) -> dict[str, Any]:
         return {**_matlab(path), **(places(deck) if deck else {})}
     base, files = matrix_files(path)
     found = _mtx(path, files) if suffix == ".mtx" else _harwell_boeing(path, files)
-    deck = deck or _companion(path, base, (".nodes.csv", ".inp"))
+    deck = deck or _companion(path, base, (".nodes.csv", ".inp", ".cdb"))
     known = places(deck) if deck else {}
     tables = {path.with_name(f"{name}.dofs.csv") for name in (path.stem, base)}
     unlabelled = "node" not in found and suffix == ".mtx" and _has_entries(files["K"])
@@ -136,22 +138,24 @@ def places(deck: Path) -> dict[str, Any]:
         If it cannot be read.
     """
     try:
-        if deck.suffix.lower() in DECKS:
-            grids = read_grids(BulkData.of(deck, parts=True))
-            return {"nodes": grids.numbers, "points": grids.points, "axes": grids.axes}
         if deck.suffix.lower() == ".csv":
             text = deck.read_text(encoding="utf-8-sig")
             table = number_rows(deck, re.sub(r"^\s*[A-Za-z#].*$", "", text, flags=re.MULTILINE), 4)
             return {"nodes": table[:, 0].astype(np.int64), "points": table[:, 1:]}
-        if deck.suffix.lower() == ".inp":
+        program = program_of(deck) or (NASTRAN if deck.suffix.lower() in DECKS else None)
+        if program == NASTRAN:
+            grids = read_grids(BulkData.of(deck, parts=True))
+            return {"nodes": grids.numbers, "points": grids.points, "axes": grids.axes}
+        if program == ABAQUS:
             return dict(zip(("nodes", "points"), read_abaqus_nodes(deck), strict=True))
+        if program == ANSYS:
+            return ansys_places(deck)
     except MatricesError:
         raise
     except (OSError, MeshError, ValueError) as reason:
         msg = f"{deck.name}: {reason}"
         raise MatricesError(msg) from reason
-    allowed = ", ".join((".inp", ".csv", *DECKS))
-    msg = f"{deck.name}: places of nodes are read from {allowed} files, not '{deck.suffix}'"
+    msg = f"{deck.name}: places of nodes are read from .csv and from {ALLOWED}, not '{deck.suffix}'"
     raise MatricesError(msg)
 
 

@@ -100,7 +100,9 @@ def test_what_was_found_becomes_cards_with_their_deviations(found, tmp_path, cap
     assert json.loads((tmp_path / "out.json").read_text())["files"]["nastran"].endswith("out.bdf")
 
 
-@pytest.mark.parametrize(("option", "suffix"), [("--nastran", ".bdf"), ("--abaqus", ".inp")])
+@pytest.mark.parametrize(
+    ("option", "suffix"), [("--nastran", ".bdf"), ("--abaqus", ".inp"), ("--ansys", ".mac")]
+)
 def test_the_whole_model_comes_back(found, tmp_path, option, suffix):
     out, modes = tmp_path / f"deck{suffix}", tmp_path / "modes.uff"
     assert main(["export", str(found), option, str(out), "--whole", "--uff", str(modes), "--quiet"]) == 0

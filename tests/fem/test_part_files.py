@@ -498,6 +498,6 @@ def test_a_matrix_that_is_not_symmetric_is_refused(tmp_path):
 def test_a_deck_of_another_kind_is_refused(tmp_path):
     scipy.io.savemat(tmp_path / "part.mat", {"K": BEAM.K.toarray(), "M": BEAM.M.toarray()})
     with pytest.raises(
-        MatricesError, match=r"places of nodes are read from \.inp, \.csv, \.pch, .* not '\.cdb'"
+        MatricesError, match=r"places of nodes are read from \.csv and from \.bdf, .* not '\.vtu'"
     ):
-        read_matrices(tmp_path / "part.mat", deck=Path("part.cdb"))
+        read_matrices(tmp_path / "part.mat", deck=Path("part.vtu"))

@@ -39,12 +39,13 @@ from fem.io import (
     write_npz,
     write_uff,
 )
+from fem.io.frame_model import model_of, read_deck
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.named_frf import frf_of_arrays
 from fem.io.time_data import _arrays as time_of_arrays
 from fem.io.time_data import read_time_data
 from fem.mesh import Mesh
-from tests.fuzz import decks, drawing
+from tests.fuzz import ansys_script, decks, drawing
 from tests.fuzz.worker import OURS, Target
 
 
@@ -272,6 +273,10 @@ def _read_mesh(path: Path) -> None:
     _finite(read_mesh(path))
 
 
+def _read_ansys(path: Path) -> None:
+    _each(path, lambda p: _finite(read_mesh(p)), lambda p: _finite(model_of(read_deck(p)).mesh))
+
+
 def _read_columns(path: Path) -> None:
     _finite(read_frfs(path, Asked("accelerance")).frfs)
 
@@ -384,6 +389,7 @@ TARGETS: dict[str, Target] = {
         Target("mshb", "f.msh", _gmsh_binary, _read_mesh),
         Target("inp", "f.inp", _texts(decks.ABAQUS), _read_mesh),
         Target("bdf", "f.bdf", _texts(decks.NASTRAN), _read_mesh),
+        Target("cdb", "f.cdb", _texts(ansys_script.SEEDS), _read_ansys, ansys_script.script),
         Target("vtu", "f.vtu", _mesh_seeds(".vtu"), _read_mesh, drawing.vtu),
         Target("vtk", "f.vtk", _vtk_seeds, _read_mesh),
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), _read_mesh),
