@@ -201,8 +201,8 @@ def tables_of(model: Model, damping: Damping | None) -> str:
 
 def _in_giga(value: float) -> str:
     """Return a modulus as 210e9, unless that is another number."""
-    short = f"{value / 1e9:.12g}e9"
-    return short if float(short) == value else repr(value)
+    giga = f"{value / 1e9:.12g}"
+    return f"{giga}e9" if "e" not in giga and float(f"{giga}e9") == value else repr(value)
 
 
 def _members(

@@ -15,6 +15,7 @@ from fem.io.faults import error_at
 from fem.mesh import MeshError
 
 _CONTROL = re.compile(r"^[ \t]*(BEGIN|ENDDATA|INCLUDE)\b", re.MULTILINE | re.IGNORECASE)
+_CEND = re.compile(r"^[ \t]*CEND\b", re.MULTILINE | re.IGNORECASE)
 _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _OTHER_MODEL = re.compile(r"SUPER|AUXMODEL|ARBMODEL|MODULE|MASSID|FLXSLI|UDS", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")
@@ -71,6 +72,7 @@ class BulkData:
         text = file.text
         lines = text.split("\n")
         done, at, offset = 0, 0, 0
+        cend = _CEND.search(text)
         for match in _CONTROL.finditer(text):
             if self._ended or match.start() < offset:
                 continue
@@ -89,7 +91,13 @@ class BulkData:
                 self._end(file, lines, done)
             else:
                 name, done = _file_name(rest, lines, row, place)
-                self._file(files, files.include(name, file, row + 1))
+                if cend and match.start() < cend.start():
+                    self.notes.append(
+                        f"INCLUDE {name[:60]} ({place}) is left out: files before CEND hold no bulk "
+                        "data, but statements of the executive control (DMAP)"
+                    )
+                else:
+                    self._file(files, files.include(name, file, row + 1))
         if not self._ended:
             self._add(file, lines, done, len(lines))
 
@@ -380,8 +388,8 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
             return head, [*fields, label, *[""] * 7][: len(fields) + 8], ""
         if not mine and _is_number(label):
             msg = (
-                f"{bulk.place(row)}: '{label}' may be a value or the label of the continuation line after it; "
-                f"write +{label} at both places if it is the label, and a line for each eight values if not"
+                f"{bulk.place(row)}: '{label}' may be a value or the label of the continuation line after "
+                f"it; write +{label} at both places if it is the label, or a line for each eight values"
             )
             raise MeshError(msg)
     return head, fields, label.strip("+* ")

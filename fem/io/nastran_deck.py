@@ -150,6 +150,12 @@ class NastranDeck:
     def row(self, card: Card, number: int) -> int:
         """Return the row of a grid point."""
         if number not in self.rows:
+            scalar = next((one for one in self.of("SPOINT") if _lists(one, number)), None)
+            if scalar is not None:
+                card.refuse(
+                    f"refers to the scalar point {number} of SPOINT at {scalar.place}; in a frame, cards "
+                    "refer to grid points alone"
+                )
             card.refuse(f"refers to grid point {number}, which the file does not have")
         return self.rows[number]
 
@@ -201,6 +207,13 @@ class NastranDeck:
     def mass_factor(self) -> float:
         """Factor of all masses, PARAM WTMASS, in SI."""
         return self.parameter("WTMASS", 1.0)
+
+
+def _lists(card: Card, number: int) -> bool:
+    """Return whether an SPOINT has a number, by itself or in a range with THRU."""
+    if card.text(1) == "THRU":
+        return card.integer(0) <= number <= card.integer(2)
+    return str(number) in (card.text(k) for k in range(len(card.fields)))
 
 
 def open_deck(path: Path, units: Units) -> NastranDeck:

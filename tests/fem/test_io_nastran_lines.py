@@ -60,7 +60,9 @@ def test_a_ninth_value_is_a_value_unless_a_line_continues_it(tmp_path, text, exp
 
 
 def test_a_ninth_number_before_a_line_without_a_label_is_refused(tmp_path):
-    with pytest.raises(MeshError, match="a.bdf: line 1: '9' may be a value or the label of the continuation"):
+    with pytest.raises(
+        MeshError, match=r"a\.bdf: line 1: '9' may be a value or the label of the continuation"
+    ):
         cards(tmp_path, "SPC1,1,2,3,4,5,6,7,8,9\n,10,11")
 
 
@@ -79,5 +81,5 @@ def test_values_beyond_the_eighth_are_those_of_the_next_line_of_other_cards(tmp_
     path.write_text(f"{text}CONM2,90,20,,40.,,,,,.7\n")
     deck = read_nastran_frame(path, Units())
     assert np.isfinite(deck.bars.stiffness[0]).sum() == 1
-    assert deck.properties[0].section.A == pytest.approx(np.pi * (0.05**2 - 0.04**2))
+    assert pytest.approx(np.pi * (0.05**2 - 0.04**2)) == deck.properties[0].section.A
     assert deck.bodies[0].inertia[0, 0] == 0.7
