@@ -12,6 +12,7 @@ from fem.io.array_types import Ints
 from fem.io.deck import Budget, DeckFile, Files, integer
 from fem.io.deck import real as plain_real
 from fem.io.faults import error_at
+from fem.io.nastran_comments import Comments
 from fem.mesh import MeshError
 
 _CONTROL = re.compile(r"^[ \t]*(BEGIN|ENDDATA|INCLUDE)\b", re.MULTILINE | re.IGNORECASE)
@@ -38,11 +39,13 @@ class BulkData:
     lines : texts, without tabs
     notes : sentences on the lines left out
     control : lines of the executive and case control, None of a file of bulk data alone
+    comments : comment lines
     """
 
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     control: list[str] | None = None
+    comments: Comments = field(default_factory=Comments)
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _bulk_place: str = ""
     _ended: bool = False
@@ -110,11 +113,13 @@ class BulkData:
             raise MeshError(msg)
         self._bulk_place = place
         self.control = list(self.lines)
+        self.comments.end()
         self.lines.clear()
         self._runs.clear()
 
     def _end(self, file: DeckFile, lines: list[str], done: int) -> None:
         self._ended = True
+        self.comments.elsewhere += [text for line in lines[done:] if (text := line.strip())[:1] == "$"]
         n = sum(1 for line in lines[done:] if line.strip() and line.lstrip()[0] != "$")
         if n:
             self.notes.append(f"{n} lines after ENDDATA ({file.name}: line {done}) left out")
@@ -127,6 +132,7 @@ class BulkData:
         numbers: Sequence[int] = range(start + 1, stop + 1)
         if len(kept) < len(texts):
             numbers = [k for k, text in enumerate(texts, start=start + 1) if _holds_data(text)]
+            self.comments.add(texts, numbers, start + 1, len(self.lines))
         if kept:
             self._runs.append((len(self.lines), file.name, numbers))
             self.lines += kept

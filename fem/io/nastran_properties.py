@@ -112,10 +112,17 @@ class Properties:
             deck.notes.add("it has no density; a negligible one is taken", card)
             rho = negligible_density(E * units.stress)
         material, factor = material_of(
-            f"MAT1 {profile.material}", E * units.stress, G * units.stress, nu, rho, card.real(7)
+            deck.names.materials.get(profile.material, f"MAT1 {profile.material}"),
+            E * units.stress,
+            G * units.stress,
+            nu,
+            rho,
+            card.real(7),
         )
         return BarProperty(
-            name=f"CONROD {element.text(0)}" if number is None else f"property {number}",
+            name=f"CONROD {element.text(0)}"
+            if number is None
+            else deck.names.properties.get(number, f"property {number}"),
             material=material,
             section=self._end(profile.section, factor, element),
             section2=None if profile.section2 is None else self._end(profile.section2, factor, element),

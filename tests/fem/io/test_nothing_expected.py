@@ -15,8 +15,9 @@ from fem.io.frame_model import read_deck
 from fem.io.time_data import read_time_data
 
 FRAME = (
-    "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=B31, ELSET=E\n1, 1, 2\n*BEAM SECTION, ELSET=E, MATERIAL=S, "
-    "SECTION=RECT\n.1, .1\n*MATERIAL, NAME=S\n*ELASTIC\n2e11, .3\n*DENSITY\n7800.\n"
+    "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=B31, ELSET=E\n1, 1, 2\n"
+    "*BEAM SECTION, ELSET=E, MATERIAL=S, SECTION=RECT\n.1, .1\n"
+    "*MATERIAL, NAME=S\n*ELASTIC\n2e11, .3\n*DENSITY\n7800.\n"
 )
 TEXTS = {
     "empty": "",
@@ -25,9 +26,7 @@ TEXTS = {
     "a word": "hello\n",
     "zeros": "\0" * 200,
     "nodes of Abaqus": "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n",
-    "solids of Abaqus": FRAME.replace("B31", "C3D4")
-    .replace("1, 1, 2", "1, 1, 2, 1, 2")
-    .replace("BEAM", "SOLID"),
+    "solids of Abaqus": FRAME.replace("B31", "C3D4").replace("BEAM", "SOLID"),
     "grid points": "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\n",
     "solids of Nastran": "GRID,1,,0.,0.,0.\nCTETRA,1,1,1,1,1,1\nPSOLID,1,1\nENDDATA\n",
     "executive control": "SOL 103\nCEND\nBEGIN BULK\nENDDATA\n",
@@ -47,7 +46,7 @@ TEXTS = {
     "a head of HDF5": "\x89HDF\r\n\x1a\n",
     "a head of ZIP": "PK\x03\x04",
 }
-SUFFIXES = [".inp", ".bdf", ".nas", ".dat", ".fem", ".cdb", ".msh", ".uff", ".unv", ".vtu", ".vtk", ".xdmf", ".npz", ".mat", ".csv", ".txt", ".h5", ".nc", ".tdms", ".wav", ".mtx", ".pch", ".op4", ".matrix", ".sti", ".stl", ".json"]
+SUFFIXES = (".inp", ".bdf", ".cdb", ".msh", ".uff", ".vtu", ".npz", ".mat", ".csv", ".h5", ".wav", ".mtx")
 READERS = (read_mesh, read_model, read_deck, read_frf, read_modes, read_uff, read_matrices, read_time_data)
 
 
@@ -76,6 +75,7 @@ def contents():
 @pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.__name__)
 def test_every_reader_answers_with_one_line(tmp_path, reader):
     """Whatever else is raised would end the program with a traceback."""
+    wrong = []
     for suffix in SUFFIXES:
         path = tmp_path / f"file{suffix}"
         for name, data in contents().items():
@@ -84,13 +84,11 @@ def test_every_reader_answers_with_one_line(tmp_path, reader):
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     reader(path)
-            except ValueError as reason:
-                assert type(reason).__module__.split(".")[0] in ("fem", "updating", "dovetail"), (
-                    suffix,
-                    name,
-                )
-                assert path.stem in str(reason), (suffix, name, reason)
-                assert "\n" not in str(reason), (suffix, name)
+            except Exception as reason:
+                ours = type(reason).__module__.split(".")[0] in ("fem", "updating", "dovetail")
+                if not ours or path.stem not in str(reason) or "\n" in str(reason):
+                    wrong.append((suffix, name, reason))
+    assert not wrong
 
 
 @pytest.mark.parametrize("suffix", [".inp", ".bdf", ".cdb", ".msh", ".uff", ".vtu"])
