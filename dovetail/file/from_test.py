@@ -118,7 +118,14 @@ def draft_study(
     if missing:
         msg = f"{measured}: the geometry has no node {missing[0]}, which its FRFs name"
         raise StudyError(msg)
-    found, fine = _placed(points, nodes, mesh, placing, notes)
+    try:
+        found, fine = _placed(points, nodes, mesh, placing, notes)
+    except GeometryMatchError as reason:
+        hint = structure.units_hint or _size_hint(structure, points, nodes)
+        if not hint or reason.alternatives:
+            raise
+        msg = f"{measured}: {hint} ({reason})"
+        raise StudyError(msg) from reason
     place = dict(zip(found.pairs[:, 0].tolist(), found.pairs[:, 1].tolist(), strict=True))
     at = {n: fine.points[place[i]] for i, n in enumerate(nodes) if i in place}
     off = [n for n in nodes if n not in at]
@@ -171,6 +178,19 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
     if skipped:
         notes.append(f"the channels {', '.join(skipped[:8])} are no translations and left out")
     return out
+
+
+def _size_hint(structure: Structure, points: Points, nodes: Sequence[int]) -> str:
+    """Return the option for a structure in mm, if it is about 1000 times as large as its test."""
+    given = structure.mesh.points, [points.at(n) for n in nodes]
+    size, tested = (float(np.ptp(xyz, axis=0).max()) for xyz in given)
+    if not 700 * tested < size < 2500 * tested:
+        return ""
+    option = "--units mm-t-s" if structure.complete else "--mesh-scale 0.001"
+    return (
+        f"the structure is {size / tested:.0f} times as large as the test ({size:.4g} m and {tested:.4g} m): "
+        f"if it is in mm, give {option}"
+    )
 
 
 def _placed(

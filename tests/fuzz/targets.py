@@ -39,6 +39,7 @@ from fem.io import (
     write_npz,
     write_uff,
 )
+from fem.io.frame_model import model_of, read_deck
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.named_frf import frf_of_arrays
 from fem.io.time_data import _arrays as time_of_arrays
@@ -272,6 +273,10 @@ def _read_mesh(path: Path) -> None:
     _finite(read_mesh(path))
 
 
+def _read_model(path: Path) -> None:
+    _finite(model_of(read_deck(path)).mesh)
+
+
 def _read_columns(path: Path) -> None:
     _finite(read_frfs(path, Asked("accelerance")).frfs)
 
@@ -384,6 +389,8 @@ TARGETS: dict[str, Target] = {
         Target("mshb", "f.msh", _gmsh_binary, _read_mesh),
         Target("inp", "f.inp", _texts(decks.ABAQUS), _read_mesh),
         Target("bdf", "f.bdf", _texts(decks.NASTRAN), _read_mesh),
+        Target("inpmodel", "f.inp", _texts(decks.ABAQUS_MODELS), _read_model),
+        Target("bdfmodel", "f.bdf", _texts(decks.NASTRAN_MODELS), _read_model),
         Target("vtu", "f.vtu", _mesh_seeds(".vtu"), _read_mesh, drawing.vtu),
         Target("vtk", "f.vtk", _vtk_seeds, _read_mesh),
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), _read_mesh),
