@@ -4,6 +4,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from fem.elements.frame import Frame
 from fem.io.frame_model import read_model
 
 GRIDS = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 6))
@@ -83,8 +84,8 @@ def test_comments_name_properties(tmp_path, text, expected):
 )
 @pytest.mark.filterwarnings("ignore::fem.mesh.MeshWarning")
 def test_comments_name_materials(tmp_path, text):
-    found = model(tmp_path, GRIDS + LEGS + TUBE + text)
-    assert {p.material.name for p in found.effects[0].members.values()} == {"steel S355"}
+    (frame,) = model(tmp_path, GRIDS + LEGS + TUBE + text).of_kind(Frame)
+    assert {p.material.name for p in frame.members.values()} == {"steel S355"}
 
 
 BLOCKS = (

@@ -77,11 +77,11 @@ def test_files_of_case_control_and_bulk_data_must_be_there(tmp_path):
 @pytest.mark.parametrize("points", ["1001,THRU,1009", "1001,1002,1003,1004,1005", "1001"])
 def test_scalar_points_of_a_reduction_carry_nothing(tmp_path, points):
     reduced = f"SPOINT,{points}\nQSET1,0,{points}\nASET1,123456,2\n"
-    found = [
+    plain, with_points = (
         solve_modes(assemble(model_of(read(tmp_path, "a.bdf", NASTRAN + more))), 4).frequency
         for more in ("", reduced)
-    ]
-    np.testing.assert_array_equal(*found)
+    )
+    np.testing.assert_array_equal(plain, with_points)
     notes = read(tmp_path, "a.bdf", NASTRAN + reduced).notes
     assert any("SPOINT 1001 at a.bdf: line 8: scalar points that no card" in note for note in notes)
 
