@@ -21,12 +21,14 @@ from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.abaqus import abaqus_text
+from fem.io.deck_units import Units, likely_units
 from fem.io.frame_deck import FrameDeck
 from fem.io.frame_model import model_of, read_deck
 from fem.io.meshfile import check_names, read_mesh
 from fem.io.programs import program_of
 from fem.mesh import Mesh, MeshError, free_name
 from fem.model import DIRECTIONS, Damping, Model
+from fem.plausibility import si_number
 from fem.sections.section import Section
 
 MESH = "mesh.inp"
@@ -71,6 +73,8 @@ class Structure:
         Whether the tables are those of a deck; materials, sections, supports and damping are placeholders
         otherwise.
     notes : tuple of str
+    units_hint : str
+        Units that the deck's materials look like, if they are implausible as read.
     """
 
     mesh: Mesh
@@ -78,6 +82,7 @@ class Structure:
     files: dict[str, str]
     complete: bool
     notes: tuple[str, ...] = ()
+    units_hint: str = ""
 
 
 def read_structure(
@@ -114,7 +119,7 @@ def read_structure(
         try:
             deck = read_deck(file, units)
             if deck.properties:
-                return _of_deck(deck)
+                return _of_deck(deck, Units.of(units))
         except MeshError as reason:
             if not mesh_will_do:
                 raise
@@ -132,7 +137,7 @@ def named_from(folder: Path, path: Path) -> str:
         return path.resolve().as_posix()
 
 
-def _of_deck(deck: FrameDeck) -> Structure:
+def _of_deck(deck: FrameDeck, units: Units) -> Structure:
     model = model_of(deck)
     mesh = model.mesh
     check_names([*mesh.members, *mesh.groups], deck.file)
@@ -146,7 +151,23 @@ def _of_deck(deck: FrameDeck) -> Structure:
     ]
     comments = "".join(f"{toml_comment(note)}\n" for note in mesh.notes)
     text = f"{comments}\n{tables_of(model, deck.damping)}" if comments else tables_of(model, deck.damping)
-    return Structure(mesh, text, {MESH: abaqus_text(mesh)}, True, (", ".join(counts), *mesh.notes))
+    hint = _units_hint(deck, units)
+    notes = (", ".join(counts), *mesh.notes, *([hint] if hint else []))
+    return Structure(mesh, text, {MESH: abaqus_text(mesh)}, True, notes, hint)
+
+
+def _units_hint(deck: FrameDeck, units: Units) -> str:
+    """Return the units that a deck's materials look like; empty if they are plausible as read."""
+    materials = list({p.material.name: p.material for p in deck.properties}.values())
+    likely = likely_units(materials, units)
+    if not likely:
+        return ""
+    E = materials[0].E
+    meant = E * Units.of(likely).stress / units.stress
+    return (
+        f"{deck.file} looks like a deck in {likely}: give --units {likely}, which makes E of "
+        f"{materials[0].name} {si_number(meant)} Pa instead of {si_number(E)} Pa"
+    )
 
 
 _WORDS = {
@@ -198,8 +219,8 @@ def tables_of(model: Model, damping: Damping | None) -> str:
 
 def _in_giga(value: float) -> str:
     """Return a modulus as 210e9, unless that is another number."""
-    short = f"{value / 1e9:.12g}e9"
-    return short if float(short) == value else repr(value)
+    giga = f"{value / 1e9:.12g}"
+    return f"{giga}e9" if "e" not in giga and float(f"{giga}e9") == value else repr(value)
 
 
 def _members(

@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,7 +118,14 @@ def draft_study(
     if missing:
         msg = f"{measured}: the geometry has no node {missing[0]}, which its FRFs name"
         raise StudyError(msg)
-    found, fine = _placed(points, nodes, mesh, placing, notes)
+    try:
+        found, fine = _placed(points, nodes, mesh, placing, notes)
+    except GeometryMatchError as reason:
+        hint = structure.units_hint or _size_hint(structure, points, nodes)
+        if not hint or reason.alternatives:
+            raise
+        msg = f"{measured}: {hint} ({reason})"
+        raise StudyError(msg) from reason
     place = dict(zip(found.pairs[:, 0].tolist(), found.pairs[:, 1].tolist(), strict=True))
     at = {n: fine.points[place[i]] for i, n in enumerate(nodes) if i in place}
     off = [n for n in nodes if n not in at]
@@ -127,7 +135,8 @@ def draft_study(
             f"{placing.tolerance:g} m; their channels are left out"
         )
     tables = {
-        name: _table(ends[key], at, found) for key, name in (("outputs", SENSORS), ("inputs", EXCITATIONS))
+        name: _table(part, _channel_names(part, entities), at, found)
+        for name, part, entities in zip((SENSORS, EXCITATIONS), ends.values(), reading.names, strict=True)
     }
     for name, (_, n) in tables.items():
         if not n:
@@ -171,6 +180,19 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
     return out
 
 
+def _size_hint(structure: Structure, points: Points, nodes: Sequence[int]) -> str:
+    """Return the option for a structure in mm, if it is about 1000 times as large as its test."""
+    given = structure.mesh.points, [points.at(n) for n in nodes]
+    size, tested = (float(np.ptp(xyz, axis=0).max()) for xyz in given)
+    if not 700 * tested < size < 2500 * tested:
+        return ""
+    option = "--units mm-t-s" if structure.complete else "--mesh-scale 0.001"
+    return (
+        f"the structure is {size / tested:.0f} times as large as the test ({size:.4g} m and {tested:.4g} m): "
+        f"if it is in mm, give {option}"
+    )
+
+
 def _placed(
     points: Points, nodes: Sequence[int], mesh: Mesh, placing: Placing, notes: list[str]
 ) -> tuple[GeometryMatch, Mesh]:
@@ -196,8 +218,30 @@ def _placed(
         return put_on_members(reason.alternatives[0], mesh)
 
 
+def _channel_names(ends: Mapping[str, tuple[int, int]], entities: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of channels by their labels.
+
+    The name of an entity names its channel, with the direction where it has several. A name that
+    several nodes share is that of a component, and names none.
+    """
+    of_entity: dict[str, list[str]] = {}
+    for label in ends:
+        of_entity.setdefault(entities.get(label, ""), []).append(label)
+    names: dict[str, str] = {}
+    for entity, labels in of_entity.items():
+        if not entity or entity.startswith("#") or len({ends[label][0] for label in labels}) > 1:
+            continue
+        for label in labels:
+            names[label] = entity if len(labels) == 1 else f"{entity} {label.lstrip('0123456789')}"
+    taken = Counter([*names.values(), *ends])
+    return {label: names[label] if taken[names.get(label, "")] == 1 else label for label in ends}
+
+
 def _table(
-    ends: dict[str, tuple[int, int]], at: dict[int, NDArray[np.float64]], found: GeometryMatch
+    ends: Mapping[str, tuple[int, int]],
+    names: Mapping[str, str],
+    at: dict[int, NDArray[np.float64]],
+    found: GeometryMatch,
 ) -> tuple[str, int]:
     """Return a table of sensors, and how many it has."""
     rows = []
@@ -208,7 +252,7 @@ def _table(
         main = int(np.argmax(np.abs(axis)))
         letter = ("-" if axis[main] < 0 else "") + "xyz"[main] if abs(axis[main]) > _ALONG else ""
         components = ["", "", ""] if letter else [f"{v:.9g}" for v in axis]
-        rows.append([label, *(f"{v:.9g}" for v in at[node] + 0.0), letter, *components, label])
+        rows.append([names[label], *(f"{v:.9g}" for v in at[node] + 0.0), letter, *components, label])
     head = ["name", "x", "y", "z", "direction", "dx", "dy", "dz", "label"]
     if not any(row[5] for row in rows):
         head, rows = head[:5] + head[8:], [row[:5] + row[8:] for row in rows]

@@ -53,6 +53,12 @@ class _Rows:
         at = np.minimum(np.searchsorted(self.sorted, numbers), len(self.sorted) - 1)
         return np.where(self.sorted[at] == numbers, self.first + self.order[at], -1)
 
+    def ranks(self) -> Ints:
+        """Return the place of each row in the order of numbers, after all rows before these."""
+        found = np.empty(len(self.order), dtype=np.int64)
+        found[self.order] = self.first + np.arange(len(self.order))
+        return found
+
 
 @dataclass(slots=True)
 class Assembly:
@@ -238,6 +244,8 @@ class Assembly:
         elements: Resolver | None = None,
     ) -> Resolver:
         rows = self._rows[keyword]
+        # Abaqus sorts node sets, instance by instance; the order of elements in a set has no meaning
+        ranks = None if elements is None else np.concatenate([rows[owner].ranks() for owner in owners])
 
         def nodes_of_elements(owner: str, name: str) -> Ints | None:
             if elements is None or not any(s.get(name) for s in elements.sets.get(owner, [])):
@@ -253,6 +261,7 @@ class Assembly:
             lambda owner, numbers: rows[owner].of(numbers),
             lambda owner: rows[owner].known,
             nodes_of_elements,
+            ranks,
         )
 
 

@@ -37,6 +37,26 @@ class Beam(NamedTuple):
     offset: tuple[float, float] = (0.0, 0.0)
 
 
+def _direction_and_rest(placed: Placed, n: int, rows: Lines) -> tuple[Lines, Lines]:
+    """Return the line of n1, none where a blank line stands for it, and the lines after it.
+
+    n is the number of lines with dimensions. After a blank line, *BEAM SECTION has numbers of integration
+    points; any others are n1 after a line that CalculiX passes over.
+    """
+    every = list(placed.block.rows())
+    after = every.index(rows[n - 1]) + 1
+    rest = rows[n:]
+    if after == len(every) or any(every[after][1]):
+        return rest[:1], rest[1:]
+    if placed.keyword == "BEAMSECTION" and rest and not all(map(_is_count, rest[0][1])):
+        return rest[:1], rest[1:]
+    return [], rest
+
+
+def _is_count(cell: str) -> bool:
+    return cell.isascii() and cell.isdigit() and bool(cell.strip("0"))
+
+
 @dataclass(frozen=True, slots=True)
 class BeamReader:
     """Reads section keywords."""
@@ -79,11 +99,12 @@ class BeamReader:
             self.content.notes.append(f"*{block.name} at line {block.line}: rotary inertia is not isotropic")
         rows = lines_of(block)
         n = self._section_lines(block, kind, rows)
-        factor, mat = self._material(placed, rows[n + 1 :])
+        n1, rest = _direction_and_rest(placed, n, rows)
+        factor, mat = self._material(placed, rest)
         shape = self._shape(block, kind, rows[:n], mat.nu)
         shape = shape._replace(section=self._with_shear(placed, shape.section, mat, factor))
         self._note(placed, kind, shape.section)
-        return Beam(block, shape, mat, self._n1(block, rows[n : n + 1]), self._offset(placed, kind, shape))
+        return Beam(block, shape, mat, self._n1(block, n1), self._offset(placed, kind, shape))
 
     def _section_lines(self, block: Block, kind: str, rows: Lines) -> int:
         """Return the number of lines with dimensions."""
@@ -147,8 +168,7 @@ class BeamReader:
         E, G = numbers_of(block, rows[0][0], rows[0][1][:2], 2, 2, "E and G")
         if not (E > 0 and G > 0):
             raise fault(block, f"has E = {E:g} and G = {G:g}; both must be positive", rows[0][0])
-        if density is None:
-            raise fault(block, "has no density, which natural frequencies need; write DENSITY=")
+        density = density or self.materials.negligible(f"*{block.name} ({block.place})", E * units.stress)
         name = block.option("ELSET", "ELSET=")
         try:
             material, factor = material_of(name, E * units.stress, G * units.stress, E / (2 * G) - 1, density)

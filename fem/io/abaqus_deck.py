@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.abaqus_keywords import READ
+from fem.io.abaqus_keywords import BLANK_LINES, READ
 from fem.io.deck import DeckFile, Files, named
 from fem.io.faults import error_at
 from fem.mesh import MeshError
@@ -36,7 +36,7 @@ class Block:
     Attributes
     ----------
     name : as the file has it, in capitals
-    keyword : the same without blanks
+    keyword : the same without blanks and hyphens
     options : parameters without blanks; names as the deck calls them
     file, line : where it is
     parts : data lines, of more than one file where they are included
@@ -110,7 +110,7 @@ class Deck:
         for head, after in pairwise([*heads, len(lines)]):
             text, start = _joined_head(lines, head, after)
             name, options = split_keyword(text)
-            block = Block(name, "".join(name.split()), options, file.name, head + 1, file)
+            block = Block(name, keyword_of(name), options, file.name, head + 1, file)
             if block.keyword == "INCLUDE":
                 check_options(block)
                 inner = self.files.include(options.get("INPUT", ""), file, head + 1)
@@ -119,7 +119,8 @@ class Deck:
                 if self._open is not None:
                     yield self._open
                 self._open = block
-            self._data(file, _rows(file.name, lines, start, after, comments))
+            blanks = self._open is not None and self._open.keyword in BLANK_LINES
+            self._data(file, _rows(file.name, lines, start, after, comments, blanks))
 
     def _data(self, file: DeckFile, rows: Rows) -> None:
         if not rows.texts:
@@ -145,9 +146,14 @@ class Deck:
         return rows
 
 
-def _rows(file: str, lines: list[str], start: int, stop: int, comments: list[int]) -> Rows:
-    """Return the lines from start to stop that are neither empty nor comments."""
+def _rows(
+    file: str, lines: list[str], start: int, stop: int, comments: list[int], blanks: bool = False
+) -> Rows:
+    """Return the lines from start to stop that are neither comments nor, unless ``blanks``, empty."""
     texts = lines[start:stop]
+    if blanks:
+        numbers = [k for k, text in enumerate(texts, start=start + 1) if text.lstrip()[:2] != "**"]
+        return Rows(file, [lines[k - 1] for k in numbers], numbers)
     kept = [text for text in texts if text and not text.isspace()]
     first = bisect_left(comments, start)
     skip = first < len(comments) and comments[first] < stop
@@ -199,6 +205,11 @@ def name_of(cell: str) -> str:
     """Return a label as the deck knows it: in capitals, unless it is quoted."""
     cell = cell.strip()
     return cell.strip('"') if cell.startswith('"') else cell.upper()
+
+
+def keyword_of(name: str) -> str:
+    """Return a keyword's name as the tables of keywords have it: without blanks and hyphens."""
+    return "".join(name.split()).replace("-", "")
 
 
 def split_keyword(line: str) -> tuple[str, dict[str, str]]:

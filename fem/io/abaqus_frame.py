@@ -86,7 +86,7 @@ def _has_sections(path: Path) -> bool:
 
 def _mesh_alone(path: Path, units: Units) -> FrameDeck:
     raw = read_abaqus(path)
-    ends = np.asarray(raw.lines, dtype=np.int64).reshape(len(raw.lines), -1)[:, :2].reshape(-1, 2)
+    ends = np.asarray(raw.lines, dtype=np.int64)[:, :2]
     n = len(ends)
     return FrameDeck(
         file=path.name,

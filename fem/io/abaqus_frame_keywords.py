@@ -75,6 +75,7 @@ NOT_A_FRAME: Final[dict[str, str]] = {
     "REBAR": "adds bars of reinforcement, which are not read",
     "MASSADJUST": "changes masses; give those that result",
     "BEAMFLUIDINERTIA": "adds the mass of a fluid; give *NONSTRUCTURAL MASS",
+    "FOUNDATION": "adds an elastic foundation, which is not read; give it in the study file",
 }
 """Keywords that are refused, because a model without them would have other frequencies."""
 
@@ -85,6 +86,8 @@ LEFT_OUT: Final[dict[str, str]] = {
     "COMPOSITEMODALDAMPING": "give the damping in the study file",
     "BASEMOTION": "give the excitation in the study file",
     "CONNECTORBEHAVIOR": "connectors are read where they are rigid",
-    "MASSSCALING": "masses are those of the materials",
+    "FIXEDMASSSCALING": "masses are those of the materials",
+    "VARIABLEMASSSCALING": "masses are those of the materials",
+    "DADDEDMASS": "its mass is missing in the model",
 }
 """Keywords that are named in a note with what the model lacks without them."""

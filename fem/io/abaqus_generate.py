@@ -5,6 +5,8 @@ keywords manual describes them (Abaqus 2017). Generators use the nodes and eleme
 in Abaqus.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -342,9 +344,19 @@ def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budg
     if found is None:
         msg = f"{place}: there is no {part.sets[keyword].word} set {name_of(cell)[:40]} before this line"
         raise MeshError(msg)
+    numbers = _numbers_of(found.entries.values(), cell, place, budget)
+    budget.take(len(numbers), place, f"the set {name_of(cell)[:40]}")
+    values, first_at = np.unique(numbers, return_index=True)
+    return numbers[np.sort(first_at)] if found.unsorted else values
+
+
+def _numbers_of(entries: Iterable[Entry], cell: str, place: str, budget: Budget) -> Ints:
+    """Return the numbers of a set's entries, those of a sorted set that was taken in ascending."""
     parts = [np.empty(0, dtype=np.int64)]
-    for entry in found.entries.values():
-        if entry.numbers is not None and not entry.instance:
+    for entry in entries:
+        if entry.taken is not None:
+            parts.append(np.unique(_numbers_of(entry.taken.entries.values(), cell, place, budget)))
+        elif entry.numbers is not None and not entry.instance:
             parts.append(entry.numbers)
         elif entry.span is not None and not entry.instance:
             first, last, step = entry.span
@@ -356,7 +368,4 @@ def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budg
                 f"({entry.place}), which is not known there"
             )
             raise MeshError(msg)
-    numbers = np.concatenate(parts)
-    budget.take(len(numbers), place, f"the set {name_of(cell)[:40]}")
-    values, first_at = np.unique(numbers, return_index=True)
-    return numbers[np.sort(first_at)] if found.unsorted else values
+    return np.concatenate(parts)

@@ -1,7 +1,8 @@
 """Tables of Abaqus' and CalculiX' keywords that are read, refused, named or harmless.
 
-Keywords and parameters are without blanks, as Abaqus takes them. A keyword that is in no table is counted by
-name in a note; a parameter of a keyword that is read, but is not in its list, is an error.
+Keywords are without blanks and hyphens (``*PRE-TENSION SECTION``), parameters without blanks. A keyword that
+is in no table is counted by name in a note; a parameter of a keyword that is read, but is not in its list, is
+an error.
 """
 
 import re
@@ -71,6 +72,9 @@ NAMED: Final[dict[str, str]] = {
 SECTIONS: Final = words("BEAMSECTION BEAMGENERALSECTION FRAMESECTION")
 """Keywords whose section, orientation and material come from the study file. A note says where they move the
 axis off the nodes."""
+
+BLANK_LINES: Final = words("BEAMSECTION BEAMGENERALSECTION")
+"""Keywords of which a blank data line stands for the default, and is not passed over."""
 
 CENTRED: Final = words("RECT BOX CIRC PIPE THICKPIPE ELLIPTICAL HEX GENERAL MESHED")
 """Sections whose centroid is at the node."""

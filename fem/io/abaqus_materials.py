@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from fem.io.abaqus_content import Content, check, data, lines_of
 from fem.io.abaqus_deck import Block, fault
 from fem.io.deck import named, real
+from fem.io.frame_sections import negligible_density
 from fem.materials import Material, PropertyError
 from fem.model import Damping
 
@@ -46,9 +47,13 @@ class Materials:
         if elastic.options.get("TYPE", "ISOTROPIC") not in ("ISO", "ISOTROPIC"):
             kind = elastic.options["TYPE"]
             raise fault(elastic, f"of {name[:60]} is of type {kind[:40]}; only ISOTROPIC is read")
-        E, nu = self._first(elastic, 2, "Young's modulus and Poisson's ratio")
-        if density is None:
-            density = self._first(self._of(block, subs, "DENSITY"), 1, "a density")[0] * units.density
+        E, *given = self._first(elastic, 1, 2, "Young's modulus and Poisson's ratio")
+        if not given:
+            self._note(f"*ELASTIC ({elastic.place}) has no Poisson's ratio; 0 is taken, as Abaqus does")
+        nu = given[0] if given else 0.0
+        if density is None and "DENSITY" in subs:
+            density = self._first(subs["DENSITY"], 1, 1, "a density")[0] * units.density
+        density = density or self.negligible(f"*MATERIAL {name[:60]} ({block.place})", E * units.stress)
         loss = self._damping(name, subs.get("DAMPING"))
         try:
             return Material(name, E * units.stress, density, nu, loss)
@@ -60,14 +65,23 @@ class Materials:
             raise fault(block, f"{block.options['NAME']} has no *{keyword}, which natural frequencies need")
         return subs[keyword]
 
-    def _first(self, block: Block, count: int, what: str) -> list[float]:
+    def negligible(self, what: str, E: float) -> float:
+        """Return a density for what has none, and note it."""
+        self._note(f"{what} has no density; a negligible one is taken")
+        return negligible_density(E)
+
+    def _note(self, sentence: str) -> None:
+        if sentence not in self.content.notes:
+            self.content.notes.append(sentence)
+
+    def _first(self, block: Block, least: int, count: int, what: str) -> list[float]:
         """Return the first numbers of the first line: later ones depend on temperature or the like."""
         if len(lines_of(block)) > 1 and block.place not in self._noted:
             self._noted.add(block.place)
             self.content.notes.append(
                 f"*{block.name} at line {block.line} has several lines; the first is taken"
             )
-        return data(block, 0, count, count, what, count)
+        return data(block, 0, least, count, what, count)
 
     def _damping(self, name: str, block: Block | None) -> float:
         if block is None:

@@ -1,6 +1,6 @@
 """Sets of an Abaqus deck: numbers, ranges, other sets, and those of instances."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,6 +28,7 @@ class Entry:
     name : another set that is not known where it is used, or a label of an instance
     instance : the instance that numbers, range and name belong to
     of_elements : whether the nodes of an element set are meant
+    taken : a sorted set as it was when an unsorted one took it in, or None
     """
 
     place: str
@@ -36,11 +37,15 @@ class Entry:
     name: str = ""
     instance: str = ""
     of_elements: bool = False
+    taken: "NamedSet | None" = None
 
 
 @dataclass(slots=True)
 class NamedSet:
-    """A set: its entries, each once, whether it is shown, and whether it keeps its order."""
+    """A set: its entries, each once, whether it is shown, and whether it keeps its order.
+
+    Sorted sets have no entries of sets that were taken in, but the entries of these.
+    """
 
     entries: dict[int, Entry] = field(default_factory=dict)
     internal: bool = False
@@ -76,8 +81,20 @@ class Sets:
         if self.copied > MOST_ENTRIES:
             msg = f"{place}: sets include more than {MOST_ENTRIES} lines of other sets; nest fewer of them"
             raise MeshError(msg)
-        self.open(name).entries.update(found.entries)
+        mine = self.open(name)
+        if mine.unsorted and not found.unsorted:
+            self.add(name, Entry(place, taken=NamedSet(dict(found.entries))))
+        elif mine.unsorted:
+            mine.entries.update(found.entries)
+        else:
+            mine.entries.update((id(entry), entry) for entry in flat(found.entries.values()))
         return True
+
+
+def flat(entries: Iterable[Entry]) -> Iterator[Entry]:
+    """Yield entries, those of sets that were taken in instead of these."""
+    for entry in entries:
+        yield from (entry,) if entry.taken is None else entry.taken.entries.values()
 
 
 @dataclass(slots=True)
@@ -90,6 +107,7 @@ class Resolver:
     sets : the sets of a part with those of its instance, nearest first, by owner
     rows : rows of the mesh of some numbers of an owner, -1 where the element or node is none
     known : the numbers of an owner, ascending, those of elements that are no lines included
+    ranks : of the rows, by which the members of a set are ordered unless it is unsorted; None keeps the order
     unknown : set and place to the numbers or names that nothing in the deck has
     """
 
@@ -99,13 +117,14 @@ class Resolver:
     rows: Callable[[str, Ints], Ints]
     known: Callable[[str], Ints]
     nodes_of_elements: Callable[[str, str], Ints | None]
+    ranks: Ints | None = None
     unknown: dict[str, dict[str, None]] = field(default_factory=dict)
     _members: dict[tuple[str, int], Ints] = field(default_factory=dict)
     _done: dict[tuple[str, str], Ints] = field(default_factory=dict)
     _total: int = 0
 
     def members(self, owner: str, name: str) -> Ints:
-        """Return the rows of a set, each once, in the order of the file."""
+        """Return the rows of a set, each once: ascending numbers, or the order of the file."""
         waiting, under_way = [(owner, name)], {}
         while waiting:
             key = waiting[-1]
@@ -139,7 +158,7 @@ class Resolver:
                 yield from found.entries.values()
 
     def _needed(self, owner: str, name: str) -> Iterator[tuple[str, str, Entry]]:
-        for entry in self._entries(owner, name):
+        for entry in flat(self._entries(owner, name)):
             if entry.name and not entry.of_elements:
                 found = self.owner_of(owner, entry)
                 if found is not None and not isinstance(found[1], int):
@@ -168,13 +187,22 @@ class Resolver:
         return None
 
     def _built(self, owner: str, name: str) -> Ints:
-        found = [self._rows_of(owner, name, entry) for entry in self._entries(owner, name)]
+        found = [sets.named[name] for sets in self.sets.get(owner, []) if name in sets.named]
+        rows = self._gathered(owner, name, self._entries(owner, name), any(one.unsorted for one in found))
+        self._count(len(rows))
+        return rows
+
+    def _gathered(self, owner: str, name: str, entries: Iterable[Entry], unsorted: bool) -> Ints:
+        """Return the rows of entries, each once, in the order of a set."""
+        found = [self._rows_of(owner, name, entry) for entry in entries]
         rows = found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=np.int64), *found])
         rows = rows[rows >= 0] if rows.size and rows.min() < 0 else rows
+        if self.ranks is not None and not unsorted:
+            ranks = self.ranks[rows]
+            return rows if (ranks[1:] > ranks[:-1]).all() else rows[np.unique(ranks, return_index=True)[1]]
         if not (rows[1:] > rows[:-1]).all():
             _, first = np.unique(rows, return_index=True)
             rows = rows[np.sort(first)]
-        self._count(len(rows))
         return rows
 
     def _count(self, n: int) -> None:
@@ -192,6 +220,8 @@ class Resolver:
         return self._members[key]
 
     def _looked_up(self, owner: str, name: str, entry: Entry) -> Ints:
+        if entry.taken is not None:
+            return self._gathered(owner, name, entry.taken.entries.values(), False)
         place = f"{self.word} set {name[:60]} ({entry.place})"
         if entry.of_elements:
             found = self.nodes_of_elements(entry.instance or owner, entry.name)

@@ -6,8 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.io.array_types import Floats
-from fem.matrices import MatricesError, consistent_units
+from fem.materials import Material
+from fem.matrices import UNITS, MatricesError, consistent_units
 from fem.mesh import MeshError
+from fem.plausibility import DENSITY, FARTHEST_SOUND, LEAST_USUAL, MODULUS, USUAL_SOUND
+
+USUAL_MODULUS = 1e11
+"""E of steel, aluminium, copper and titanium, within a factor of two [Pa]."""
+
+MASSLESS = 1e15
+"""E/ρ that no solid has in any units of a deck: in mm, t and s steel's is 2.7e13 of these units [m²/s²]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +98,36 @@ class Units:
     def of_motions(self) -> Floats:
         """Factors (6,) of forces, and of an equation's coefficients: those of rotations have a length."""
         return np.repeat([1.0, self.length], 3)
+
+
+def likely_units(materials: Sequence[Material], units: Units) -> str:
+    """Return the units that make usual solids of a deck's materials; empty if these are usual, or none do.
+
+    Parameters
+    ----------
+    materials : sequence of Material
+        As read in ``units``; those without a density that any units could give are judged by E alone.
+    units : Units
+    """
+    odd = [m for m in materials if not (MODULUS[0] <= m.E <= MODULUS[1] and _fits(m.rho, DENSITY, m))]
+    best = ("", FARTHEST_SOUND)
+    for name, sizes in UNITS.items() if odd else ():
+        other = Units(*sizes)
+        off = 0.0
+        for m in odd:
+            E, rho = m.E * other.stress / units.stress, m.rho * other.density / units.density
+            usual = LEAST_USUAL[0] <= E <= MODULUS[1] and _fits(rho, (LEAST_USUAL[1], DENSITY[1]), m)
+            speed = E / USUAL_MODULUS if _is_massless(m) else E / rho / USUAL_SOUND**2
+            off = max(off, abs(np.log(speed)) / 2 if usual else np.inf)
+        if off < best[1]:
+            best = (name, off)
+    return best[0]
+
+
+def _fits(rho: float, allowed: tuple[float, float], m: Material) -> bool:
+    return _is_massless(m) or allowed[0] <= rho <= allowed[1]
+
+
+def _is_massless(m: Material) -> bool:
+    """Return whether a reader gave a material without density a negligible one."""
+    return m.E / m.rho > MASSLESS

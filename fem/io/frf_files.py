@@ -55,6 +55,7 @@ def _uff(path: Path, asked: Asked) -> Reading:
         functions=file.functions,
         points=file.points,
         notes=(*file.notes, *file.skipped, *runs),
+        names=file.frf_names,
     )
 
 

@@ -88,6 +88,8 @@ class Reading:
     points : Points or None
     notes : tuple of str
         Conversions, omissions and assumptions.
+    names : (mapping, mapping)
+        Names that the file gives to responses and to forces, by their labels.
     stated : bool
         Whether file or user say what the values are; else columns are taken for real and imaginary parts.
     """
@@ -100,6 +102,7 @@ class Reading:
     functions: Sequence[Function] = ()
     points: Points | None = None
     notes: tuple[str, ...] = ()
+    names: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
     stated: bool = True
 
 

@@ -185,6 +185,8 @@ class _Reader:
     def _grid_card(self, fields: list[str], row: int) -> None:
         cp, cd = (integer(f) if f else _BLANK for f in (fields[1], fields[5]))
         number = _number(fields[0])
+        if any(fields[8:]):
+            refuse(f"it has {next(f for f in fields[8:] if f)[:20]} after its eight fields")
         self.grids.append([number, cp, cd, row], [real(f) for f in fields[2:5]])
         if fields[6].strip("0"):
             self._add("permanent constraints", 1, lambda: f"GRID {number} at {self.bulk.place(row)}")

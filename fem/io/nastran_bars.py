@@ -74,15 +74,34 @@ def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Conn
     on_beams = {row for bar in beams for row in bar.ends}
     twists = [t for rod in rods if (t := _twist(deck, properties, rod, on_beams)) is not None]
     deck.notes.plain.extend(properties.notes())
+    places = _named_blocks(deck, properties, found)
     bars = Bars(
         numbers=np.array([bar.card.integer(0) for bar in found], dtype=np.int64),
         ends=ends,
-        properties=np.array([bar.place for bar in found], dtype=np.int64),
+        properties=np.array(places, dtype=np.int64),
         height=height,
         offsets=offsets,
         stiffness=np.array([bar.stiffness for bar in found]).reshape(-1, 2, 6),
     )
     return bars, tuple(properties.found), twists
+
+
+def _named_blocks(deck: NastranDeck, properties: Properties, bars: list[Bar]) -> list[int]:
+    """Return the place of each bar's property; blocks of one property have it under the block's name.
+
+    A comment above all bars, or above bars of several properties, is no name of members.
+    """
+    blocks = [deck.names.blocks.get(bar.card.integer(0), "") for bar in bars]
+    several: dict[str, set[int]] = {}
+    for bar, block in zip(bars, blocks, strict=True):
+        several.setdefault(block, set()).add(bar.place)
+    names = {block for block, places in several.items() if block and len(places) == 1}
+    if len(several) == 1:
+        names = set()
+    found = {block: len(properties.found) + k for k, block in enumerate(sorted(names, key=blocks.index))}
+    for block in found:
+        properties.found.append(replace(properties.found[next(iter(several[block]))], name=block))
+    return [found.get(block, bar.place) for bar, block in zip(bars, blocks, strict=True)]
 
 
 def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:

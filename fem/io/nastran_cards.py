@@ -12,14 +12,18 @@ from fem.io.array_types import Ints
 from fem.io.deck import Budget, DeckFile, Files, integer
 from fem.io.deck import real as plain_real
 from fem.io.faults import error_at
+from fem.io.nastran_comments import Comments
 from fem.mesh import MeshError
 
 _CONTROL = re.compile(r"^[ \t]*(BEGIN|ENDDATA|INCLUDE)\b", re.MULTILINE | re.IGNORECASE)
+_CEND = re.compile(r"^[ \t]*CEND\b", re.MULTILINE | re.IGNORECASE)
 _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _OTHER_MODEL = re.compile(r"SUPER|AUXMODEL|ARBMODEL|MODULE|MASSID|FLXSLI|UDS", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")
 _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
 _COMPONENTS = re.compile(r"[1-6]+( +[1-6]+)*")
+_LABEL = re.compile(r"[+*](?![\d.]*[.]).*")
+"""A label of a continuation line in free field: not a number with a sign and a point."""
 _REPEAT = re.compile(r"=\(?(\d+)\)?")
 
 LONGEST_NAME = 20
@@ -35,11 +39,13 @@ class BulkData:
     lines : texts, without tabs
     notes : sentences on the lines left out
     control : lines of the executive and case control, None of a file of bulk data alone
+    comments : comment lines
     """
 
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     control: list[str] | None = None
+    comments: Comments = field(default_factory=Comments)
     _runs: list[tuple[int, str, Sequence[int]]] = field(default_factory=list)
     _bulk_place: str = ""
     _ended: bool = False
@@ -69,6 +75,7 @@ class BulkData:
         text = file.text
         lines = text.split("\n")
         done, at, offset = 0, 0, 0
+        cend = _CEND.search(text)
         for match in _CONTROL.finditer(text):
             if self._ended or match.start() < offset:
                 continue
@@ -87,7 +94,13 @@ class BulkData:
                 self._end(file, lines, done)
             else:
                 name, done = _file_name(rest, lines, row, place)
-                self._file(files, files.include(name, file, row + 1))
+                if cend and match.start() < cend.start():
+                    self.notes.append(
+                        f"INCLUDE {name[:60]} ({place}) is left out: files before CEND hold no bulk "
+                        "data, but statements of the executive control (DMAP)"
+                    )
+                else:
+                    self._file(files, files.include(name, file, row + 1))
         if not self._ended:
             self._add(file, lines, done, len(lines))
 
@@ -100,11 +113,13 @@ class BulkData:
             raise MeshError(msg)
         self._bulk_place = place
         self.control = list(self.lines)
+        self.comments.end()
         self.lines.clear()
         self._runs.clear()
 
     def _end(self, file: DeckFile, lines: list[str], done: int) -> None:
         self._ended = True
+        self.comments.elsewhere += [text for line in lines[done:] if (text := line.strip())[:1] == "$"]
         n = sum(1 for line in lines[done:] if line.strip() and line.lstrip()[0] != "$")
         if n:
             self.notes.append(f"{n} lines after ENDDATA ({file.name}: line {done}) left out")
@@ -117,6 +132,7 @@ class BulkData:
         numbers: Sequence[int] = range(start + 1, stop + 1)
         if len(kept) < len(texts):
             numbers = [k for k, text in enumerate(texts, start=start + 1) if _holds_data(text)]
+            self.comments.add(texts, numbers, start + 1, len(self.lines))
         if kept:
             self._runs.append((len(self.lines), file.name, numbers))
             self.lines += kept
@@ -195,7 +211,7 @@ def _check_labels(bulk: BulkData, rows: list[int]) -> None:
     labelled = [row for row in rows if not (lines[row][1:8].isspace() or lines[row][1:2] in (",", ""))]
     strays = {}
     for row in labelled:
-        label = lines[row][:8].split(",")[0].strip("+* ")
+        label = _head(lines[row]).strip("+* ")
         if label and label != _tail(lines[row - 1]):
             strays.setdefault(label, row)
     if not strays:
@@ -214,9 +230,13 @@ def _tail(line: str) -> str:
     """Return the label at the end of a line."""
     if "," not in line:
         return line[72:80].strip("+* ")
-    cells = line.split("$")[0].split(",")
-    last = 5 if cells[0].strip().endswith("*") or cells[0][:1] == "*" else 9
-    return cells[last].strip("+* ") if len(cells) > last else ""
+    cells = [cell.strip() for cell in line.split("$")[0].split(",")]
+    return _free_fields(cells[1:], 4 if cells[0].endswith("*") or cells[0][:1] == "*" else 8)[1].strip("+* ")
+
+
+def _head(line: str) -> str:
+    """Return the first field of a line."""
+    return line[:8].split(",")[0].strip()
 
 
 def _codes(lines: list[str]) -> tuple[Ints, list[str]]:
@@ -366,15 +386,44 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
         fields = [padded[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)]
         return head, fields, line[8 + width * count : 80].strip("+* ")
     head = cells[0]
-    count = 4 if head.endswith("*") or head.startswith("*") else 8
-    if len(cells) > count + 2 and any(cells[count + 2 :]):
-        msg = (
-            f"{bulk.place(row)}: this line has {len(cells) - 1} fields; at most {count} and a label are "
-            "allowed, so continue on a line that begins with a comma"
-        )
-        raise MeshError(msg)
-    label = cells[count + 1].strip("+* ") if len(cells) > count + 1 else ""
-    return head, [*cells[1 : count + 1], *[""] * count][:count], label
+    fields, label = _free_fields(cells[1:], 4 if head.endswith("*") or head.startswith("*") else 8)
+    goes_on = row + 1 < len(bulk.lines) and _key(bulk.lines[row + 1]) in "+* "
+    if label and not _LABEL.fullmatch(label):
+        mine = _head(bulk.lines[row + 1]).strip("+* ") if goes_on else ""
+        if not goes_on:  # MSC Nastran goes on by itself where a line in free field is too long
+            return head, [*fields, label, *[""] * 7][: len(fields) + 8], ""
+        if not mine and _is_number(label):
+            msg = (
+                f"{bulk.place(row)}: '{label}' may be a value or the label of the continuation line after "
+                f"it; write +{label} at both places if it is the label, or a line for each eight values"
+            )
+            raise MeshError(msg)
+    return head, fields, label.strip("+* ")
+
+
+def _free_fields(values: list[str], count: int) -> tuple[list[str], str]:
+    """Return the values of a line in free field, and what comes after the last ``count`` of them.
+
+    Values beyond the first ``count`` are those of a continuation line, but a label in between, as ``+`` or
+    ``+ABC``. One that comes last, after ``count`` others, may be a label or a value.
+    """
+    stop = max((k + 1 for k, value in enumerate(values) if value), default=0)
+    fields, k = [], 0
+    while stop - k > count:
+        fields += values[k : k + count]
+        k += count
+        if stop - k == 1:
+            return fields, values[k]
+        k += bool(_LABEL.fullmatch(values[k]))
+    return [*fields, *values[k:stop], *[""] * (count - (stop - k))], ""
+
+
+def _is_number(text: str) -> bool:
+    try:
+        real(text)
+    except ValueError:
+        return False
+    return True
 
 
 def each_card(bulk: BulkData) -> Iterator[tuple[str, list[str], int]]:

@@ -14,6 +14,7 @@ from fem.io.deck_units import Units
 from fem.io.faults import error_at
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, each_card, real
+from fem.io.nastran_comments import Names, names_of
 from fem.mesh import MeshError
 
 _SETTING = re.compile(r"^\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*(?:=|\s)\s*(\S+)", re.IGNORECASE)
@@ -118,6 +119,7 @@ class NastranDeck:
     notes : Notes
     points : ndarray (n, 3), of the grid points [m]
     rows : mapping of int to int, row of each grid point's number
+    names : Names, that comments give
     """
 
     file: str
@@ -128,6 +130,7 @@ class NastranDeck:
     notes: Notes
     points: Floats
     rows: Mapping[int, int]
+    names: Names = field(default_factory=Names)
 
     def of(self, *names: str) -> Iterator[Card]:
         """Yield the cards of some names."""
@@ -150,6 +153,12 @@ class NastranDeck:
     def row(self, card: Card, number: int) -> int:
         """Return the row of a grid point."""
         if number not in self.rows:
+            scalar = next((one for one in self.of("SPOINT") if _lists(one, number)), None)
+            if scalar is not None:
+                card.refuse(
+                    f"refers to the scalar point {number} of SPOINT at {scalar.place}; in a frame, cards "
+                    "refer to grid points alone"
+                )
             card.refuse(f"refers to grid point {number}, which the file does not have")
         return self.rows[number]
 
@@ -203,12 +212,21 @@ class NastranDeck:
         return self.parameter("WTMASS", 1.0)
 
 
+def _lists(card: Card, number: int) -> bool:
+    """Return whether an SPOINT has a number, by itself or in a range with THRU."""
+    if card.text(1) == "THRU":
+        return card.integer(0) <= number <= card.integer(2)
+    return str(number) in (card.text(k) for k in range(len(card.fields)))
+
+
 def open_deck(path: Path, units: Units) -> NastranDeck:
     """Read the cards, the grid points and the case control of a deck."""
     bulk = BulkData.of(path)
     cards: dict[str, list[Card]] = {}
+    order: list[tuple[int, str, str]] = []
     for name, fields, row in each_card(bulk):
         cards.setdefault(name, []).append(Card(name, fields, bulk.place(row)))
+        order.append((row, name, fields[0]))
     grids = read_grids(bulk, path)
     return NastranDeck(
         file=path.name,
@@ -219,6 +237,7 @@ def open_deck(path: Path, units: Units) -> NastranDeck:
         notes=Notes(plain=list(bulk.notes)),
         points=grids.points * units.length,
         rows={n: k for k, n in enumerate(grids.numbers.tolist())},
+        names=names_of(bulk.comments, order),
     )
 
 

@@ -41,12 +41,13 @@ _MEANING: Final = {
     "MATT1 TEMP TEMPD TEMPRB": "temperatures and what depends on them are left out",
     "PBUSHT PELAST PDAMPT": "values that vary with frequency or deflection are left out",
     "DEFORM": "initial deformations are left out",
+    "SPOINT": "scalar points that no card of the frame refers to are left out",
 }
 LEFT_OUT: Final = {name: meaning for names, meaning in _MEANING.items() for name in names.split()}
 """Cards that are left out, and what that means."""
 
 REFUSED: Final = words(
-    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL SPOINT EPOINT CORD3G CMASS3 CMASS4 CELAS3 "
+    "CBEND CBEAM3 RBE1 RBAR1 RTRPLT RSPLINE RSSCON RJOINT GENEL EPOINT CORD3G CMASS3 CMASS4 CELAS3 "
     "CELAS4 CDAMP3 CDAMP4 CDAMP5"
 )
 """Cards that change the stiffness or the mass, besides other elements, whose names begin with C."""

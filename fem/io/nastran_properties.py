@@ -8,14 +8,11 @@ import numpy as np
 
 from fem.io.array_types import Floats
 from fem.io.frame_deck import BarProperty
-from fem.io.frame_sections import material_of, rod, with_shear
+from fem.io.frame_sections import material_of, negligible_density, rod, with_shear
 from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, section_of_shape
 from fem.materials import PropertyError
 from fem.sections.section import Section
-
-MASSLESS_SPEED = 1e12
-"""Speed of sound in a material without density, which needs one: so light in any units of the deck [m/s]."""
 
 NO_TWIST_INERTIA = 1e-12
 """Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion."""
@@ -111,14 +108,21 @@ class Properties:
             sections = [one for one in (profile.section, profile.section2) if one is not None]
             theory = "timoshenko" if any(one.ky or one.kz for one in sections) else "euler-bernoulli"
         rho = card.real(4) * deck.mass_factor * units.density
-        if rho <= 0:
+        if not rho:
             deck.notes.add("it has no density; a negligible one is taken", card)
-            rho = E * units.stress / MASSLESS_SPEED**2
+            rho = negligible_density(E * units.stress)
         material, factor = material_of(
-            f"MAT1 {profile.material}", E * units.stress, G * units.stress, nu, rho, card.real(7)
+            deck.names.materials.get(profile.material, f"MAT1 {profile.material}"),
+            E * units.stress,
+            G * units.stress,
+            nu,
+            rho,
+            card.real(7),
         )
         return BarProperty(
-            name=f"CONROD {element.text(0)}" if number is None else f"property {number}",
+            name=f"CONROD {element.text(0)}"
+            if number is None
+            else deck.names.properties.get(number, f"property {number}"),
             material=material,
             section=self._end(profile.section, factor, element),
             section2=None if profile.section2 is None else self._end(profile.section2, factor, element),

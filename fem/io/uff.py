@@ -7,6 +7,7 @@ A dataset of another type is in ``skipped``, unless it says nothing about geomet
 
 import os
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -68,6 +69,8 @@ class UffFile:
     frf_axes : tuple of tuple of str
         Unit labels of the frequencies of each FRF matrix as the file has them, such as ``("rad/s",)``; the
         FRFs themselves are in Hz.
+    frf_names : (mapping, mapping)
+        Entity names of record 6 of the FRFs: of responses and of forces, by their labels.
     groups : tuple of Group
         Permanent groups; :meth:`mesh` makes sets of lines and of points of them.
     notes : tuple of str
@@ -91,6 +94,7 @@ class UffFile:
     skipped: tuple[str, ...] = ()
     frf_runs: tuple[str, ...] = ()
     frf_axes: tuple[tuple[str, ...], ...] = ()
+    frf_names: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
     groups: tuple[Group, ...] = ()
     notes: tuple[str, ...] = ()
     mesh_notes: tuple[str, ...] = ()

@@ -320,6 +320,7 @@ class FRFGroups:
         Label that tells a matrix from others, such as ``"load case 2"``; empty where nothing does.
     notes : list of str, records that came twice with other values, holes, and load cases
     left_out : list of str, records that came twice with the same values
+    names : (dict, dict), entity names of response and force by their labels, where all records agree
     """
 
     frfs: list[FRF] = field(default_factory=list)
@@ -328,14 +329,15 @@ class FRFGroups:
     runs: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    names: tuple[dict[str, str], dict[str, str]] = ({}, {})
 
 
 def frf_groups(records: Sequence[Record], file: str) -> FRFGroups:
     """Put records together to matrices."""
     groups: list[_Group] = []
-    out = FRFGroups()
     twice = _Twice()
     records = _strains_apart(records)
+    out = FRFGroups(names=_entity_names(records))
     for function, kind in records:
         alike = [g for g in groups if g.alike(function, kind)]
         cell = function.response, function.reference
@@ -361,6 +363,19 @@ def frf_groups(records: Sequence[Record], file: str) -> FRFGroups:
     for group in groups:
         _add_parts(out, group, f"load case {group.first.load_case}" if len(cases) > 1 else "", file)
     return out
+
+
+def _entity_names(records: Sequence[Record]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the entity names of response and force by their labels, but those that differ."""
+    found: tuple[dict[str, set[str]], dict[str, set[str]]] = ({}, {})
+    for f, _ in records:
+        found[0].setdefault(f.response, set()).add(f.response_name)
+        found[1].setdefault(f.reference, set()).add(f.reference_name)
+    outputs, inputs = (
+        {label: next(iter(names)) for label, names in part.items() if len(names) == 1 and names != {""}}
+        for part in found
+    )
+    return outputs, inputs
 
 
 def _strains_apart(records: Sequence[Record]) -> list[Record]:

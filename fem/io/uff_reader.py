@@ -203,6 +203,7 @@ class FileReader:
             "frfs": tuple(frfs.frfs),
             "frf_units": tuple(frfs.units),
             "frf_axes": tuple(frfs.axes),
+            "frf_names": frfs.names,
             "frf_runs": tuple(frfs.runs),
             "functions": tuple(self._guarded("", self._global_functions, self.functions)),
             "modes": modes,

@@ -538,7 +538,7 @@ def test_node_sets_of_a_deck_name_what_is_not_there(tmp_path):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert read_node_sets(path) == {"A": (3, 1), "B": (3, 1, 2), "C": (1, 2, 3)}
+        assert read_node_sets(path) == {"A": (3, 1), "B": (1, 2, 3), "C": (1, 2, 3)}
     with pytest.warns(UserWarning, match=r"node set A \(line 9\) names 9"):
         read_node_sets(write(tmp_path, THREE + "*NSET, NSET=A\n9, 1\n"))
 

@@ -116,7 +116,7 @@ def test_grdset_fills_blank_fields_but_not_zeros(tmp_path):
         ("CROD,2,1,1,77\n", "line 4: CROD 2 refers to grid point 77"),
         (
             "GRID,3,,1.,0.,0.,,,,,1.,2.\n",
-            "line 4: this line has 11 fields; at most 8 and a label are allowed",
+            "line 4: GRID 3, , 1., 0., 0. cannot be read: it has 1. after its eight fields",
         ),
         ("BEGIN SUPER=1\nGRID,3,,1.,0.,0.\n", "line 4: BEGIN SUPER=1 begins another model"),
         (

@@ -74,6 +74,92 @@ LEG-1.1, LEG-2.1
 """,
 ]
 
+ABAQUS_MODELS = [
+    """*NODE, NSET=ALL
+1, 0., 0., 0.
+2, 0., 1., 0.
+3, 1., 1., 0.
+4, 1., 0., 0.
+5, 1., 0., 1.
+6, 1., 1., 1.
+*ELEMENT, TYPE=B31, ELSET=E
+1, 1, 2
+2, 2, 3
+3, 3, 4
+*ELEMENT, TYPE=B33, ELSET=F
+4, 5, 6
+*BEAM GENERAL SECTION, ELSET=E, SECTION=RECT
+0.02, 0.03
+
+2.1e11, 8e10
+*BEAM SECTION, ELSET=F, MATERIAL=S, SECTION=PIPE
+0.02, 0.003
+
+3, 3
+*MATERIAL, NAME=S
+*ELASTIC
+2.1e11,
+*NSET, NSET=S
+3, 4
+*NSET, NSET=A, UNSORTED
+S
+*NSET, NSET=B
+6
+5
+*MPC
+TIE, A, B
+*EQUATION
+2
+A, 3, 1., B, 3, -1.
+*BOUNDARY
+1, ENCASTRE
+*ELEMENT, TYPE=MASS, ELSET=M
+9, 3
+*MASS, ELSET=M
+2.
+*STEP
+*FREQUENCY
+5
+*END STEP
+""",
+]
+
+NASTRAN_MODELS = [
+    """SOL 103
+INCLUDE 'alter.v9'
+CEND
+SPC = 1
+BEGIN BULK
+$HMNAME COMP                   1"legs" 7 "tube" 4
+$ legL
+GRID,1,,0.,0.,0.
+GRID,2,,0.,0.,1.
+CBAR,1,7,1,2,0.,1.,0.,,,6
+$ beam
+GRID,3,,1.,0.,1.
+GRID,4,,1.,0.,0.
+CBAR,2,7,2,3,0.,1.,0.
+CBEAM,3,8,3,4,0.,1.,0.
+CROD,4,9,1,3
+$ Femap Property 7 : tube
+PBARL,7,1,,TUBE,,,,,.05,.04
+$ rails
+PBEAM,8,1,1.-4,1.-8,1.-8,,2.-8
+PROD,9,1,1.-4
+$ Material Record : steel
+MAT1,1,2.1+11,,.3
+CONM2,90,3,,40.,,,,,.7
+SPC1,1,123456,1,4
+SPC1,2,12,1,2,3,4,1,2,3,4,1,2
+SPOINT,1001,THRU,1009
+QSET1,0,1001,THRU,1009
+RBE2,50,3,123,2
+MPC,1,2,1,1.,4,1,-1.
+CELAS2,70,1.+5,3,1,4,1
+ENDDATA
+""",
+]
+
 NASTRAN = [
     """SOL 103
 CEND

@@ -273,8 +273,12 @@ def _read_mesh(path: Path) -> None:
     _finite(read_mesh(path))
 
 
+def _read_model(path: Path) -> None:
+    _finite(model_of(read_deck(path)).mesh)
+
+
 def _read_ansys(path: Path) -> None:
-    _each(path, lambda p: _finite(read_mesh(p)), lambda p: _finite(model_of(read_deck(p)).mesh))
+    _each(path, _read_mesh, _read_model)
 
 
 def _read_columns(path: Path) -> None:
@@ -390,6 +394,8 @@ TARGETS: dict[str, Target] = {
         Target("inp", "f.inp", _texts(decks.ABAQUS), _read_mesh),
         Target("bdf", "f.bdf", _texts(decks.NASTRAN), _read_mesh),
         Target("cdb", "f.cdb", _texts(ansys_script.SEEDS), _read_ansys, ansys_script.script),
+        Target("inpmodel", "f.inp", _texts(decks.ABAQUS_MODELS), _read_model),
+        Target("bdfmodel", "f.bdf", _texts(decks.NASTRAN_MODELS), _read_model),
         Target("vtu", "f.vtu", _mesh_seeds(".vtu"), _read_mesh, drawing.vtu),
         Target("vtk", "f.vtk", _vtk_seeds, _read_mesh),
         Target("xdmf", "f.xdmf", _mesh_seeds(".xdmf"), _read_mesh),

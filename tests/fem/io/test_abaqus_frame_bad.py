@@ -20,11 +20,20 @@ NODE = "*NODE\n9, 0, 0, 1\n"
         (BEAM + "*ELEMENT, TYPE=T3D2\n9, 1, 3\n", "line 17: *ELEMENT 9 of type T3D2 has no *SOLID SECTION"),
         (line(2, "T3D2") + STEEL + RECT, "line 13: *BEAM SECTION is given for the element 1 of type T3D2"),
         (line(2, "B31") + RECT, "line 8: *BEAM SECTION refers to the material STEEL, which the file does no"),
-        (line(2, "B31") + STEEL.replace("*DENSITY\n7800.0\n", "") + RECT, "line 8: *MATERIAL STEEL has no *"),
-        (line(2, "B31") + STEEL.replace("7800.0", "0.") + RECT, "*BEAM SECTION: material 'STEEL': rho is 0."),
+        (
+            line(2, "B31") + STEEL.replace("*ELASTIC", "*PLASTIC") + RECT,
+            "line 8: *MATERIAL STEEL has no *ELAS",
+        ),
+        (
+            line(2, "B31") + STEEL.replace("7800.0", "-1.") + RECT,
+            "*BEAM SECTION: material 'STEEL': rho is -1.",
+        ),
         (line(2, "B31") + STEEL.replace("7800.0", "heavy") + RECT, "line 12: *DENSITY takes a density, but"),
         (line(2, "B31") + STEEL.replace("*ELASTIC", "*ELASTIC, TYPE=ORTHO") + RECT, "line 9: *ELASTIC of ST"),
-        (line(2, "B31") + STEEL.replace(", 0.3", "") + RECT, "line 10: *ELASTIC has 1 numbers on this line;"),
+        (
+            line(2, "B31") + STEEL.replace(", 0.3", ", x") + RECT,
+            "line 10: *ELASTIC takes Young's modulus and",
+        ),
         (line(2, "B31") + STEEL + STEEL + RECT, "line 13: *MATERIAL STEEL comes a second time"),
         (BEAM + RECT, "line 16: *BEAM SECTION gives element 1 another section than *BEAM SECTION at a.inp"),
         (BEAM.replace("0.02, 0.03", "0.02"), "line 14: *BEAM SECTION has 1 numbers on this line; 2 are expe"),
@@ -72,9 +81,12 @@ NODE = "*NODE\n9, 0, 0, 1\n"
             "line 18: *ROTARY INERTIA refers to the orientation O",
         ),
         ("*NODE\n1, 0\n" + STEEL + RECT, "a.inp: the deck has no elements"),
+        (BEAM + "*PRE-TENSION SECTION, ELEMENT=1, NODE=3\n", "line 16: *PRE-TENSION SECTION connects parts"),
+        (BEAM + "*FOUNDATION\nBAR, F1, 1e5\n", "line 16: *FOUNDATION adds an elastic foundation"),
         (
-            BEAM.replace("BEAM SECT", "BEAM GENERAL SECT").replace(", MATERIAL=STEEL", "") + "2e11, 8e10\n",
-            "line 13: *BEAM GENERAL SECTION has no density",
+            BEAM.replace("BEAM SECT", "BEAM GENERAL SECT").replace(", MATERIAL=STEEL", ", DENSITY=-1")
+            + "2e11, 8e10\n",
+            "line 13: *BEAM GENERAL SECTION: material 'BAR': rho is -1.0",
         ),
     ],
 )
