@@ -149,7 +149,7 @@ def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
         values = {f.name: t.number(f.name, above=0, unit=UNITS[f.name]) for f in fields(LAWS[law])}
         K = _joint_matrices(t, ("K",)).get("K")
         if K is None or not K.any():
-            t.refuse("", f"element '{name}' has no static stiffness: give k or K")
+            t.refuse_without("k", f"element '{name}' has no static stiffness: give k or K", {"kx": 1.0})
         t.finish()
         with t.at():
             out.append(Viscoelastic(name=name, K=K, law=LAWS[law](**values), **place))

@@ -242,8 +242,9 @@ def _places(
             )
         yield str(node), nodes[node], None, node
     else:
-        t.refuse(
-            "", "a place is missing: give point, or member and position, or node (a number of the UFF file)"
+        t.refuse_without(
+            "point",
+            "a place is missing: give point, or member and position, or node (a number of the UFF file)",
         )
 
 
@@ -383,7 +384,7 @@ def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
     elif "member" in t:
         xyz, member = geometry.on_member(t), geometry.member(t)
     else:
-        t.refuse("", "the place of the gauge is missing: give member and position, or point")
+        t.refuse_without("point", "the place of the gauge is missing: give member and position, or point")
     mesh = geometry.mesh
     k = int(np.argmin(np.linalg.norm(mesh.points[mesh.member_points(member)] - xyz, axis=1)))
     a, b = mesh.points[mesh.lines[mesh.members[member][max(k - 1, 0)]]]
