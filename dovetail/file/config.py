@@ -344,7 +344,7 @@ class _Reader:
         try:
             yield
         except ValueError:
-            if not self.warnings:
+            if not self.left_out:
                 raise
 
     def read(self) -> Study:
@@ -693,19 +693,27 @@ class _Reader:
             return self._attempt("sensors")
 
         with attempt():
-            sensors = read_sensors(top, geometry, nodes, notes, attempt, self.path.parent)
+            sensors = read_sensors(top, geometry, nodes, notes, self.warnings, attempt, self.path.parent)
             responses = labels_of(raw, "outputs", motions=True) or (
                 [] if raw_modes is None else raw_modes.modes.labels
             )
             if responses and not sensors:
-                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
+                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes, self.warnings)
                 notes.append(
                     f"no sensors are given: the {len(sensors)} responses of the measured files are "
                     "taken, at their nodes"
                 )
         with attempt():
             excitations = read_excitations(
-                top, geometry, sensors, nodes, notes, attempt, self.path.parent, parts.base(geometry.mesh)
+                top,
+                geometry,
+                sensors,
+                nodes,
+                notes,
+                self.warnings,
+                attempt,
+                self.path.parent,
+                parts.base(geometry.mesh),
             )
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
@@ -723,7 +731,9 @@ class _Reader:
         out = []
         for label in labels:
             found = [c for c in sensors if c.find([label]) is not None]
-            out += found[:1] or channels_of_labels(self.top, [label], geometry, nodes, "excitations", notes)
+            out += found[:1] or channels_of_labels(
+                self.top, [label], geometry, nodes, "excitations", notes, self.warnings
+            )
         notes.append(
             "no excitations are given: the forces of the measured files are taken, "
             f"{', '.join(c.sensor.name for c in out)}"

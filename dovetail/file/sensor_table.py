@@ -30,7 +30,9 @@ COLUMNS: dict[str, str] = {
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")
-_UNIT = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
+UNIT_OF_HEADING = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
+"""A unit in brackets at the end of a heading."""
+
 _REAL = r"\d+(,\d+)?([eE][+-]?\d+)?"
 _COMMA_NUMBER = re.compile(rf"[+-]?{_REAL}(\s*[+-]\s*{_REAL}[ij])?")
 """A number with decimal commas, which may be complex."""
@@ -124,7 +126,7 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
     units: dict[str, float] = {}
     unused: list[str] = []
     for title in head:
-        unit = _UNIT.search(title)
+        unit = UNIT_OF_HEADING.search(title)
         key = COLUMNS.get((title[: unit.start()] if unit else title).strip().lower())
         if key is None:
             unused += [title] if title else []

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import TOUCH, Geometry
+from dovetail.file.sensor_places import refuse_or_suspect_places
 from dovetail.file.sensor_table import sensor_tables
 from dovetail.file.table import Table, suggest
 from fem.analysis.frf import FRFKind
@@ -122,13 +123,21 @@ def _tables(top: Table, key: str, folder: Path, notes: list[str], attempt: Attem
 
 
 def read_sensors(
-    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt, folder: Path
+    top: Table,
+    geometry: Geometry,
+    nodes: Nodes,
+    notes: list[str],
+    suspicions: list[str],
+    attempt: Attempt,
+    folder: Path,
 ) -> list[Channel]:
     """Read ``[[sensors]]``, putting points of the mesh where they sit; ``folder`` is the study's."""
     out: list[Channel] = []
     seen: set[str] = set()
     bodies = sprung_points(top, geometry)
-    for t in _tables(top, "sensors", folder, notes, attempt):
+    tables = list(_tables(top, "sensors", folder, notes, attempt))
+    suspicions += refuse_or_suspect_places(tables, "sensors", geometry.mesh, nodes)
+    for t in tables:
         with attempt():
             found = list(_sensors_of(t, geometry, nodes, notes, bodies, is_sensor=True))
             t.finish()
@@ -272,6 +281,7 @@ def read_excitations(
     sensors: Sequence[Channel],
     nodes: Nodes,
     notes: list[str],
+    suspicions: list[str],
     attempt: Attempt,
     folder: Path,
     base: NDArray[np.float64],
@@ -279,7 +289,9 @@ def read_excitations(
     """Read ``[[excitations]]``; ``folder`` is the study's, ``base`` (3,) where the base holds it [m]."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
-    for t in _tables(top, "excitations", folder, notes, attempt):
+    tables = list(_tables(top, "excitations", folder, notes, attempt))
+    suspicions += refuse_or_suspect_places(tables, "excitations", geometry.mesh, nodes)
+    for t in tables:
         with attempt():
             if "sensor" in t:
                 name = t.text("sensor")
@@ -324,7 +336,13 @@ def _base_motion(t: Table, base: NDArray[np.float64]) -> Channel:
 
 
 def channels_of_labels(
-    top: Table, labels: Sequence[str], geometry: Geometry, nodes: Nodes, what: str, notes: list[str]
+    top: Table,
+    labels: Sequence[str],
+    geometry: Geometry,
+    nodes: Nodes,
+    what: str,
+    notes: list[str],
+    suspicions: list[str],
 ) -> list[Channel]:
     """Make sensors of a universal file's own labels and nodes.
 
@@ -333,12 +351,11 @@ def channels_of_labels(
     StudyError
         If a label is not that of a node, or the node has no coordinates.
     """
+    parsed = [_parsed(label) for label in labels]
+    at_nodes = [Table(top.source, top.path, {"node": node}) for node, _ in parsed]
+    suspicions += refuse_or_suspect_places(at_nodes, what, geometry.mesh, nodes)
     out = []
-    for label in labels:
-        try:
-            node, d = parse_label(label)
-        except UffError:
-            node, d = -1, 0
+    for label, (node, d) in zip(labels, parsed, strict=True):
         if node > 0 and not nodes:
             top.refuse(
                 "",
@@ -355,6 +372,14 @@ def channels_of_labels(
         sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
         out.append(Channel(sensor, top, label, node))
     return out
+
+
+def _parsed(label: str) -> tuple[int, int]:
+    """Return node and direction of a label, (-1, 0) of one that has none."""
+    try:
+        return parse_label(label)
+    except UffError:
+        return -1, 0
 
 
 def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
