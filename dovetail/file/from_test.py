@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from dovetail.file.from_deck import Structure, named_from
 from dovetail.file.table import StudyError
+from dovetail.file.test_points import TestPoints
 from dovetail.file.toml import toml_table, toml_value
 from fem.analysis.frf import FRF
 from fem.io.frf_files import read_frfs
 from fem.io.frf_reading import Asked
-from fem.io.uff_format import UffError, parse_label
-from fem.io.uff_types import Points
 from fem.mesh import Mesh
 from updating.measurement.matching import (
     SCALES,
@@ -76,7 +75,7 @@ def draft_study(
     folder: Path,
     *,
     kind: str | None = None,
-    points: Points | None = None,
+    points: TestPoints | None = None,
     placing: Placing | None = None,
 ) -> Draft:
     """Return a study of a structure and a test, with a sensor and an excitation for each response and force.
@@ -84,14 +83,14 @@ def draft_study(
     Parameters
     ----------
     measured : Path
-        FRFs whose labels are degrees of freedom, such as ``12Z+``.
+        FRFs whose labels are degrees of freedom, such as ``12Z+`` or ``12:+Z``.
     structure : Structure
         Of a deck or a mesh.
     folder : Path
         Where the study will lie; the files are named from there.
     kind : str, optional
         Kind of the FRFs, where the file does not say it.
-    points : Points, optional
+    points : TestPoints, optional
         Geometry of the test; that of the measured file unless given.
     placing : Placing, optional
 
@@ -106,14 +105,16 @@ def draft_study(
     placing = placing or Placing()
     reading = read_frfs(measured, Asked(kind))
     mesh = structure.mesh
-    points = reading.points if points is None else points
+    if points is None and reading.points is not None:
+        points = TestPoints.of(reading.points)
     if points is None:
         msg = f"{measured}: it has no coordinates of nodes (dataset 15 or 2411); give --geometry"
         raise StudyError(msg)
     notes = [*structure.notes, *(f"{measured.name}: {note}" for note in reading.notes)]
-    ends = _ends(measured, reading.frfs, notes)
-    nodes = sorted({node for part in ends.values() for node, _ in part.values()})
-    missing = [n for n in nodes if n not in points.labels]
+    ends = _ends(measured, reading.frfs, points, notes)
+    used = {node for part in ends.values() for node, _ in part.values()}
+    nodes = [name for name in points.names if name in used]
+    missing = sorted(used.difference(nodes))
     if missing:
         msg = f"{measured}: the geometry has no node {missing[0]}, which its FRFs name"
         raise StudyError(msg)
@@ -123,7 +124,7 @@ def draft_study(
     off = [n for n in nodes if n not in at]
     if off:
         notes.append(
-            f"the nodes {', '.join(map(str, off[:8]))}{' …' if len(off) > 8 else ''} lie on no member within "
+            f"the nodes {', '.join(off[:8])}{' …' if len(off) > 8 else ''} lie on no member within "
             f"{placing.tolerance:g} m; their channels are left out"
         )
     tables = {
@@ -140,9 +141,11 @@ def draft_study(
     return Draft({STUDY: text, **structure.files, **files}, tuple(notes))
 
 
-def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, dict[str, tuple[int, int]]]:
+def _ends(
+    measured: Path, frfs: Sequence[FRF], points: TestPoints, notes: list[str]
+) -> dict[str, dict[str, tuple[str, int]]]:
     """Return node and direction of each response and force that is a translation, by label."""
-    out: dict[str, dict[str, tuple[int, int]]] = {"outputs": {}, "inputs": {}}
+    out: dict[str, dict[str, tuple[str, int]]] = {"outputs": {}, "inputs": {}}
     skipped: list[str] = []
     strains = list(dict.fromkeys(x for frf in frfs for x in frf.strain))
     if strains:
@@ -154,14 +157,16 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
         for label in dict.fromkeys(x for frf in frfs for x in getattr(frf, key)):
             if label in strains and key == "outputs":
                 continue
-            try:
-                node, direction = parse_label(label)
-            except UffError:
+            found = points.dof(label)
+            if found is None:
+                known = ", ".join(points.names[:8])
                 msg = (
-                    f"{measured}: the channel '{label}' does not say node and direction, as 12Z+ does; write "
+                    f"{measured}: the channel '{label}' does not name a point of the geometry ({known}"
+                    f"{' …' if len(points.names) > 8 else ''}) and a direction, as 12Z+ and 12:+Z do; write "
                     "its [[sensors]] yourself (dovetail new without --from)"
                 )
-                raise StudyError(msg) from None
+                raise StudyError(msg)
+            node, direction = found
             if 1 <= abs(direction) <= 3:
                 part[label] = node, direction
             else:
@@ -172,11 +177,11 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
 
 
 def _placed(
-    points: Points, nodes: Sequence[int], mesh: Mesh, placing: Placing, notes: list[str]
+    points: TestPoints, nodes: Sequence[str], mesh: Mesh, placing: Placing, notes: list[str]
 ) -> tuple[GeometryMatch, Mesh]:
     """Return the placement of nodes on a mesh: as they are if they fit so, else the most upright one."""
-    xyz = np.array([points.at(n) for n in nodes])
-    tolerance, unit = placing.tolerance, placing.unit
+    xyz = points.xyz[[points.names.index(n) for n in nodes]]
+    tolerance, unit = placing.tolerance, points.unit or placing.unit
     asked = placing.alternative is not None
     if placing.same_axes or not asked:
         as_is, fine = match_members(xyz, mesh, tolerance, axes="same", unit=unit)
@@ -197,7 +202,7 @@ def _placed(
 
 
 def _table(
-    ends: dict[str, tuple[int, int]], at: dict[int, NDArray[np.float64]], found: GeometryMatch
+    ends: dict[str, tuple[str, int]], at: dict[str, NDArray[np.float64]], found: GeometryMatch
 ) -> tuple[str, int]:
     """Return a table of sensors, and how many it has."""
     rows = []

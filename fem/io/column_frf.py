@@ -45,6 +45,8 @@ _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*(?:\([^()]*\)[^()]*)*)\)")
 _DEGREES = ("deg", "degree", "degrees", "°")
 _RADIANS = ("rad", "radian", "radians")
 _WRITTEN = re.compile(r"(re|im)\((.+)/([^/]+)\)")
+_OF_TWO = re.compile(r"\b[A-Za-z]\w*\s*\(\s*([^(),;]*[^(),;\s])\s*[,;]\s*([^(),;]*[^(),;\s])\s*\)")
+"""A function of two degrees of freedom, response and force: ``H(3Z,1Z)``."""
 _KIND = re.compile(r"^kind:\s*([A-Za-z]+)")
 
 
@@ -274,7 +276,10 @@ class _Table:
         return known or decibel_reference(text) is not None or plain in (*_DEGREES, *_RADIANS, "-", "%")
 
     def _pair_in(self, text: str) -> tuple[str, str] | None:
-        """Return response and force of a cell such as ``FRF s1/s5 real``."""
+        """Return response and force of a cell such as ``FRF s1/s5 real`` or ``H(s1,s5) real``."""
+        written = _OF_TWO.search(text)
+        if written is not None and not (self._is_unit(written[1]) or self._is_unit(written[2])):
+            return written[1].strip(), written[2].strip()
         text = re.sub(r"[()\[\]{}\"']", " ", re.sub(r"\s*/\s*", "/", text))
         for word in re.split(r"[\s,;]+", text):
             sides = word.split("/")
