@@ -196,7 +196,7 @@ def _points(t: Table, geometry: Geometry, key: str) -> tuple[int, ...]:
     if not isinstance(values, list):
         t.refuse(key, "a list of places is needed")
     inner = Table(t.source, (*t.path, key), {str(i): v for i, v in enumerate(values)})
-    return tuple(geometry.point(inner, k) for k in inner.values)
+    return tuple(geometry.free_point(inner, k) for k in inner.values)
 
 
 def read_constraints(top: Table, geometry: Geometry) -> tuple[MultiPointConstraint, ...]:

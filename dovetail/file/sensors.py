@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.file.geometry import TOUCH, Geometry
 from dovetail.file.sensor_places import refuse_or_suspect_places
 from dovetail.file.sensor_table import sensor_tables
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyError, Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
@@ -169,6 +169,11 @@ def _sensors_of(
         t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
     relative = is_sensor and t.flag("relative", False)
     convention = read_convention(t, is_sensor)
+    # true: the place is beside the axis; or the vector from a place on it
+    beside = isinstance(t.get("arm", None), bool) and t.flag("arm", False)
+    given_arm = np.zeros(3) if isinstance(t.get("arm", False), bool) else t.vector("arm")
+    if body and "arm" in t:
+        t.refuse("arm", "a sensor on a sprung mass is at its centre; leave arm out")
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
@@ -182,15 +187,18 @@ def _sensors_of(
         words = [t.get("direction")]
         places = list(_places(t, geometry, nodes, bodies, many=False))
     for word_of_place, xyz, member, node in places:
+        arm = given_arm
+        if beside:
+            foot = _foot(t, geometry, xyz, member)
+            xyz, arm = foot, xyz - foot
         for k, word in enumerate(words):
             direction = sign * t.direction("directions" if "directions" in t else "direction", word)
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
             channel_mass = mass if k == 0 else 0.0  # one body with several channels
-            sensor = _placed(
-                t, geometry, Sensor(name, xyz, direction, member, gain, channel_mass, relative, body), notes
-            )
+            stated = Sensor(name, xyz, direction, member, gain, channel_mass, relative, body, arm)
+            sensor = _placed(t, geometry, stated, notes)
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
 
@@ -257,10 +265,31 @@ def _places(
         )
 
 
+def _foot(t: Table, geometry: Geometry, xyz: NDArray[np.float64], member: str | None) -> NDArray[np.float64]:
+    """Return the point of a member, or of the nearest one, where the rigid arm to a place begins [m]."""
+    mesh = geometry.mesh
+    if not mesh.members:
+        t.refuse("arm", "the structure has no members that could hold an arm")
+    if member is None:
+        member, s, _ = mesh.nearest_on_members(xyz)
+        return mesh.point_at(mesh.locate(member, s))
+    chain = mesh.points[mesh.member_points(member)]
+    span = np.diff(chain, axis=0)
+    along = np.clip(((xyz - chain[:-1]) * span).sum(axis=1) / (span**2).sum(axis=1), 0.0, 1.0)
+    feet = chain[:-1] + along[:, None] * span
+    return feet[np.argmin(np.linalg.norm(feet - xyz, axis=1))]
+
+
 def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
     """Put a point of the mesh where a sensor sits, and the sensor on the member's axis."""
-    with t.at():
-        geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    try:
+        with t.at():
+            geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    except StudyError as reason:
+        if geometry.mesh.members and not np.any(sensor.arm):
+            msg = f"{reason}; arm = true connects one beside the axis by a rigid arm"
+            raise StudyError(msg) from None
+        raise
     if sensor.member is not None:  # a member's own point where several meet or lie close
         s = [
             float(np.linalg.norm(geometry.mesh.points[p] - sensor.point))
