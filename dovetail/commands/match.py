@@ -8,7 +8,7 @@ from dovetail.commands.argument_types import add_placing
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
-from dovetail.file.test_points import read_test_points, unit_of
+from dovetail.file.named_points import read_named_points, unit_of
 from dovetail.report.table import Column, Table
 from fem.io.atomic import replacing
 
@@ -31,7 +31,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from updating.measurement.matching import match_members
 
     study = loaded(options, ())
-    test = read_test_points(options.geometry)
+    test = read_named_points(options.geometry)
     names = list(test.names)
     progress("matching")
     found, mesh = match_members(

@@ -11,7 +11,7 @@ from dovetail.commands.common import Options, noted, warn
 from dovetail.disk.output import OutputError, Progress, result_folder
 
 if TYPE_CHECKING:
-    from dovetail.file.test_points import TestPoints
+    from dovetail.file.named_points import NamedPoints
 
 HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
@@ -165,12 +165,12 @@ def _units(text: str) -> str | tuple[float, ...]:
         return text
 
 
-def _geometry(options: Options) -> "TestPoints | None":
+def _geometry(options: Options) -> "NamedPoints | None":
     """Return the geometry of the test where it has a file of its own."""
-    from dovetail.file.test_points import read_test_points, unit_of
+    from dovetail.file.named_points import read_named_points, unit_of
 
     if options.geometry is None:
         return None
-    points = read_test_points(options.geometry)
+    points = read_named_points(options.geometry)
     unit_of(points, options.unit, options.geometry)
     return points

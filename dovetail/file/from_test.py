@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.from_deck import Structure, named_from
+from dovetail.file.named_points import NamedPoints
 from dovetail.file.table import StudyError
-from dovetail.file.test_points import TestPoints
 from dovetail.file.toml import toml_table, toml_value
 from fem.analysis.frf import FRF
 from fem.io.frf_files import read_frfs
@@ -75,7 +75,7 @@ def draft_study(
     folder: Path,
     *,
     kind: str | None = None,
-    points: TestPoints | None = None,
+    points: NamedPoints | None = None,
     placing: Placing | None = None,
 ) -> Draft:
     """Return a study of a structure and a test, with a sensor and an excitation for each response and force.
@@ -90,7 +90,7 @@ def draft_study(
         Where the study will lie; the files are named from there.
     kind : str, optional
         Kind of the FRFs, where the file does not say it.
-    points : TestPoints, optional
+    points : NamedPoints, optional
         Geometry of the test; that of the measured file unless given.
     placing : Placing, optional
 
@@ -106,7 +106,7 @@ def draft_study(
     reading = read_frfs(measured, Asked(kind))
     mesh = structure.mesh
     if points is None and reading.points is not None:
-        points = TestPoints.of(reading.points)
+        points = NamedPoints.of(reading.points)
     if points is None:
         msg = f"{measured}: it has no coordinates of nodes (dataset 15 or 2411); give --geometry"
         raise StudyError(msg)
@@ -142,7 +142,7 @@ def draft_study(
 
 
 def _ends(
-    measured: Path, frfs: Sequence[FRF], points: TestPoints, notes: list[str]
+    measured: Path, frfs: Sequence[FRF], points: NamedPoints, notes: list[str]
 ) -> dict[str, dict[str, tuple[str, int]]]:
     """Return node and direction of each response and force that is a translation, by label."""
     out: dict[str, dict[str, tuple[str, int]]] = {"outputs": {}, "inputs": {}}
@@ -177,7 +177,7 @@ def _ends(
 
 
 def _placed(
-    points: TestPoints, nodes: Sequence[str], mesh: Mesh, placing: Placing, notes: list[str]
+    points: NamedPoints, nodes: Sequence[str], mesh: Mesh, placing: Placing, notes: list[str]
 ) -> tuple[GeometryMatch, Mesh]:
     """Return the placement of nodes on a mesh: as they are if they fit so, else the most upright one."""
     xyz = points.xyz[[points.names.index(n) for n in nodes]]

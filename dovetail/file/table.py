@@ -289,7 +289,7 @@ def with_unknown_keys(
     """
     filled, absent = values, missing
     for _ in range(_MOST_MISSING):
-        found = None
+        found, trial = None, filled
         for value in _stand_ins(absent, values):
             trial = copy.deepcopy(filled)
             table = _table_at(trial, absent.path)

@@ -222,8 +222,8 @@ class _Text:
                 self.refuse(f"column {k + 1} ('{named}') is blank in all lines of numbers; leave it out")
         width, before = values.shape[1], [line for k, line in self.all if k < start and line.strip()]
         heads, rows = self._heads(width, before), self._rows(width, before)
-        header = (*comments, *above)
-        return Columns(self.name, self.separator, heads, header, lines, values, self.stamped, rows)
+        every = (*comments, *above)
+        return Columns(self.name, self.separator, heads, every, lines, values, self.stamped, rows)
 
     def _refuse_cut(self, body: Sequence[tuple[int, str]]) -> None:
         """Refuse a file whose last number may be cut, where no line end follows it."""

@@ -26,7 +26,7 @@ _BEFORE = re.compile(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TestPoints:
+class NamedPoints:
     """Points of a test.
 
     Attributes
@@ -38,14 +38,12 @@ class TestPoints:
         "m" where the file states the unit of its coordinates in a heading.
     """
 
-    __test__ = False
-
     names: tuple[str, ...]
     xyz: NDArray[np.float64]
     unit: str | None = None
 
     @classmethod
-    def of(cls, points: Points) -> "TestPoints":
+    def of(cls, points: Points) -> "NamedPoints":
         """Return the points of a universal file."""
         return cls(tuple(str(int(k)) for k in points.labels), points.coordinates)
 
@@ -82,7 +80,7 @@ class TestPoints:
         return None
 
 
-def read_test_points(path: Path) -> TestPoints:
+def read_named_points(path: Path) -> NamedPoints:
     """Read the points of a universal file, or of a table with name, x, y and z.
 
     A heading may put the columns in any order and give units, as in ``x [mm]``. Without a heading the first
@@ -100,7 +98,7 @@ def read_test_points(path: Path) -> TestPoints:
         if points is None:
             msg = f"{path}: it has no points (dataset 15 or 2411)"
             raise StudyError(msg)
-        return TestPoints.of(points)
+        return NamedPoints.of(points)
     suffixes = ", ".join(UFF_SUFFIXES)
     allowed = f"a table of names and three coordinates, or a universal file ({suffixes}), is needed"
     rows = cell_rows(path)
@@ -123,7 +121,7 @@ def read_test_points(path: Path) -> TestPoints:
     if twice is not None:
         msg = f"{path}: two points have the name '{twice}'; names must differ"
         raise StudyError(msg)
-    return TestPoints(tuple(names), (1.0 if unit is None else SCALES[unit]) * np.array(xyz), unit and "m")
+    return NamedPoints(tuple(names), (1.0 if unit is None else SCALES[unit]) * np.array(xyz), unit and "m")
 
 
 def _is_number(cell: str) -> bool:
@@ -155,7 +153,7 @@ def _columns(path: Path, head: Sequence[str]) -> tuple[tuple[int, ...], str | No
     return (name, *axes), stated.pop()
 
 
-def unit_of(points: TestPoints, asked: str | None, path: Path) -> str | None:
+def unit_of(points: NamedPoints, asked: str | None, path: Path) -> str | None:
     """Return the unit by which coordinates are matched.
 
     Raises
