@@ -3,10 +3,13 @@
 import argparse
 import errno
 import os
+import signal
 import sys
+import threading
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -104,6 +107,43 @@ docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 fo
 """
 
 
+class _EndedError(KeyboardInterrupt):
+    """A signal that asks the process to end; what is unfinished is removed on the way out."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.signal = signal.Signals(number)
+
+
+@contextmanager
+def _ending(options: Any) -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, so that no temporary file is left.
+
+    The desk has a server that takes signals itself.
+    """
+    numbers = [n for name in ("SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None]
+    of_desk = options.run is open_desk.run
+    if of_desk or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    process = os.getpid()
+
+    def end(number: int, _: object) -> None:
+        if os.getpid() != process:  # a fork of this process
+            os._exit(128 + number)
+        raise _EndedError(number)
+
+    # one that is ignored, as by nohup, stays so
+    before = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) == signal.SIG_DFL}
+    for number in before:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return its exit code: 0, 2 for bad input, 1 for anything else."""
     try:
@@ -112,7 +152,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(stop.code or 0)
     progress = Progress(getattr(options, "quiet", False))
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _ending(options):
             warnings.showwarning = _warn if not options.debug else warnings.showwarning
             if options.results is not None:
                 options.results.check(options)
@@ -121,6 +161,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             if answer is not None:
                 answer.give(options)
         sys.stdout.flush()  # while an error of it can still be reported
+    except _EndedError as reason:
+        progress.close()
+        sys.stderr.write(f"dovetail: ended by {reason.signal.name}\n")
+        return 128 + reason.signal
     except KeyboardInterrupt as reason:
         progress.close()
         sys.stderr.write(f"dovetail: interrupted{f': {reason}' if reason.args else ''}\n")

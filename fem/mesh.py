@@ -312,6 +312,12 @@ class Mesh:
         s, k = self.member_positions(name), best - int(np.searchsorted(member, member[best]))
         return name, float(s[k] + xi[best] * (s[k + 1] - s[k])), float(distance[best])
 
+    def with_free_point(self, xyz: ArrayLike, name: str | None = None) -> "Mesh":
+        """Return a mesh with a last point (3,) [m] on no line, for links, masses and joints."""
+        points = np.vstack([self.points, np.asarray(xyz, dtype=float)])
+        names = {**self.point_names, **({} if name is None else {name: self.n_points})}
+        return self._frozen(points, self.lines.copy(), self.members, self.groups, names, self.notes)
+
     def with_point_on(self, member: str, position: float, name: str | None = None) -> "Mesh":
         """Return a mesh with a point at a position along a member, splitting a line where there is none yet.
 

@@ -1,19 +1,15 @@
 """``dovetail match``: the points of a test's geometry on the model."""
 
 import argparse
-import csv
 from pathlib import Path
-
-import numpy as np
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_placing
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
-from dovetail.file.table import StudyError
+from dovetail.file.named_points import read_named_points, unit_of
 from dovetail.report.table import Column, Table
-from fem.io import UFF_SUFFIXES, read_uff
 from fem.io.atomic import replacing
 
 HELP = "find where the points of a test's geometry lie on the model, with units and axes"
@@ -35,14 +31,15 @@ def run(options: Options, progress: Progress) -> Answer:
     from updating.measurement.matching import match_members
 
     study = loaded(options, ())
-    names, points = _test_points(options.geometry)
+    test = read_named_points(options.geometry)
+    names = list(test.names)
     progress("matching")
     found, mesh = match_members(
-        points,
+        test.xyz,
         study.model.mesh,
         options.tolerance,
         axes="same" if options.same_axes else "any",
-        unit=options.unit,
+        unit=unit_of(test, options.unit, options.geometry),
         alternative=options.alternative,
     )
     if options.picture is not None:
@@ -78,38 +75,3 @@ def run(options: Options, progress: Progress) -> Answer:
             "unmatched": unmatched,
         },
     )
-
-
-def _test_points(path: Path) -> tuple[list[str], np.ndarray]:
-    """Read the points of a universal file, or of a table with name, x, y and z."""
-    if path.suffix.lower() in UFF_SUFFIXES:
-        points = read_uff(path).points
-        if points is None:
-            msg = f"{path}: it has no points (dataset 15 or 2411)"
-            raise StudyError(msg)
-        return [str(int(k)) for k in points.labels], points.coordinates
-    suffixes = ", ".join(UFF_SUFFIXES)
-    allowed = f"a table of names and three coordinates, or a universal file ({suffixes}), is needed"
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [row for row in csv.reader(file) if row and any(cell.strip() for cell in row)]
-    except (UnicodeDecodeError, csv.Error) as reason:
-        msg = f"{path}: it is no text in UTF-8; {allowed}"
-        raise StudyError(msg) from reason
-    names, xyz = [], []
-    for k, row in enumerate(rows):
-        try:
-            values = [float(cell) for cell in row[1:4]]
-        except ValueError:
-            if k == 0:
-                continue  # a heading
-            values = []
-        if len(values) != 3 or not np.isfinite(values).all():
-            msg = f"{path}: row {k + 1} is {', '.join(row)}; {allowed}"
-            raise StudyError(msg)
-        names.append(row[0].strip())
-        xyz.append(values)
-    if not xyz:
-        msg = f"{path}: it has no points; {allowed}"
-        raise StudyError(msg)
-    return names, np.array(xyz)

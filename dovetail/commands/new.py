@@ -11,7 +11,7 @@ from dovetail.commands.common import Options, noted, warn
 from dovetail.disk.output import OutputError, Progress, result_folder
 
 if TYPE_CHECKING:
-    from fem.io.uff_types import Points
+    from dovetail.file.named_points import NamedPoints
 
 HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
@@ -41,7 +41,11 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="of a deck with sections, such as mm-t-s, or length,mass,time in m, kg and s (default SI)",
     )
     p.add_argument(
-        "--geometry", type=Path, metavar="FILE", help="of the test: a universal file, where FRFS has none"
+        "--geometry",
+        type=Path,
+        metavar="FILE",
+        help="of the test, where FRFS has none: a universal file, or a table (CSV) of name, x [mm], y [mm], "
+        "z [mm]",
     )
     p.add_argument(
         "--kind", choices=["receptance", "mobility", "accelerance"], help="of FRFs whose file does not say it"
@@ -170,14 +174,12 @@ def _units(text: str) -> str | tuple[float, ...]:
         return text
 
 
-def _geometry(options: Options) -> "Points | None":
+def _geometry(options: Options) -> "NamedPoints | None":
     """Return the geometry of the test where it has a file of its own."""
-    from fem.io import read_uff
+    from dovetail.file.named_points import read_named_points, unit_of
 
     if options.geometry is None:
         return None
-    points = read_uff(options.geometry).points
-    if points is None:
-        msg = f"{options.geometry}: it has no points (dataset 15 or 2411)"
-        raise OutputError(msg)
+    points = read_named_points(options.geometry)
+    unit_of(points, options.unit, options.geometry)
     return points

@@ -18,7 +18,7 @@ import numpy as np
 from dovetail.disk.exchange import exchanged
 from dovetail.disk.locks import Lock
 from dovetail.file.paths import InputFile, refuse_device
-from fem.io.atomic import LONGEST_NAME, WriteError, flushed, replacing, umask
+from fem.io.atomic import LONGEST_NAME, WriteError, flushed, is_old, is_temporary, replacing, umask
 
 MARK = ".dovetail"
 """File that tells a folder of ours from others."""
@@ -106,12 +106,23 @@ def _tidy(target: Path) -> None:
         return
     for scratch in target.parent.glob(f".{_escaped(target.name[:LONGEST_NAME])}-*"):
         if not (scratch / _OWNER).is_file():
+            _remove_unowned(scratch, target)
             continue
         with suppress(OSError):
             lock = Lock.take(scratch / _OWNER)
             if lock is not None:
                 if (scratch / _OLD).is_dir() and not target.exists():
                     (scratch / _OLD).rename(target)
+                _remove(scratch, lock)
+
+
+def _remove_unowned(scratch: Path, target: Path) -> None:
+    """Remove a temporary folder of a process that ended before it had locked it."""
+    with suppress(OSError):
+        ours = is_temporary(scratch.name, f".{target.name[:LONGEST_NAME]}-") and not scratch.is_symlink()
+        if ours and is_old(scratch) and {p.name for p in scratch.iterdir()} <= {f"{_OWNER}.new"}:
+            lock = Lock.take(scratch / f"{_OWNER}.new")
+            if lock is not None:
                 _remove(scratch, lock)
 
 

@@ -74,7 +74,7 @@ from dovetail.file.settings import (
     read_relevant,
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
-from dovetail.file.table import Source, StudyError, Table
+from dovetail.file.table import MissingKeyError, Source, StudyError, Table, with_unknown_keys
 from dovetail.file.uncertain import mode_std, read_uncertain, shear_std
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
@@ -185,7 +185,7 @@ def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> Study:
         If something in it cannot be meant; the message names file, line and key.
     """
     values, source = _parsed(text, path.name)
-    return _Reader(path, text, Table(source, (), values), needs).read()
+    return _read(path, text, Table(source, (), values), needs)
 
 
 def read_study_of(text: str, path: Path, unit: Path) -> Study:
@@ -212,7 +212,15 @@ def read_study_of(text: str, path: Path, unit: Path) -> Study:
     for key in ("repeats", "compared", *(("coherence", "averages") if "coherence" in first else ())):
         first.pop(key, None)
     values["measurements"] = [{**first, "name": unit.name, "file": os.fspath(unit.absolute())}]
-    return _Reader(path, text, Table(source, (), values), NEEDS).read()
+    return _read(path, text, Table(source, (), values), NEEDS)
+
+
+def _read(path: Path, text: str, top: Table, needs: Collection[str]) -> Study:
+    reader = _Reader(path, text, top, needs)
+    try:
+        return reader.read()
+    except MissingKeyError as missing:
+        raise reader.explained(missing, needs) from None
 
 
 def _decimal_comma(text: str, reason: str) -> str:
@@ -303,6 +311,18 @@ class _Reader:
     left_out: list[str] = field(default_factory=list)
     measured_notes: list[str] = field(default_factory=list)
     channel_errors: ChannelErrors = USUAL
+    explaining: bool = False
+
+    def explained(self, missing: MissingKeyError, needs: Collection[str]) -> StudyError:
+        """Return the error of a missing key with the unknown keys of its table."""
+        if self.explaining:
+            return missing
+
+        def read(values: dict[str, Any]) -> object:
+            top = Table(self.top.source, (), values)
+            return _Reader(self.path, self.text, top, needs, explaining=True).read()
+
+        return with_unknown_keys(missing, self.top.values, read)
 
     @contextmanager
     def _attempt(self, part: str) -> Iterator[None]:
@@ -312,6 +332,8 @@ class _Reader:
         except (ValueError, OSError) as reason:
             if part in self.needs:
                 raise
+            if isinstance(reason, MissingKeyError):
+                reason = self.explained(reason, (part,))
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
             self.left_out.append(" ".join(place.split()))
             self.warnings.append(f"left out, because this command does not need it: {self.left_out[-1]}")
@@ -322,7 +344,7 @@ class _Reader:
         try:
             yield
         except ValueError:
-            if not self.warnings:
+            if not self.left_out:
                 raise
 
     def read(self) -> Study:
@@ -671,19 +693,27 @@ class _Reader:
             return self._attempt("sensors")
 
         with attempt():
-            sensors = read_sensors(top, geometry, nodes, notes, attempt, self.path.parent)
+            sensors = read_sensors(top, geometry, nodes, notes, self.warnings, attempt, self.path.parent)
             responses = labels_of(raw, "outputs", motions=True) or (
                 [] if raw_modes is None else raw_modes.modes.labels
             )
             if responses and not sensors:
-                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes)
+                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes, self.warnings)
                 notes.append(
                     f"no sensors are given: the {len(sensors)} responses of the measured files are "
                     "taken, at their nodes"
                 )
         with attempt():
             excitations = read_excitations(
-                top, geometry, sensors, nodes, notes, attempt, self.path.parent, parts.base(geometry.mesh)
+                top,
+                geometry,
+                sensors,
+                nodes,
+                notes,
+                self.warnings,
+                attempt,
+                self.path.parent,
+                parts.base(geometry.mesh),
             )
             if raw and not excitations:
                 excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
@@ -701,7 +731,9 @@ class _Reader:
         out = []
         for label in labels:
             found = [c for c in sensors if c.find([label]) is not None]
-            out += found[:1] or channels_of_labels(self.top, [label], geometry, nodes, "excitations", notes)
+            out += found[:1] or channels_of_labels(
+                self.top, [label], geometry, nodes, "excitations", notes, self.warnings
+            )
         notes.append(
             "no excitations are given: the forces of the measured files are taken, "
             f"{', '.join(c.sensor.name for c in out)}"

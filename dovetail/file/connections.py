@@ -149,7 +149,7 @@ def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
         values = {f.name: t.number(f.name, above=0, unit=UNITS[f.name]) for f in fields(LAWS[law])}
         K = _joint_matrices(t, ("K",)).get("K")
         if K is None or not K.any():
-            t.refuse("", f"element '{name}' has no static stiffness: give k or K")
+            t.refuse_without("k", f"element '{name}' has no static stiffness: give k or K", {"kx": 1.0})
         t.finish()
         with t.at():
             out.append(Viscoelastic(name=name, K=K, law=LAWS[law](**values), **place))
@@ -196,7 +196,7 @@ def _points(t: Table, geometry: Geometry, key: str) -> tuple[int, ...]:
     if not isinstance(values, list):
         t.refuse(key, "a list of places is needed")
     inner = Table(t.source, (*t.path, key), {str(i): v for i, v in enumerate(values)})
-    return tuple(geometry.point(inner, k) for k in inner.values)
+    return tuple(geometry.free_point(inner, k) for k in inner.values)
 
 
 def read_constraints(top: Table, geometry: Geometry) -> tuple[MultiPointConstraint, ...]:

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.from_deck import Structure, named_from
+from dovetail.file.named_points import NamedPoints
 from dovetail.file.table import StudyError
 from dovetail.file.toml import toml_table, toml_value
 from fem.analysis.frf import FRF
 from fem.io.frf_files import read_frfs
 from fem.io.frf_reading import Asked
-from fem.io.uff_format import UffError, parse_label
-from fem.io.uff_types import Points
 from fem.mesh import Mesh
 from updating.measurement.matching import (
     SCALES,
@@ -77,7 +76,7 @@ def draft_study(
     folder: Path,
     *,
     kind: str | None = None,
-    points: Points | None = None,
+    points: NamedPoints | None = None,
     placing: Placing | None = None,
 ) -> Draft:
     """Return a study of a structure and a test, with a sensor and an excitation for each response and force.
@@ -85,14 +84,14 @@ def draft_study(
     Parameters
     ----------
     measured : Path
-        FRFs whose labels are degrees of freedom, such as ``12Z+``.
+        FRFs whose labels are degrees of freedom, such as ``12Z+`` or ``12:+Z``.
     structure : Structure
         Of a deck or a mesh.
     folder : Path
         Where the study will lie; the files are named from there.
     kind : str, optional
         Kind of the FRFs, where the file does not say it.
-    points : Points, optional
+    points : NamedPoints, optional
         Geometry of the test; that of the measured file unless given.
     placing : Placing, optional
 
@@ -107,14 +106,16 @@ def draft_study(
     placing = placing or Placing()
     reading = read_frfs(measured, Asked(kind))
     mesh = structure.mesh
-    points = reading.points if points is None else points
+    if points is None and reading.points is not None:
+        points = NamedPoints.of(reading.points)
     if points is None:
         msg = f"{measured}: it has no coordinates of nodes (dataset 15 or 2411); give --geometry"
         raise StudyError(msg)
     notes = [*structure.notes, *(f"{measured.name}: {note}" for note in reading.notes)]
-    ends = _ends(measured, reading.frfs, notes)
-    nodes = sorted({node for part in ends.values() for node, _ in part.values()})
-    missing = [n for n in nodes if n not in points.labels]
+    ends = _ends(measured, reading.frfs, points, notes)
+    used = {node for part in ends.values() for node, _ in part.values()}
+    nodes = [name for name in points.names if name in used]
+    missing = sorted(used.difference(nodes))
     if missing:
         msg = f"{measured}: the geometry has no node {missing[0]}, which its FRFs name"
         raise StudyError(msg)
@@ -131,7 +132,7 @@ def draft_study(
     off = [n for n in nodes if n not in at]
     if off:
         notes.append(
-            f"the nodes {', '.join(map(str, off[:8]))}{' …' if len(off) > 8 else ''} lie on no member within "
+            f"the nodes {', '.join(off[:8])}{' …' if len(off) > 8 else ''} lie on no member within "
             f"{placing.tolerance:g} m; their channels are left out"
         )
     tables = {
@@ -149,9 +150,11 @@ def draft_study(
     return Draft({STUDY: text, **structure.files, **files}, tuple(notes))
 
 
-def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, dict[str, tuple[int, int]]]:
+def _ends(
+    measured: Path, frfs: Sequence[FRF], points: NamedPoints, notes: list[str]
+) -> dict[str, dict[str, tuple[str, int]]]:
     """Return node and direction of each response and force that is a translation, by label."""
-    out: dict[str, dict[str, tuple[int, int]]] = {"outputs": {}, "inputs": {}}
+    out: dict[str, dict[str, tuple[str, int]]] = {"outputs": {}, "inputs": {}}
     skipped: list[str] = []
     strains = list(dict.fromkeys(x for frf in frfs for x in frf.strain))
     if strains:
@@ -163,14 +166,16 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
         for label in dict.fromkeys(x for frf in frfs for x in getattr(frf, key)):
             if label in strains and key == "outputs":
                 continue
-            try:
-                node, direction = parse_label(label)
-            except UffError:
+            found = points.dof(label)
+            if found is None:
+                known = ", ".join(points.names[:8])
                 msg = (
-                    f"{measured}: the channel '{label}' does not say node and direction, as 12Z+ does; write "
+                    f"{measured}: the channel '{label}' does not name a point of the geometry ({known}"
+                    f"{' …' if len(points.names) > 8 else ''}) and a direction, as 12Z+ and 12:+Z do; write "
                     "its [[sensors]] yourself (dovetail new without --from)"
                 )
-                raise StudyError(msg) from None
+                raise StudyError(msg)
+            node, direction = found
             if 1 <= abs(direction) <= 3:
                 part[label] = node, direction
             else:
@@ -180,10 +185,9 @@ def _ends(measured: Path, frfs: Sequence[FRF], notes: list[str]) -> dict[str, di
     return out
 
 
-def _size_hint(structure: Structure, points: Points, nodes: Sequence[int]) -> str:
+def _size_hint(structure: Structure, points: NamedPoints, nodes: Sequence[str]) -> str:
     """Return the option for a structure in mm, if it is about 1000 times as large as its test."""
-    given = structure.mesh.points, [points.at(n) for n in nodes]
-    size, tested = (float(np.ptp(xyz, axis=0).max()) for xyz in given)
+    size, tested = (float(np.ptp(xyz, axis=0).max()) for xyz in (structure.mesh.points, points.at(nodes)))
     if not 700 * tested < size < 2500 * tested:
         return ""
     option = "--units mm-t-s" if structure.complete else "--mesh-scale 0.001"
@@ -194,11 +198,11 @@ def _size_hint(structure: Structure, points: Points, nodes: Sequence[int]) -> st
 
 
 def _placed(
-    points: Points, nodes: Sequence[int], mesh: Mesh, placing: Placing, notes: list[str]
+    points: NamedPoints, nodes: Sequence[str], mesh: Mesh, placing: Placing, notes: list[str]
 ) -> tuple[GeometryMatch, Mesh]:
     """Return the placement of nodes on a mesh: as they are if they fit so, else the most upright one."""
-    xyz = np.array([points.at(n) for n in nodes])
-    tolerance, unit = placing.tolerance, placing.unit
+    xyz = points.at(nodes)
+    tolerance, unit = placing.tolerance, points.unit or placing.unit
     asked = placing.alternative is not None
     if placing.same_axes or not asked:
         as_is, fine = match_members(xyz, mesh, tolerance, axes="same", unit=unit)
@@ -218,7 +222,7 @@ def _placed(
         return put_on_members(reason.alternatives[0], mesh)
 
 
-def _channel_names(ends: Mapping[str, tuple[int, int]], entities: Mapping[str, str]) -> dict[str, str]:
+def _channel_names(ends: Mapping[str, tuple[str, int]], entities: Mapping[str, str]) -> dict[str, str]:
     """Return the names of channels by their labels.
 
     The name of an entity names its channel, with the direction where it has several. A name that
@@ -238,9 +242,9 @@ def _channel_names(ends: Mapping[str, tuple[int, int]], entities: Mapping[str, s
 
 
 def _table(
-    ends: Mapping[str, tuple[int, int]],
+    ends: Mapping[str, tuple[str, int]],
     names: Mapping[str, str],
-    at: dict[int, NDArray[np.float64]],
+    at: Mapping[str, NDArray[np.float64]],
     found: GeometryMatch,
 ) -> tuple[str, int]:
     """Return a table of sensors, and how many it has."""

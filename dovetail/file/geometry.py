@@ -176,6 +176,19 @@ class Geometry:
             )
         return self.point_on(member, s)
 
+    def free_point(self, table: Table, key: str) -> int:
+        """Return the same as :meth:`point`, with a point of its own at a place beside all members."""
+        value = table.get(key)
+        if self.mesh.members and (
+            isinstance(value, list) or (isinstance(value, str) and value in self.places)
+        ):
+            xyz = self.coordinates(table, key)
+            reach = TOUCH * self.mesh.size
+            if min(self.mesh.nearest_point(xyz)[1], self.mesh.nearest_on_members(xyz)[2]) > reach:
+                self.mesh = self.mesh.with_free_point(xyz, value if isinstance(value, str) else None)
+                return self.mesh.n_points - 1
+        return self.point(table, key)
+
     def point_on(self, member: str, position: float) -> int:
         """Return the index of a point of the mesh at a position on a member, putting one there if needed."""
         self.mesh = self.mesh.with_point_on(member, position)

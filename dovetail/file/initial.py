@@ -45,7 +45,8 @@ def read_initial(top: Table, geometry: Geometry) -> tuple[InitialMotion, ...]:
     for t in top.tables("initial"):
         displacement, velocity = _by_direction(t, "displacement"), _by_direction(t, "velocity")
         if not (displacement or velocity):
-            t.refuse("", "give displacement, velocity or both, such as velocity = { x = 1.5 }")
+            text = "give displacement, velocity or both, such as velocity = { x = 1.5 }"
+            t.refuse_without("velocity", text, {"x": 1.5})
         if "point" in t:
             point = geometry.point(t)
             out.append(InitialMotion(point=point, displacement=displacement, velocity=velocity))

@@ -81,7 +81,8 @@ def _with_load(t: Table, case: LoadCase, geometry: Geometry, holders: Sequence[E
     given = [key for key in KINDS if key in t]
     if len(given) != 1:
         found = f"{' and '.join(given)} are given" if given else "none is given"
-        t.refuse("", f"an entry is one load, which one of {', '.join(KINDS)} names; {found}")
+        text = f"an entry is one load, which one of {', '.join(KINDS)} names; {found}"
+        t.refuse("", text) if given else t.refuse_without("point", text)
     kind = given[0]
     if kind == "point":
         return replace(case, points=_sum(case.points, _point(t, geometry)))
@@ -101,7 +102,8 @@ def _sum(known: Any, more: Mapping[Any, float]) -> dict[Any, float]:
 def _point(t: Table, geometry: Geometry) -> dict[tuple[int, str], float]:
     """Read a force and a moment at a place."""
     if "force" not in t and "moment" not in t:
-        t.refuse("", "a load at a point needs force [N], moment [N·m] or both, three components each")
+        text = "a load at a point needs force [N], moment [N·m] or both, three components each"
+        t.refuse_without("force", text, [1.0, 0.0, 0.0])
     point = geometry.point(t)
     both = [*t.vector("force", np.zeros(3), unit="N"), *t.vector("moment", np.zeros(3), unit="N·m")]
     return {(point, d): float(value) for d, value in zip(DIRECTIONS, both, strict=True) if value}

@@ -80,9 +80,8 @@ def read_section(t: Table, label: str = "") -> Section:
     constants = ("A", "Iy", "Iz", "J")
     if not shape:
         if not any(key in t for key in constants):
-            t.refuse(
-                "", f"the section has neither a shape ({', '.join(SHAPES)}, polygon) nor A, Iy, Iz and J"
-            )
+            text = f"the section has neither a shape ({', '.join(SHAPES)}, polygon) nor A, Iy, Iz and J"
+            t.refuse_without("shape", text, next(iter(SHAPES)))
         values: dict[str, Any] = {key: _constant(t, key) for key in constants}
         with t.at():
             section = Section(

@@ -15,7 +15,7 @@ from updating.measurement.matching import SCALES
 
 NUMBERS = ("gain", "mass", "sign", "phase", "position", "node", "offset_y", "offset_z")
 TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor", "quantity")
-FLAGS = ("conjugate",)
+FLAGS = ("conjugate", "arm")
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
     "directions": "direction",
@@ -30,7 +30,9 @@ COLUMNS: dict[str, str] = {
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")
-_UNIT = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
+UNIT_OF_HEADING = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
+"""A unit in brackets at the end of a heading."""
+
 _REAL = r"\d+(,\d+)?([eE][+-]?\d+)?"
 _COMMA_NUMBER = re.compile(rf"[+-]?{_REAL}(\s*[+-]\s*{_REAL}[ij])?")
 """A number with decimal commas, which may be complex."""
@@ -88,14 +90,16 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
             yield Table(row_source, (row,), one)
 
 
-def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
-    """Return the heading and the rows of a table with their numbers, counted from 1."""
-    text = text_of(path)
+def cell_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the rows of a table, a heading included, with their numbers, counted from 1."""
+    return _rows_of(text_of(path))
+
+
+def _rows_of(text: str) -> list[tuple[int, list[str]]]:
     lines = [(k, line) for k, line in enumerate(text.splitlines(), start=1)]
     lines = [(k, line) for k, line in lines if line.strip(" ;,\t\r") and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
-        msg = f"{path.name}: a heading and a row for each {what} are needed"
-        raise StudyError(msg)
+    if not lines:
+        return []
     mark = max(("\t", ";", ","), key=lines[0][1].count)
     rows = [(k, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for k, line in lines]
     if mark != ",":  # decimal commas
@@ -103,6 +107,16 @@ def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], l
             (k, [c.replace(",", ".") if _COMMA_NUMBER.fullmatch(c) else c for c in cells])
             for k, cells in rows
         ]
+    return rows
+
+
+def cells_of(path: Path, what: str = "sensor") -> tuple[tuple[int, list[str]], list[tuple[int, list[str]]]]:
+    """Return the heading and the rows of a table with their numbers, counted from 1."""
+    text = text_of(path)
+    rows = _rows_of(text)
+    if len(rows) < 2:
+        msg = f"{path.name}: a heading and a row for each {what} are needed"
+        raise StudyError(msg)
     width = len(rows[0][1])
     for k, cells in rows[1:]:
         if len(cells) != width and any(cells[width:]):
@@ -124,7 +138,7 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
     units: dict[str, float] = {}
     unused: list[str] = []
     for title in head:
-        unit = _UNIT.search(title)
+        unit = UNIT_OF_HEADING.search(title)
         key = COLUMNS.get((title[: unit.start()] if unit else title).strip().lower())
         if key is None:
             unused += [title] if title else []

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import TOUCH, Geometry
+from dovetail.file.sensor_places import refuse_or_suspect_places
 from dovetail.file.sensor_table import sensor_tables
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyError, Table, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
@@ -122,13 +123,21 @@ def _tables(top: Table, key: str, folder: Path, notes: list[str], attempt: Attem
 
 
 def read_sensors(
-    top: Table, geometry: Geometry, nodes: Nodes, notes: list[str], attempt: Attempt, folder: Path
+    top: Table,
+    geometry: Geometry,
+    nodes: Nodes,
+    notes: list[str],
+    suspicions: list[str],
+    attempt: Attempt,
+    folder: Path,
 ) -> list[Channel]:
     """Read ``[[sensors]]``, putting points of the mesh where they sit; ``folder`` is the study's."""
     out: list[Channel] = []
     seen: set[str] = set()
     bodies = sprung_points(top, geometry)
-    for t in _tables(top, "sensors", folder, notes, attempt):
+    tables = list(_tables(top, "sensors", folder, notes, attempt))
+    suspicions += refuse_or_suspect_places(tables, "sensors", geometry.mesh, nodes)
+    for t in tables:
         with attempt():
             found = list(_sensors_of(t, geometry, nodes, notes, bodies, is_sensor=True))
             t.finish()
@@ -160,6 +169,11 @@ def _sensors_of(
         t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
     relative = is_sensor and t.flag("relative", False)
     convention = read_convention(t, is_sensor)
+    # true: the place is beside the axis; or the vector from a place on it
+    beside = isinstance(t.get("arm", None), bool) and t.flag("arm", False)
+    given_arm = np.zeros(3) if isinstance(t.get("arm", False), bool) else t.vector("arm")
+    if body and "arm" in t:
+        t.refuse("arm", "a sensor on a sprung mass is at its centre; leave arm out")
     if "directions" in t:
         for key in ("name", "label", "direction"):
             if key in t:
@@ -173,15 +187,18 @@ def _sensors_of(
         words = [t.get("direction")]
         places = list(_places(t, geometry, nodes, bodies, many=False))
     for word_of_place, xyz, member, node in places:
+        arm = given_arm
+        if beside:
+            foot = _foot(t, geometry, xyz, member)
+            xyz, arm = foot, xyz - foot
         for k, word in enumerate(words):
             direction = sign * t.direction("directions" if "directions" in t else "direction", word)
             name = t.text("name", f"{word_of_place}{word if isinstance(word, str) else ''}")
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
             channel_mass = mass if k == 0 else 0.0  # one body with several channels
-            sensor = _placed(
-                t, geometry, Sensor(name, xyz, direction, member, gain, channel_mass, relative, body), notes
-            )
+            stated = Sensor(name, xyz, direction, member, gain, channel_mass, relative, body, arm)
+            sensor = _placed(t, geometry, stated, notes)
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
 
@@ -242,15 +259,37 @@ def _places(
             )
         yield str(node), nodes[node], None, node
     else:
-        t.refuse(
-            "", "a place is missing: give point, or member and position, or node (a number of the UFF file)"
+        t.refuse_without(
+            "point",
+            "a place is missing: give point, or member and position, or node (a number of the UFF file)",
         )
+
+
+def _foot(t: Table, geometry: Geometry, xyz: NDArray[np.float64], member: str | None) -> NDArray[np.float64]:
+    """Return the point of a member, or of the nearest one, where the rigid arm to a place begins [m]."""
+    mesh = geometry.mesh
+    if not mesh.members:
+        t.refuse("arm", "the structure has no members that could hold an arm")
+    if member is None:
+        member, s, _ = mesh.nearest_on_members(xyz)
+        return mesh.point_at(mesh.locate(member, s))
+    chain = mesh.points[mesh.member_points(member)]
+    span = np.diff(chain, axis=0)
+    along = np.clip(((xyz - chain[:-1]) * span).sum(axis=1) / (span**2).sum(axis=1), 0.0, 1.0)
+    feet = chain[:-1] + along[:, None] * span
+    return feet[np.argmin(np.linalg.norm(feet - xyz, axis=1))]
 
 
 def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
     """Put a point of the mesh where a sensor sits, and the sensor on the member's axis."""
-    with t.at():
-        geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    try:
+        with t.at():
+            geometry.mesh = place_sensors(geometry.mesh, (sensor,))
+    except StudyError as reason:
+        if geometry.mesh.members and not np.any(sensor.arm):
+            msg = f"{reason}; arm = true connects one beside the axis by a rigid arm"
+            raise StudyError(msg) from None
+        raise
     if sensor.member is not None:  # a member's own point where several meet or lie close
         s = [
             float(np.linalg.norm(geometry.mesh.points[p] - sensor.point))
@@ -271,6 +310,7 @@ def read_excitations(
     sensors: Sequence[Channel],
     nodes: Nodes,
     notes: list[str],
+    suspicions: list[str],
     attempt: Attempt,
     folder: Path,
     base: NDArray[np.float64],
@@ -278,7 +318,9 @@ def read_excitations(
     """Read ``[[excitations]]``; ``folder`` is the study's, ``base`` (3,) where the base holds it [m]."""
     by_name = {c.sensor.name: c for c in sensors}
     out: list[Channel] = []
-    for t in _tables(top, "excitations", folder, notes, attempt):
+    tables = list(_tables(top, "excitations", folder, notes, attempt))
+    suspicions += refuse_or_suspect_places(tables, "excitations", geometry.mesh, nodes)
+    for t in tables:
         with attempt():
             if "sensor" in t:
                 name = t.text("sensor")
@@ -323,7 +365,13 @@ def _base_motion(t: Table, base: NDArray[np.float64]) -> Channel:
 
 
 def channels_of_labels(
-    top: Table, labels: Sequence[str], geometry: Geometry, nodes: Nodes, what: str, notes: list[str]
+    top: Table,
+    labels: Sequence[str],
+    geometry: Geometry,
+    nodes: Nodes,
+    what: str,
+    notes: list[str],
+    suspicions: list[str],
 ) -> list[Channel]:
     """Make sensors of a universal file's own labels and nodes.
 
@@ -332,12 +380,11 @@ def channels_of_labels(
     StudyError
         If a label is not that of a node, or the node has no coordinates.
     """
+    parsed = [_parsed(label) for label in labels]
+    at_nodes = [Table(top.source, top.path, {"node": node}) for node, _ in parsed]
+    suspicions += refuse_or_suspect_places(at_nodes, what, geometry.mesh, nodes)
     out = []
-    for label in labels:
-        try:
-            node, d = parse_label(label)
-        except UffError:
-            node, d = -1, 0
+    for label, (node, d) in zip(labels, parsed, strict=True):
         if node > 0 and not nodes:
             top.refuse(
                 "",
@@ -354,6 +401,14 @@ def channels_of_labels(
         sensor = _placed(top, geometry, Sensor(label, nodes[node], direction), notes)
         out.append(Channel(sensor, top, label, node))
     return out
+
+
+def _parsed(label: str) -> tuple[int, int]:
+    """Return node and direction of a label, (-1, 0) of one that has none."""
+    try:
+        return parse_label(label)
+    except UffError:
+        return -1, 0
 
 
 def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
@@ -383,7 +438,7 @@ def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
     elif "member" in t:
         xyz, member = geometry.on_member(t), geometry.member(t)
     else:
-        t.refuse("", "the place of the gauge is missing: give member and position, or point")
+        t.refuse_without("point", "the place of the gauge is missing: give member and position, or point")
     mesh = geometry.mesh
     k = int(np.argmin(np.linalg.norm(mesh.points[mesh.member_points(member)] - xyz, axis=1)))
     a, b = mesh.points[mesh.lines[mesh.members[member][max(k - 1, 0)]]]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dovetail.file.measured import FREQUENCY_UNITS, G0, RawMeasurement
 from fem.analysis.condensed import frf_function
 from fem.analysis.frf import FRF, FRFKind
+from fem.linalg.solvers import factorise
 from fem.model import Model
 from fem.system import System, assemble
 from updating.measurement.measurement import Measurement, sensor_rows
@@ -43,8 +44,8 @@ BASE_SUSPECTS: tuple[tuple[float, str], ...] = (
 )
 """The same of responses to a motion of the base, whose size does not depend on mass and stiffness."""
 
-STILL = 1e8
-"""Ratio of measured to computed FRFs beyond which the model counts as at rest at the sensors [-]."""
+STILL = 1e-3
+"""Motion of the model at the sensors, relative to its largest, below which it counts as at rest there [-]."""
 
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
@@ -57,6 +58,7 @@ _MOVES = 1e-4
 """Share of the largest FRF's size below which one of the model does not tell a unit."""
 _MOST_LINES = 240
 _LEAST_LINES = 8
+_SHARE_LINES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +145,24 @@ class LazyComparison:
         frf = self.measurement.frf
         return _ratio_to_model(frequency, frf.H[self._lines], self._computed(frequency), frf.is_strain)
 
+    def motion_at_sensors(self, frequency: NDArray[np.float64]) -> float:
+        """Return the largest motion at a sensor relative to the model's largest, the median of lines [-].
+
+        Translations of points, under the forces of the test at some of the frequencies [Hz].
+        """
+        model, system, m = self.model, self._system(), self.measurement
+        n_points = model.mesh.n_points
+        forces = sensor_rows(model, m.excitations).T
+        rows = sensor_rows(model, m.sensors) / np.array([s.gain for s in m.sensors])[:, None]
+        shares = []
+        for f in np.quantile(frequency, np.linspace(0.1, 0.9, _SHARE_LINES)):
+            Z = system.dynamic_stiffness(2 * np.pi * f)
+            u = np.asarray(system.Q @ factorise(Z).solve(system.Q.T @ forces))
+            moved = np.abs(u[: 6 * n_points].reshape(n_points, 6, -1)[:, :3])
+            largest = moved.max(axis=(0, 1))
+            shares.append(float((np.abs(rows @ u).max(axis=0) / np.where(largest > 0, largest, 1.0)).max()))
+        return float(np.median(shares))
+
     @cached_property
     def _lines(self) -> NDArray[np.int64]:
         usable = np.flatnonzero(self.measurement.frf.frequency > 0)
@@ -215,7 +235,7 @@ def suspicions(
         to_model = c.to_model if r.check_units else None
         if to_model is None:
             continue
-        text = _axis_words(c, to_model, r.axis_unit) or _size_words(c.measurement.frf, to_model, e)
+        text = _axis_words(c, to_model, r.axis_unit) or _size_words(c, to_model, e)
         if text:
             out.append(f"the FRFs of {r.name} {text}; check_units = false switches this check off")
     return out
@@ -257,8 +277,9 @@ def _medians(to_model: RatioToModel) -> tuple[NDArray[np.float64], NDArray[np.fl
     return np.log10(to_model.frequency[some]), np.nanmedian(log[some], axis=1)
 
 
-def _size_words(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None) -> str:
+def _size_words(comparison: LazyComparison, to_model: RatioToModel, evidence: PhaseEvidence | None) -> str:
     """Return a likely cause of the ratio of measured to computed FRFs; nothing where it is about 1."""
+    frf = comparison.measurement.frf
     x, y = _medians(to_model)
     if not x.size:
         return ""
@@ -273,10 +294,11 @@ def _size_words(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None
         )
     if abs(level) < np.log10(LARGE_FACTOR):
         return ""
-    if factor > STILL:
+    share = comparison.motion_at_sensors(to_model.frequency) if factor > 1 / STILL else 1.0
+    if share < STILL:
         return (
-            f"are {factor:.3g} times the model's, which hardly moves at its sensors: look at the directions "
-            "of sensors and excitations"
+            f"are {factor:.3g} times the model's, which hardly moves at its sensors ({share:.2g} of its "
+            "largest motion): look at the places and directions of sensors and excitations"
         )
     driven = frf.base == frf.inputs
     suspects = BASE_SUSPECTS if driven else SUSPECTS

@@ -1,7 +1,9 @@
 """Reading the tables of a study file, with file, line and key in every error."""
 
+import copy
 import difflib
-from collections.abc import Iterable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -15,12 +17,47 @@ from fem.directions import direction_vector, directions_from
 MOST = 2**63 - 1
 """Largest whole number that is read."""
 
+_MOST_MISSING = 8
+"""Missing keys of one table that values stand in for, to find its unknown keys."""
+
 MISSING: Any = object()
 """Default of a key that must be given."""
 
 
 class StudyError(ValueError):
     """A fault of a study file; the message names file, line and key."""
+
+
+class MissingKeyError(StudyError):
+    """A key that a table must have and has not.
+
+    Attributes
+    ----------
+    path : tuple
+        Of the table.
+    key : str
+    stand_in : object
+        A value that the key may have; None where that depends on the study.
+    """
+
+    def __init__(self, message: str, path: Path, key: str, stand_in: Any = None) -> None:
+        super().__init__(message)
+        self.path, self.key, self.stand_in = path, key, stand_in
+
+
+class UnknownKeyError(StudyError):
+    """Keys of a table that nothing reads.
+
+    Attributes
+    ----------
+    path : tuple
+        Of the table.
+    unknown, allowed : tuple of str
+    """
+
+    def __init__(self, message: str, path: Path, unknown: Iterable[str], allowed: Iterable[str]) -> None:
+        super().__init__(message)
+        self.path, self.unknown, self.allowed = path, tuple(unknown), tuple(allowed)
 
 
 LEAST = 1e-30
@@ -89,22 +126,28 @@ class Table:
         StudyError
             For the first of them, with the nearest known one.
         """
-        for key in self.values:
-            if key not in self._known:
-                close = difflib.get_close_matches(key, self._known, 1, 0.6)
-                hint = f"did you mean '{close[0]}'? " if close else ""
-                self.refuse(key, f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}")
+        unknown = [key for key in self.values if key not in self._known]
+        for key in unknown:
+            close = difflib.get_close_matches(key, self._known, 1, 0.6)
+            hint = f"did you mean '{close[0]}'? " if close else ""
+            text = f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}"
+            raise UnknownKeyError(str(self.error(key, text)), self.path, unknown, sorted(self._known))
 
-    def get(self, key: str, default: Any = MISSING) -> Any:
-        """Return a value as it is."""
+    def get(self, key: str, default: Any = MISSING, stand_in: Any = None) -> Any:
+        """Return a value as it is; ``stand_in`` is as of :class:`MissingKeyError`."""
         self._known.add(key)
         if key in self.values:
             return self.values[key]
         if default is MISSING:
-            close = difflib.get_close_matches(key, [k for k in self.values if k not in self._known], 1, 0.6)
-            hint = f"; is it the unknown key '{close[0]}'?" if close else ""
-            self.refuse("", f"'{key}' is missing{hint}")
+            self.refuse_without(key, f"'{key}' is missing", stand_in)
         return default
+
+    def refuse_without(self, key: str, text: str, stand_in: Any = None) -> NoReturn:
+        """Raise the error that a key is missing, with an unread key that is like it."""
+        unread = [k for k in self.values if k not in self._known]
+        close = difflib.get_close_matches(key, unread, 1, 0.6)
+        hint = f"; is it the unknown key '{close[0]}'?" if close else ""
+        raise MissingKeyError(str(self.error("", f"{text}{hint}")), self.path, key, stand_in)
 
     def number(
         self,
@@ -116,7 +159,7 @@ class Table:
         unit: str = "",
     ) -> float:
         """Return a finite number, above or at least a bound."""
-        value = self.get(key, default)
+        value = self.get(key, default, (above or least or 0.0) + 1.0)
         if value is default and default is not MISSING:
             return value
         words = f"a number {f'above {above:g}' if above is not None else ''}"
@@ -129,7 +172,7 @@ class Table:
 
     def integer(self, key: str, default: Any = MISSING, least: int = 1, most: int = MOST) -> int:
         """Return a whole number, at least and at most a bound."""
-        value = self.get(key, default)
+        value = self.get(key, default, least)
         if value is default and default is not MISSING:
             return value
         if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
@@ -139,7 +182,7 @@ class Table:
 
     def text(self, key: str, default: Any = MISSING, choices: Sequence[str] = ()) -> str:
         """Return a text, one of some if there are choices."""
-        value = self.get(key, default)
+        value = self.get(key, default, choices[0] if choices else None)
         if value is default and default is not MISSING:
             return value
         if not isinstance(value, str) or not value.strip():
@@ -157,7 +200,7 @@ class Table:
 
     def vector(self, key: str, default: Any = MISSING, size: int | None = 3, unit: str = "m") -> Any:
         """Return a list of finite numbers as an array."""
-        value = self.get(key, default)
+        value = self.get(key, default, [1.0] * (size or 1))
         if value is default and default is not MISSING:
             return value
         return as_vector(self, key, value, size, unit)
@@ -175,7 +218,7 @@ class Table:
 
     def direction(self, key: str, value: Any = MISSING) -> NDArray[np.float64]:
         """Return a unit vector from ``"x"``, ``"-z"`` or three numbers, of the key or as given."""
-        value = self.get(key) if value is MISSING else value
+        value = self.get(key, stand_in="x") if value is MISSING else value
         if not isinstance(value, str):
             value = as_vector(self, key, value, 3, "-")
         with self.at(key):
@@ -183,7 +226,7 @@ class Table:
 
     def directions(self, key: str, default: Any = MISSING) -> tuple[str, ...]:
         """Return some of x y z rx ry rz, from ``"all"``, ``"x ry"`` or a list."""
-        value = self.get(key, default)
+        value = self.get(key, default, "all")
         if not isinstance(value, str | list):
             self.refuse(
                 key,
@@ -195,7 +238,7 @@ class Table:
 
     def matrix(self, key: str, size: int = 6) -> NDArray[np.float64]:
         """Return a square matrix from rows or from its diagonal."""
-        value = self.get(key)
+        value = self.get(key, stand_in=[1.0] * size)
         try:
             array = np.array(value, dtype=float)
         except (ValueError, TypeError):
@@ -226,6 +269,85 @@ class Table:
         """Return the tables in a table of tables, such as ``[materials.steel]``, by name."""
         for key in self.values:
             yield key, self.table(key)
+
+
+def with_unknown_keys(
+    missing: MissingKeyError, values: dict[str, Any], read: Callable[[dict[str, Any]], object]
+) -> StudyError:
+    """Return the error of a missing key with the unknown keys of its table, which may stand for it.
+
+    Which keys a table may have shows when it has been read to its end. So the study is read once more, with
+    values that stand in for what is missing.
+
+    Parameters
+    ----------
+    missing : MissingKeyError
+    values : dict
+        Of the study; it stays as it is.
+    read : callable
+        Reads such values, and raises as a study does.
+    """
+    filled, absent = values, missing
+    for _ in range(_MOST_MISSING):
+        found, trial = None, filled
+        for value in _stand_ins(absent, values):
+            trial = copy.deepcopy(filled)
+            table = _table_at(trial, absent.path)
+            if table is None:
+                return missing
+            table[absent.key] = value
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    read(trial)
+            except (MissingKeyError, UnknownKeyError) as reason:
+                found = reason if reason.path == missing.path else None
+                break
+            except (ValueError, OSError):  # the value that stands in is not allowed there
+                continue
+            return missing
+        if isinstance(found, UnknownKeyError):
+            return StudyError(_missing_words(missing, found))
+        if found is None:
+            return missing
+        filled, absent = trial, found
+    return missing
+
+
+def _stand_ins(missing: MissingKeyError, values: dict[str, Any]) -> Iterator[Any]:
+    """Yield values that a missing key may have: the reader's, names of the study, or a place."""
+    if missing.stand_in is not None:
+        yield missing.stand_in
+        return
+    for kind in ("points", "members", "materials", "sections"):
+        if isinstance(values.get(kind), dict):
+            yield from list(values[kind])[:2]
+    for kind in ("sensors", "joints"):
+        of_kind = values.get(kind)
+        tables = of_kind if isinstance(of_kind, list) else []
+        yield from [one["name"] for one in tables if isinstance(one, dict) and "name" in one][:1]
+    yield from ([0.0, 0.0, 0.0], "x", 1.0)
+
+
+def _table_at(values: Any, path: Path) -> dict[str, Any] | None:
+    """Return the table at a path, None where it is in another file."""
+    for part in path:
+        try:
+            values = values[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return values if isinstance(values, dict) else None
+
+
+def _missing_words(missing: MissingKeyError, found: UnknownKeyError) -> str:
+    close = difflib.get_close_matches(missing.key, found.unknown, 1, 0.6)
+    named = close or (found.unknown if len(found.unknown) == 1 else ())
+    text = str(missing).partition("; is it the unknown key")[0]
+    listed = " and ".join(f"'{key}'" for key in found.unknown)
+    hint = f"is it the unknown key '{named[0]}'?" if named else f"{listed} are unknown keys;"
+    others = [key for key in found.unknown if key not in named] if named else []
+    more = f" unknown too: {', '.join(others)};" if others else ""
+    return f"{text}; {hint}{more} allowed are {', '.join(found.allowed)}"
 
 
 def as_vector(table: Table, key: str, value: Any, size: int | None, unit: str) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from fem.analysis.buckling_limits import limits
 from fem.analysis.initial_stress import prestressed
@@ -25,6 +25,12 @@ from fem.system import System, assemble, sum_contributions
 
 SIGNS = ("positive", "negative", "both")
 
+ROUNDING = 1e-10
+"""Eigenvalues μ up to this part of the largest of either sign are rounding [-]."""
+
+MOST_RESTARTS = 200
+"""Restarts of Lanczos, which needs fewer than 20 unless it is asked to converge on rounding."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BucklingModes:
@@ -35,7 +41,8 @@ class BucklingModes:
     factors : ndarray (n,)
         λ: the load times λ makes the structure buckle; the smallest in size come first [-].
     shapes : ndarray (n_dof, n)
-        φ, with a largest displacement of 1, rotations in rad per that.
+        φ, with a largest displacement of 1, rotations in rad per that; with a largest rotation of 1 where
+        members only twist.
     model : Model
         With the geometric stiffness at λ = 1, the effect ``"prestress"``.
     """
@@ -106,8 +113,9 @@ def solve_buckling(
     mu, vectors = _largest(system, -K_G, n, sign)
     shapes = np.asarray(system.Q @ vectors)
     points = shapes[: 6 * loaded.mesh.n_points].reshape(loaded.mesh.n_points, 6, len(mu))
-    moved = abs(points[:, :3]).max(axis=(0, 1))
-    modes = BucklingModes(1 / mu, shapes / np.maximum(moved, 1e-300), loaded)
+    moved, turned = (abs(points[:, dofs]).max(axis=(0, 1)) for dofs in (slice(3), slice(3, 6)))
+    twists = moved < ROUNDING * turned * loaded.mesh.size
+    modes = BucklingModes(1 / mu, shapes / np.where(twists, turned, moved), loaded)
     if mu.size:
         column = solution.case(case) if isinstance(case, str) else case
         for message in limits(loaded, solution, column, float(modes.factors[0]), modes.shapes[:, 0]):
@@ -149,7 +157,6 @@ def _largest(
 
     Unless ``repeated``, one of each set of equal eigenvalues may be all that is found of it.
     """
-    factor = factor_stiffness(system) if factor is None else factor
     n_free = system.n_free
     if n_free <= DENSE_LIMIT or 2 * n > n_free // 3:
         K = system.K.toarray()
@@ -157,9 +164,52 @@ def _largest(
         outer = np.outer(scale, scale)
         mu, vectors = sla.eigh(outer * A.toarray(), outer * K)
         return _sorted(mu, scale[:, None] * vectors, n, sign)
+    factor = factor_stiffness(system) if factor is None else factor
+    loaded = np.flatnonzero(abs(A).sum(axis=0))
+    if loaded.size <= DENSE_LIMIT or 2 * n > loaded.size // 3:
+        return _sorted(*_dense(A, loaded, factor), n, sign)
+    try:
+        return _by_lanczos(system, A, n, sign, factor, repeated=repeated)
+    except ArpackNoConvergence:
+        # asked for more factors than the load has: Lanczos would have to separate rounding from rounding
+        return _sorted(*_dense(A, loaded, factor), n, sign)
+
+
+def _dense(
+    A: sp.csc_array, loaded: NDArray[np.int64], factor: Factor
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return all eigenpairs that are not 0 of A x = μ K x, where A acts on few coordinates.
+
+    A = S B Sᵀ, F = Sᵀ K⁻¹ S = L Lᵀ: Lᵀ B L w = μ w and x = K⁻¹ S B L w / μ. L comes from eigenvalues,
+    as rounding of F may make the smallest negative.
+    """
+    S = sp.csc_array(
+        (np.ones(loaded.size), (loaded, np.arange(loaded.size))), shape=(A.shape[0], loaded.size)
+    )
+    response = factor.solve(S.toarray())
+    F = response[loaded]
+    scale = np.sqrt(F.diagonal())
+    values, V = np.linalg.eigh((F + F.T) / 2 / np.outer(scale, scale))
+    L = scale[:, None] * V * np.sqrt(np.maximum(values, 0.0))
+    BL = A[loaded][:, loaded] @ L
+    mu, W = np.linalg.eigh(L.T @ BL)
+    keep = abs(mu) > ROUNDING * abs(mu).max()
+    return mu[keep], response @ (BL @ (W[:, keep] / mu[keep]))
+
+
+def _by_lanczos(
+    system: System, A: sp.csc_array, n: int, sign: str, factor: Factor, *, repeated: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    n_free = system.n_free
     which = {"positive": "LA", "negative": "SA", "both": "LM"}[sign]
     random = np.random.default_rng(0)
     mu, vectors = np.zeros(0), np.zeros((n_free, 0))
+    flexibility = LinearOperator(A.shape, matvec=factor.solve, dtype=float)
+    start = random.standard_normal(n_free)
+    largest = eigsh(
+        A, 1, system.K, Minv=flexibility, which="LM", v0=start, tol=1e-3, return_eigenvectors=False
+    )
+    floor = ROUNDING * float(abs(largest[0]))
     while True:
         # Lanczos sees one of each set of equal factors. With those found taken out, ask again for the rest.
         taken = np.asarray(system.K @ vectors)
@@ -173,12 +223,13 @@ def _largest(
             LinearOperator(A.shape, matvec=deflated, dtype=float),
             k=n if not mu.size else min(n, 2),
             M=system.K,
-            Minv=LinearOperator(A.shape, matvec=factor.solve, dtype=float),
+            Minv=flexibility,
             which=which,
             v0=random.standard_normal(n_free),
             tol=1e-12,
+            maxiter=MOST_RESTARTS,
         )
-        more, found = _sorted(more, found, n_free, sign)
+        more, found = _sorted(more, found, n_free, sign, floor)
         if not repeated:
             return more[:n], found[:, :n]
         known = _sorted(mu, vectors, n, sign)[0]
@@ -188,12 +239,12 @@ def _largest(
 
 
 def _sorted(
-    mu: NDArray[np.float64], vectors: NDArray[np.float64], n: int, sign: str
+    mu: NDArray[np.float64], vectors: NDArray[np.float64], n: int, sign: str, floor: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the n largest in size that have the sign and are more than rounding."""
+    """Return the n largest in size that have the sign and are more than rounding, or than a floor."""
     if not mu.size:
         return mu, vectors
     wanted = {"positive": mu > 0, "negative": mu < 0, "both": mu != 0}[sign]
     order = np.argsort(-abs(mu), kind="stable")
-    order = order[wanted[order] & (abs(mu[order]) > 1e-10 * abs(mu).max())][:n]
+    order = order[wanted[order] & (abs(mu[order]) > max(floor, ROUNDING * abs(mu).max()))][:n]
     return mu[order], vectors[:, order]

@@ -8,7 +8,7 @@ frequency.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,7 +29,13 @@ DENSE_LIMIT = 120
 """Systems of at most this many coordinates are solved as they are, unless an element has a law."""
 
 TOLERANCE = 1e-8
-"""Residual of a pole, relative; the error of s is of its square."""
+"""Residual of a pole, relative to its own equation; the error of s is of its square."""
+
+ROUNDING_FACTOR = 16.0
+"""Residuals up to this multiple of the rounding of their own terms count as converged [-]."""
+
+ROUNDING_LIMIT = 1e-6
+"""Residuals above this do not count as converged, even if they are rounding [-]."""
 
 _EQUAL = 1e-7
 """Relative distance below which poles count as equal."""
@@ -55,7 +61,7 @@ class ComplexModes:
     modal_a : ndarray of complex (n_modes,)
         yᵀ(2sM + Ĉ)x [rad/s].
     residual : ndarray (n_modes,)
-        ‖Z(s)x‖ in the norm of the flexibility, relative to ‖x‖ in that of the stiffness [-].
+        ‖Z(s)x‖ in the norm of (K + |s|²M)⁻¹, relative to ‖x‖ in that of K + |s|²M [-].
     partners : ndarray of complex (n_partners,)
         Poles with Im s < 0: the conjugates where K̂ is real [rad/s].
     partner_shapes, partner_left : ndarray of complex (n_dof, n_partners)
@@ -63,7 +69,8 @@ class ComplexModes:
     rigid : ndarray (n_dof, n_rigid)
         Rigid-body motions that nothing resists or damps, φᵀMφ = I; s = 0 twice, which has no modal A.
     converged : bool
-        Whether all residuals are below `TOLERANCE`.
+        Whether all residuals are below `TOLERANCE`, or rounding of the terms of their equations, which
+        may be 1e-6.
     model : Model
     """
 
@@ -163,6 +170,19 @@ class ComplexModes:
         return FRF.from_arrays(lines, H, FRFKind.RECEPTANCE, out_labels, in_labels).as_kind(kind)
 
 
+class _Residual(NamedTuple):
+    """What a pole and its vector leave of their equation."""
+
+    correction: NDArray[np.complex128]  # G⁻¹ Z(s) x
+    size: float  # relative to the vector
+    rounding: float  # the size that rounding of the terms makes
+
+    @property
+    def converged(self) -> bool:
+        """Whether no more can be reached, and the pole is right to a part in a million."""
+        return self.size <= max(TOLERANCE, min(ROUNDING_FACTOR * self.rounding, ROUNDING_LIMIT))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _QuadraticProblem:
     """The quadratic problem on the independent coordinates, and the norms of its residuals."""
@@ -173,9 +193,15 @@ class _QuadraticProblem:
     ratios: NDArray[np.float64]  # (n_free, k): modal ratios add ratios ratiosᵀ to C
     factor: Factor  # of G = K - σM
     G: Any
+    pairs: Eigenpairs
     rigid: NDArray[np.float64]  # (n_free, n_rigid), M-orthonormal
     real: bool
-    scale: float  # of the first elastic mode [rad/s]
+    shift: float  # σ < 0 [rad²/s²]
+
+    @property
+    def scale(self) -> float:
+        """Circular frequency of the first elastic mode [rad/s]."""
+        return np.sqrt(10 * abs(self.shift))
 
     def stiffness(self, s: complex) -> Any:
         """Return K̂ with laws at the damped frequency of s."""
@@ -188,15 +214,40 @@ class _QuadraticProblem:
         """Return Ĉ X, or Ĉᵀ X for left shapes."""
         return (self.C.T if left else self.C) @ X + self.ratios @ (self.ratios.T @ X)
 
-    def residual(
-        self, s: complex, x: NDArray[np.complex128], *, left: bool = False
-    ) -> tuple[NDArray[np.complex128], float]:
-        """Return G⁻¹ Z(s) x, or that of Z(s)ᵀ, and its size relative to x, both in the norm of G."""
-        z = self.stiffness(s) @ x + s * self.damped(x, left=left) + s**2 * (self.system.M @ x)
-        z = z - (self.system.M @ self.rigid) @ (self.rigid.T @ z)
-        w = self.factor.solve(np.column_stack([np.real(z), np.imag(z)]))
-        size = np.sqrt(max(float(np.vdot(w, np.column_stack([np.real(z), np.imag(z)]))), 0.0))
-        return w[:, 0] + 1j * w[:, 1], size / np.sqrt(float(np.real(np.vdot(x, self.G @ x))))
+    def residual(self, s: complex, x: NDArray[np.complex128], *, left: bool = False) -> "_Residual":
+        """Return what is left of Z(s) x, or of Z(s)ᵀ x.
+
+        In the norms of K + |s|²M some undamped mode has |ω² + s²|/(ω² + |s|²) within the residual where
+        nothing damps. In those of K - σM a fast mode could never do so: there, rounding of |s|²M x
+        counts by its part in the slowest mode.
+        """
+        system, K = self.system, self.stiffness(s)
+        force, damping, inertia = K @ x, s * self.damped(x, left=left), s**2 * (system.M @ x)
+        z = force + damping + inertia
+        z = z - (system.M @ self.rigid) @ (self.rigid.T @ z)
+        energy = np.real(np.vdot(x, self.G @ x) + (abs(s) ** 2 + self.shift) * np.vdot(x, system.M @ x))
+        # an entry of each product is rounded by half a unit, at least
+        terms = abs(K) @ abs(x) + abs(damping) + abs(s) ** 2 * (abs(system.M) @ abs(x))
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], len(x))
+        rounded = np.finfo(float).eps * terms * signs
+        rounded = rounded - (system.M @ self.rigid) @ (self.rigid.T @ rounded)
+        columns = np.column_stack([np.real(z), np.imag(z), rounded])
+        w = self.factor.solve(columns)
+        size = self._size(columns, w, s) / np.sqrt(max(float(energy), 1e-300))
+        return _Residual(w[:, 0] + 1j * w[:, 1], float(np.hypot(size[0], size[1])), float(size[2]))
+
+    def _size(self, z: NDArray[np.float64], w: NDArray[np.float64], s: complex) -> NDArray[np.float64]:
+        """Return the sizes of forces in the norm of (K + |s|²M)⁻¹, with w = G⁻¹ z, shape (k,).
+
+        Known modes have that norm in closed form. It is at most the norm of G⁻¹, which serves the rest.
+        """
+        elastic = slice(self.pairs.n_rigid, None)
+        lam, X = self.pairs.eigenvalues[elastic], self.pairs.vectors[:, elastic]
+        part = X.T @ z
+        rest = z - self.system.M @ (X @ part)
+        outside = np.einsum("ij,ij->j", rest, w - X @ (part / (lam - self.shift)[:, None]))
+        inside = (part**2 / (lam + abs(s) ** 2)[:, None]).sum(axis=0)
+        return np.sqrt(np.maximum(outside, 0.0) + inside)
 
     def modal_a(self, root: Root) -> complex:
         s, x, y = root
@@ -240,20 +291,18 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
         for root in (*upper, *lower):
             full, missing = _lifted(problem, V, root)
             found.append(full)
-            worst.append(max(size for _, size in missing))
-            new += [part(w) for w, size in missing if size > TOLERANCE for part in (np.real, np.imag)]
+            worst.append(max(missing, key=lambda left: left.size))
+            new += [part(r.correction) for r in missing if not r.converged for part in (np.real, np.imag)]
         if not new or V.shape[1] >= system.n_free - problem.rigid.shape[1]:
             break
         grown = _grown(problem, V, np.column_stack(new))
         if grown.shape[1] == V.shape[1] or V.shape[1] > 30 * (n + 10):
             break
         V = grown
-    return _result(problem, found, np.array(worst), len(upper))
+    return _result(problem, found, worst, len(upper))
 
 
-def _lifted(
-    problem: _QuadraticProblem, V: NDArray[np.float64], root: Root
-) -> tuple[Root, list[tuple[NDArray[np.complex128], float]]]:
+def _lifted(problem: _QuadraticProblem, V: NDArray[np.float64], root: Root) -> tuple[Root, list[_Residual]]:
     """Return a root with its vectors in the full system, and the residuals of these."""
     x = V @ root.right
     missing = [problem.residual(root.s, x)]
@@ -288,7 +337,7 @@ def _problem(system: System, pairs: Eigenpairs) -> _QuadraticProblem:
             rank = int((sv > 1e-9 * sv.max()).sum())
             rigid = rigid @ Vt[rank:].T
     real = not np.iscomplexobj(K) and not system.laws
-    return _QuadraticProblem(system, K, C, ratios, factorise(G), G, rigid, real, np.sqrt(10 * abs(shift)))
+    return _QuadraticProblem(system, K, C, ratios, factorise(G), G, pairs, rigid, real, shift)
 
 
 def _start(problem: _QuadraticProblem, pairs: Eigenpairs) -> NDArray[np.float64]:
@@ -325,14 +374,13 @@ def _grown(
         new = new - V @ (V.T @ (G @ new))
     kept = size(new) > 1e-12
     new = new[:, kept] / size(new[:, kept])
-    values, vectors = np.linalg.eigh(new.T @ (G @ new))
-    keep = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
-    new = new @ (vectors[:, keep] / np.sqrt(values[keep]))
-    new = new - V @ (V.T @ (G @ new))
-    if not new.shape[1]:
-        return V
-    L = np.linalg.cholesky(new.T @ (G @ new))
-    return np.hstack([V, np.linalg.solve(L, new.T).T])
+    # the second round starts from unit vectors: what loses half of its square there was rounding in V
+    for least in (1e-12, 0.5):
+        values, vectors = np.linalg.eigh(new.T @ (G @ new))
+        keep = values > least
+        new = new @ (vectors[:, keep] / np.sqrt(values[keep]))
+        new = new - V @ (V.T @ (G @ new))
+    return np.hstack([V, new])
 
 
 def _projected(problem: _QuadraticProblem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
@@ -402,7 +450,7 @@ def _scaled(problem: _QuadraticProblem, root: Root) -> tuple[Root, complex]:
 
 
 def _result(
-    problem: _QuadraticProblem, found: list[Root], residual: NDArray[np.float64], n_upper: int
+    problem: _QuadraticProblem, found: list[Root], residuals: list[_Residual], n_upper: int
 ) -> ComplexModes:
     Q = problem.system.Q
 
@@ -426,12 +474,12 @@ def _result(
         shapes=shapes,
         left=left,
         modal_a=modal,
-        residual=residual[:n_upper],
+        residual=np.array([r.size for r in residuals[:n_upper]]),
         partners=partners[0],
         partner_shapes=partners[1],
         partner_left=partners[2],
         partner_a=partners[3],
         rigid=np.asarray(Q @ problem.rigid),
-        converged=bool((residual <= TOLERANCE).all()),
+        converged=all(r.converged for r in residuals),
         model=problem.system.model,
     )

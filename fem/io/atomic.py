@@ -2,8 +2,10 @@
 
 import errno
 import os
+import re
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,6 +15,12 @@ LONGEST_NAME = 80
 
 _NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
 """Errors of file systems that cannot flush."""
+
+_UNLOCKED = ".new"
+"""Suffix of a temporary file until it is locked."""
+
+_UNLOCKED_SECONDS = 60.0
+"""Age from which a temporary file without a lock is that of an ended process: locking takes less [s]."""
 
 _CHUNK = 1 << 20
 """Bytes that are written to a device at a time."""
@@ -36,7 +44,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary name keeps the suffix, for libraries that choose the format by it. A link is followed; a
     file that is there keeps its permissions. A target that is no regular file, such as a device or a pipe,
-    and the target of standard output are written to and not replaced.
+    and the target of standard output are written to and not replaced. Temporary files of killed processes
+    next to it are removed.
 
     Raises
     ------
@@ -60,12 +69,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     before = _status(target)
     if before is not None and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, "it may not be written to", str(path))
-    prefix = f".{target.name[:LONGEST_NAME]}-"
+    prefix, suffix = f".{target.name[:LONGEST_NAME]}-", target.suffix[:LONGEST_NAME]
+    _tidy(target.parent, prefix, suffix)
     with _named(path, target, before is not None):
-        handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix[:LONGEST_NAME], dir=target.parent)
-    os.close(handle)
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=_UNLOCKED, dir=target.parent)
     scratch = Path(name)
     try:
+        if not _locked(handle):  # no locks here: nothing would tell it from one of an ended process
+            os.close(handle)
+            handle = -1
+        # it gets its name once it is locked, so that no other process takes it for one without owner
+        scratch = scratch.rename(scratch.with_name(f"{scratch.name.removesuffix(_UNLOCKED)}{suffix}"))
         with _named(path, scratch, before is not None):
             yield scratch
             flushed(scratch)
@@ -77,6 +91,46 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         scratch.unlink(missing_ok=True)
         raise
+    finally:
+        if handle >= 0:
+            os.close(handle)
+
+
+def is_temporary(name: str, prefix: str, suffix: str = "") -> bool:
+    """Return whether a name is one that `tempfile` has made of a prefix and a suffix."""
+    return re.fullmatch(rf"{re.escape(prefix)}[a-z0-9_]{{8}}{re.escape(suffix)}", name) is not None
+
+
+def is_old(path: Path) -> bool:
+    """Return whether a temporary file or folder is so old that its process must have locked it."""
+    return time.time() - path.stat().st_mtime > _UNLOCKED_SECONDS
+
+
+def _tidy(folder: Path, prefix: str, suffix: str) -> None:
+    """Remove temporary files that no process has locked any more."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        names = [e.name for e in entries]
+        found = [(folder / n, False) for n in names if is_temporary(n, prefix, suffix)]
+        found += [(folder / n, True) for n in names if is_temporary(n, prefix, _UNLOCKED)]
+        for path, unlocked in found:
+            if path.is_symlink() or not path.is_file() or (unlocked and not is_old(path)):
+                continue
+            with path.open("rb") as file:
+                if _locked(file.fileno()):
+                    path.unlink(missing_ok=True)
+
+
+def _locked(handle: int) -> bool:
+    """Lock an open file as long as its process lives; return whether that could be done."""
+    try:
+        import fcntl
+    except ImportError:  # Windows, where an open file could not be renamed
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 def flushed(path: Path) -> None:

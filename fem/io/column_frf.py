@@ -16,6 +16,7 @@ from fem.io.columns import Columns, read_columns
 from fem.io.faults import error_at, refuse
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
+from fem.io.header_keys import Described, keyed_header
 from fem.io.units import LONGEST_HEADING, Heading, split_heading
 
 _PARTS: dict[str, str] = {
@@ -44,6 +45,8 @@ _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*(?:\([^()]*\)[^()]*)*)\)")
 _DEGREES = ("deg", "degree", "degrees", "°")
 _RADIANS = ("rad", "radian", "radians")
 _WRITTEN = re.compile(r"(re|im)\((.+)/([^/]+)\)")
+_OF_TWO = re.compile(r"\b[A-Za-z]\w*\s*\(\s*([^(),;]*[^(),;\s])\s*[,;]\s*([^(),;]*[^(),;\s])\s*\)")
+"""A function of two degrees of freedom, response and force: ``H(3Z,1Z)``."""
 _KIND = re.compile(r"^kind:\s*([A-Za-z]+)")
 
 
@@ -151,12 +154,27 @@ class _Curve:
         return self.first.names[0] if self.first.names else f"column {self.first.at + 1}"
 
 
+def _with_keys(column: _Column, keys: Described) -> _Column:
+    """Return a column with what the keys of the header say and its heading does not."""
+    part = "" if keys.part == "complex" else keys.part
+    unit = column.unit or keys.unit
+    return replace(
+        column,
+        part=part if part in ("frequency", "other", "coherence") else column.part or part,
+        unit=unit,
+        pair=keys.pair or column.pair,
+        names=(*keys.names[:1], *column.names, *keys.names[1:]),
+        level=column.level or decibel_reference(unit) is not None,
+    )
+
+
 class _Table:
     """Columns of one file, with the user's statements about them."""
 
     def __init__(self, table: Columns, asked: Asked) -> None:
         self.table, self.asked = table, asked
-        self.notes: list[str] = []
+        self.keyed = keyed_header(table)
+        self.notes: list[str] = [] if self.keyed is None else list(self.keyed.notes)
         self.stated = asked.form != "auto"
 
     def refuse(self, text: str) -> NoReturn:
@@ -189,13 +207,17 @@ class _Table:
             self.refuse("some of its FRFs have a phase and others have none; read them from two files")
         gamma = self._coherence(coherent, [curves[k] for k in order], shape)
         axes = ((label,),) if label else ()
-        return Reading((frf,), axes, phased.pop(), gamma, notes=tuple(self.notes), stated=self.stated)
+        averages = self.keyed.averages if self.keyed is not None and gamma is not None else None
+        notes = tuple(self.notes)
+        return Reading((frf,), axes, phased.pop(), gamma, averages, notes=notes, stated=self.stated)
 
     # What the header says ----------------------------------------------------------------------------------
 
     def _columns(self) -> list[_Column]:
         """Return each column as the header describes it."""
         rows = self.table.heads
+        if self.keyed is not None:  # rows of keys are no headings
+            rows = tuple(row for row in rows if self._above_frequency(row[0]))
         of_units = [
             any(frequency_factor(cell) is not None for cell in row[:2])
             and not any(words.search(cell.replace("_", " ")) for cell in row for words in _PART.values())
@@ -206,8 +228,19 @@ class _Table:
             column = _Column(at, names=tuple(row[at] for row in rows[::-1] if row[at]))
             for row, units in zip(rows[::-1], of_units[::-1], strict=True):
                 column = self._with_cell(column, row[at], units)
+            if self.keyed is not None:
+                keys = self.keyed.columns[at]
+                if keys.part == "imag" and column.unit.lower() in (*_DEGREES, *_RADIANS):
+                    out[-1] = replace(out[-1], part="magnitude")
+                    keys = replace(keys, part="phase")
+                elif keys.assumption and not (column.part or column.unit):
+                    self.notes.append(keys.assumption)
+                column = _with_keys(column, keys)
             out.append(column)
-        return out
+        return [c for c in out if c.part != "other"]
+
+    def _above_frequency(self, cell: str) -> bool:
+        return not cell or frequency_factor(cell) is not None or bool(_PART["frequency"].search(cell))
 
     def _with_cell(self, column: _Column, cell: str, unit_row: bool) -> _Column:
         """Return a column with the statements of one cell above it; cells nearer to the data go before."""
@@ -243,7 +276,10 @@ class _Table:
         return known or decibel_reference(text) is not None or plain in (*_DEGREES, *_RADIANS, "-", "%")
 
     def _pair_in(self, text: str) -> tuple[str, str] | None:
-        """Return response and force of a cell such as ``FRF s1/s5 real``."""
+        """Return response and force of a cell such as ``FRF s1/s5 real`` or ``H(s1,s5) real``."""
+        written = _OF_TWO.search(text)
+        if written is not None and not (self._is_unit(written[1]) or self._is_unit(written[2])):
+            return written[1].strip(), written[2].strip()
         text = re.sub(r"[()\[\]{}\"']", " ", re.sub(r"\s*/\s*", "/", text))
         for word in re.split(r"[\s,;]+", text):
             sides = word.split("/")
@@ -557,6 +593,8 @@ class _Table:
         return "" if label in ("-", "1") else label
 
     def _stated_kind(self) -> FRFKind | None:
+        if self.keyed is not None and self.keyed.kind is not None:
+            return self.keyed.kind
         for line in self.table.header:
             found = _KIND.match(line)
             if found is not None and found[1].lower() in NAMES:

@@ -63,6 +63,8 @@ class Columns:
         Rows of the header from the top, a cell above each column, empty where there is none; a cell that
         spans
         several columns stands above each of them.
+    rows : tuple of tuple of str
+        All rows of the header above the columns as they are, a cell for each column.
     header : tuple of str, all lines of the header, without marks of comments
     lines : ndarray of int (n,), number of each line of data in the file
     values : ndarray (n, n_columns)
@@ -78,6 +80,7 @@ class Columns:
     lines: Ints
     values: Floats | NDArray[np.complex128]
     stamped: bool = False
+    rows: tuple[tuple[str, ...], ...] = ()
 
     @property
     def width(self) -> int:
@@ -212,15 +215,22 @@ class _Text:
         if not self.ended:
             self._refuse_cut(body)
         comments = [line.lstrip().lstrip("#%").strip() for k, line in self.comments]
-        heads = self._heads(values.shape[1], [line for k, line in self.all if k < start])
-        return Columns(self.name, self.separator, heads, (*comments, *above), lines, values, self.stamped)
+        for k in sorted(self.blank):
+            above_it = [self.cells(line) for j, line in self.all if j < start]
+            named = next((cells[k] for cells in above_it if len(cells) > k and cells[k]), "")
+            if named:
+                self.refuse(f"column {k + 1} ('{named}') is blank in all lines of numbers; leave it out")
+        width, before = values.shape[1], [line for k, line in self.all if k < start and line.strip()]
+        heads, rows = self._heads(width, before), self._rows(width, before)
+        every = (*comments, *above)
+        return Columns(self.name, self.separator, heads, every, lines, values, self.stamped, rows)
 
     def _refuse_cut(self, body: Sequence[tuple[int, str]]) -> None:
         """Refuse a file whose last number may be cut, where no line end follows it."""
-        cells = self.cells(body[-1][1])
+        cells = self.filled(body[-1][1])
         if body[-1] != self.rows[-1] or self.all[-1][0] != body[-1][0]:
             return
-        reason = cut_number([self.cells(text)[-1] for _, text in body], cells[1:-1])
+        reason = cut_number([self.filled(text)[-1] for _, text in body], cells[1:-1])
         if reason:
             self.refuse(f"line {body[-1][0]}: {reason}")
 
@@ -235,6 +245,17 @@ class _Text:
         cells = [c.strip() for c in cells]
         return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
+    def filled(self, line: str) -> list[str]:
+        """Return the cells of a line without those of columns that are blank in all lines of numbers."""
+        return [cell for k, cell in enumerate(self.cells(line)) if k not in self.blank]
+
+    def _blank_columns(self, sample: Sequence[str]) -> frozenset[int]:
+        """Return the columns that no line of numbers fills, such as spacers between functions."""
+        every = [self.cells(line) for line in sample]
+        rows = [cells for cells in every if self._is_data([c for c in cells if c])]
+        width = max(map(len, rows), default=0)
+        return frozenset(k for k in range(width) if not any(row[k] for row in rows if len(row) > k))
+
     def _marks(self, separator: str | None) -> tuple[str, bool]:
         """Return the separator, and whether numbers have a decimal comma."""
         sample = [line for _, line in self.rows[-_SAMPLE:]]
@@ -244,7 +265,8 @@ class _Text:
                 if comma and mark == ",":
                     continue
                 self.comma = comma
-                good = [cells for line in sample if self._is_data(cells := self.cells(line))]
+                self.blank = frozenset[int]() if mark == " " else self._blank_columns(sample)
+                good = [cells for line in sample if self._is_data(cells := self.filled(line))]
                 # most lines, as one may be cut short; and not a header of a file without data
                 if len(good) > len(sample) // 2 and len(good[0]) >= (
                     _LEAST_CELLS if separator is None else 1
@@ -257,6 +279,7 @@ class _Text:
 
     def _poor(self, sample: Sequence[str], separator: str | None) -> tuple[str, bool]:
         """Return marks of a file whose lines are not numbers throughout, so that a cell can be named."""
+        self.blank = frozenset()
         if separator is not None:
             return separator, separator in ";\t"
         line = sample[min(1, len(sample) - 1)]
@@ -309,28 +332,28 @@ class _Text:
             return 0
         width = self._width()
         for i, (_, line) in enumerate(self.rows):
-            cells = self.cells(line)
+            cells = self.filled(line)
             if len(cells) == width and self._is_data(cells):
                 return i
         for i, (_, line) in enumerate(self.rows):
-            if self._is_number(self.cells(line)[0]):
+            if self._is_number("".join(self.filled(line)[:1])):
                 return i
         return len(self.rows)
 
     def _width(self) -> int:
         """Return how many columns most lines of numbers have."""
         sample = self.rows[-_SAMPLE:]
-        widths = [len(c) for _, line in sample if self._is_data(c := self.cells(line))]
+        widths = [len(c) for _, line in sample if self._is_data(c := self.filled(line))]
         return max(set(widths), key=widths.count) if widths else -1
 
     def _numbers(self, body: Sequence[tuple[int, str]]) -> tuple[Floats | NDArray[np.complex128], Ints]:
-        first = self.cells(body[0][1])
+        first = self.filled(body[0][1])
         width = len(first)
         is_complex = any(self._is_complex(c) for c in first[1:])
         out = np.empty((len(body), width), dtype=complex if is_complex else float)
         parse = self._complex if is_complex else self._real
         for row, (line, text) in enumerate(body):
-            cells = self.cells(text)
+            cells = self.filled(text)
             if len(cells) != width:
                 self.refuse(f"line {line} has {len(cells)} columns, the first line of data has {width}")
             try:
@@ -393,10 +416,19 @@ class _Text:
             rows.append(tuple(_spread(cells) if spans else cells))
         return tuple(rows)
 
+    def _rows(self, width: int, above: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+        """Return the rows of the header with a cell for each column."""
+        rows = []
+        for line in above:
+            cells = self._head_cells(line.strip("\r\n"), width)[:width]
+            if cells:
+                rows.append((*cells, *[""] * (width - len(cells))))
+        return tuple(rows)
+
     def _head_cells(self, text: str, width: int) -> list[str]:
         """Return the cells of a line of the header; where blanks part columns, names may have one blank."""
         if self.separator != " ":
-            cells = self.cells(text)
+            cells = self.filled(text)
             while cells and not cells[-1]:
                 cells.pop()
             return cells

@@ -8,6 +8,8 @@ from fem.io.uff_units import FREQUENCY, abscissa_factor
 from fem.io.units import FORCE, MOMENT, quotient_of, size_of, strain_of
 
 _DECIBEL = re.compile(r"^\s*dB\b\s*(?:\(?\s*(?:re|rel|ref)\.?:?\s*)?(?P<rest>.*?)\)?\s*$", re.IGNORECASE)
+_VALUE = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s+\S")
+"""A number with a unit behind it."""
 _REFERENCE = re.compile(r"^(?P<size>[0-9.]+(?:[eE][+-]?\d+)?)?\s*\*?\s*(?P<unit>.*)$")
 
 NAMES = {
@@ -69,6 +71,8 @@ def decibel_reference(label: str) -> tuple[float, str] | None:
 
 
 def frequency_factor(label: str) -> float | None:
-    """Return the size of a unit of frequency [Hz]; None for a label that is none."""
+    """Return the size of a unit of frequency [Hz]; None for a label that is none, as a value, ``1 Hz``."""
+    if _VALUE.match(label):
+        return None
     factor, note, refused = abscissa_factor(FREQUENCY, label)
     return None if note or refused or not label.strip() else factor

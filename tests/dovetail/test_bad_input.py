@@ -65,6 +65,12 @@ def test_the_good_one_is_good(tmp_path, capsys):
     assert "frequency" in capsys.readouterr().out
 
 
+def test_part_that_a_command_does_not_need_names_the_unknown_key(tmp_path, capsys):
+    path = study_file(tmp_path, GOOD.replace('direction = "z"', 'axis = "z"'))
+    assert main(["modes", str(path)]) == 0
+    assert "'direction' is missing; is it the unknown key 'axis'?" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -90,6 +96,33 @@ def test_the_good_one_is_good(tmp_path, capsys):
         ('"rectangle"', '"rectangel"', ["members.bar.section.shape", "did you mean 'rectangle'?"]),
         ('"rectangle"', '"tube"', ["members.bar.section: 'd' is missing"]),
         ("E = 210e9", "EE = 210e9", ["materials.steel: 'E' is missing; is it the unknown key 'EE'?"]),
+        (
+            "rho = 7850",
+            "density = 7850",
+            [
+                "line 1, materials.steel: 'rho' is missing; is it the unknown key 'density'?",
+                "E, loss_factor, nu",
+            ],
+        ),
+        (
+            "E = 210e9\nrho",
+            "young = 210e9\ndensity",
+            ["'E' is missing; 'young' and 'density' are unknown keys; allowed are E, loss_factor, nu, rho"],
+        ),
+        ("b = 0.03", "width = 0.03", ["section: 'b' is missing; is it the unknown key 'width'?"]),
+        ("shape =", "form =", ["neither a shape", "is it the unknown key 'form'?"]),
+        ('to = "B"', 'end = "B"', ["members.bar: 'to' is missing; is it the unknown key 'end'?"]),
+        ('point = "A"', 'node = "A"', ["supports[1]: 'point' is missing; is it the unknown key 'node'?"]),
+        (
+            'direction = "z"',
+            'axis = "z"',
+            ["sensors[1]: 'direction' is missing; is it the unknown key 'axis'?"],
+        ),
+        (
+            'point = "B"\ndirection',
+            'place = "B"\ndirection',
+            ["sensors[1]: a place is missing", "is it the unknown key 'place'?"],
+        ),
         ("section = {", "#", ["line 9, members.bar", "'bar' has no section"]),
         ("E = 210e9", "E = 0", ["line 2, materials.steel.E: 0 is not allowed"]),
         ("E = 210e9", "E = 210e9\nnu = 0.7", ["line 1, materials.steel", "nu is 0.7"]),

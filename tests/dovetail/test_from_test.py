@@ -98,7 +98,7 @@ def test_bad_requests_are_one_line(tmp_path, portal, capsys):
         ("it has no coordinates", tmp_path / "n.npz", portal[1], []),
         ("has no points", bare, portal[1], ["--geometry", str(bare)]),
         (
-            "the channel 'out1' does not say node and direction",
+            "the channel 'out1' does not name a point of the geometry (1, 2, 3",
             tmp_path / "n.npz",
             portal[1],
             ["--geometry", str(portal[0])],
@@ -113,6 +113,77 @@ def test_bad_requests_are_one_line(tmp_path, portal, capsys):
     assert main(["new"]) == 2
     assert "give the folder to make" in capsys.readouterr().err
     assert new(tmp_path, bare, portal[1], "--geometry", str(portal[0])) == 0
+
+
+def spelt(label, form):
+    """Return a label such as 3Z+ as 3:+Z, 3Z, Z3, P3_z or frame:P3:+Z."""
+    name, axis, sign = label[:-2], label[-2], label[-1]
+    point = f"P{name}"
+    forms = (
+        f"{name}:{sign}{axis}",
+        f"{axis}{name}",
+        f"{point}_{axis.lower()}",
+        f"frame:{point}:{sign}{axis}",
+    )
+    return {f: words for f, words in zip(["colon", "before", "lower", "part"], forms, strict=True)}[form]
+
+
+@pytest.mark.parametrize(
+    ("form", "pair", "heading"),
+    [
+        ("colon", "{}/{}", "name,x [mm],y [mm],z [mm]"),
+        ("before", "H({},{})", "z [mm],Point,y [mm],x [mm]"),
+        ("lower", "{}/{}", "name,x [mm],y [mm],z [mm]"),
+        ("part", "FRF({}; {})", "name,x [mm],y [mm],z [mm]"),
+    ],
+)
+def test_frfs_of_a_table_with_points_of_a_table(tmp_path, portal, form, pair, heading):
+    read = read_uff(portal[0])
+    frf = read.frf()
+    prefix = "P" if form in ("lower", "part") else ""
+    rows = [heading]
+    for node, (x, y, z) in zip(read.points.labels, 1e3 * read.points.coordinates, strict=True):
+        values = {
+            "name": f"{prefix}{node}",
+            "Point": f"{prefix}{node}",
+            "x": f"{x}",
+            "y": f"{y}",
+            "z": f"{z}",
+        }
+        rows.append(",".join(values[word.removesuffix(" [mm]")] for word in heading.split(",")))
+    (tmp_path / "points.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    curves = [(o, i) for o in range(len(frf.outputs)) for i in range(len(frf.inputs))]
+    names = [pair.format(spelt(frf.outputs[o], form), spelt(frf.inputs[i], form)) for o, i in curves]
+    parts = [f"{name} {part} [(m/s²)/N]" for name in names for part in ("Re", "Im")]
+    lines = ["Frequency [Hz]\t" + "\t".join(parts)]
+    for f, H in zip(frf.frequency, frf.as_kind("accelerance").H, strict=True):
+        numbers = [repr(float(part)) for o, i in curves for part in (H[o, i].real, H[o, i].imag)]
+        lines.append("\t".join([repr(float(f)), *numbers]))
+    (tmp_path / "frf.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert new(tmp_path, tmp_path / "frf.csv", portal[1], "--geometry", str(tmp_path / "points.csv")) == 0
+    study = load_study(tmp_path / "s" / "study.toml")
+    own = load_study(portal[0].parent / "study.toml")
+    assert [s.name for s in study.sensors] == [spelt(label, form) for label in frf.outputs]
+    np.testing.assert_allclose(study.measurements[0].frf.H, own.measurements[0].frf.H, rtol=1e-9)
+    for a, b in zip(study.sensors, own.sensors, strict=True):
+        np.testing.assert_allclose(a.point, b.point, atol=1e-6)
+        sense = 1 if form in ("colon", "part") else np.sign(b.direction.sum())
+        np.testing.assert_allclose(a.direction, sense * b.direction, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "words"),
+    [
+        ("name,x [mm],y [m],z [m]\n1,0,0,0\n", [], "its coordinates have the units m, mm"),
+        ("name,x [mm],y [mm],z [mm]\n1,0,0,0\n", ["--unit", "m"], "leave --unit out"),
+        ("name,x,y,z\n1,0,0,0\n1,1,0,0\n", [], "two points have the name '1'"),
+        ("name,x,y,z\n1,0,0\n", [], "row 2 is 1, 0, 0"),
+    ],
+)
+def test_tables_of_points_that_are_refused(tmp_path, portal, text, more, words, capsys):
+    (tmp_path / "points.csv").write_text(text, encoding="utf-8")
+    assert new(tmp_path, *portal, "--geometry", str(tmp_path / "points.csv"), *more) == 2
+    assert words in capsys.readouterr().err
 
 
 def test_nothing_is_written_over(tmp_path, portal, capsys):

@@ -428,3 +428,88 @@ def test_what_a_living_run_has_made_stays(tmp_path):
         assert first.is_dir()
     assert (out / "a").read_text(encoding="utf-8") == "first"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+KILLED_FILE = """
+import os, signal, sys
+from fem.io.atomic import replacing
+with replacing(sys.argv[1]) as scratch:
+    scratch.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def aged(path):
+    """Make a file or folder look as if it were two minutes old."""
+    os.utime(path, (path.stat().st_atime - 120, path.stat().st_mtime - 120))
+    return path
+
+
+def written(target):
+    with replacing(target) as scratch:
+        scratch.write_text("whole", encoding="utf-8")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a kill that nothing catches")
+def test_temporary_file_of_a_killed_process_is_removed_by_the_next_run(tmp_path):
+    target = tmp_path / "frf.csv"
+    done = subprocess.run([sys.executable, "-c", KILLED_FILE, str(target)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    mine = tmp_path / ".frf.csv-notes.csv"
+    mine.touch()
+    (tmp_path / ".frf.csv-abcd1234.new").touch()  # killed before it was locked
+    aged(tmp_path / ".frf.csv-abcd1234.new")
+    assert left.name != target.name
+    written(target)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [mine.name, target.name]
+
+
+def test_temporary_file_of_a_living_process_stays(tmp_path):
+    target = tmp_path / "frf.csv"
+    with replacing(target) as scratch:
+        written(target)
+        assert scratch.exists()
+        scratch.write_text("last", encoding="utf-8")
+    assert target.read_text(encoding="utf-8") == "last"
+    assert [p.name for p in tmp_path.iterdir()] == ["frf.csv"]
+
+
+@pytest.mark.parametrize("names", [[], ["owner.new"], ["owner.new", "mine"]])
+def test_folder_of_a_process_killed_before_its_lock_is_removed(tmp_path, names):
+    scratch = tmp_path / ".out-abcd1234"
+    scratch.mkdir()
+    for name in names:
+        (scratch / name).touch()
+    aged(scratch)
+    with result_folder(tmp_path / "out") as new:
+        (new / "a").touch()
+    assert scratch.exists() == ("mine" in names)
+
+
+ENDED = """
+import sys, time
+import dovetail.file.template as template
+from dovetail.cli import main
+def write(folder):
+    (folder / "study.toml").write_text("half")
+    print("inside", flush=True)
+    time.sleep(60)
+template.write_template = write
+sys.exit(main(["new", sys.argv[1]]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_run_that_is_told_to_end_leaves_nothing(tmp_path, name):
+    number = signal.Signals[name]
+    command = [sys.executable, "-c", ENDED, str(tmp_path / "s")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "inside\n"
+        assert len(list(tmp_path.iterdir())) == 1
+        process.send_signal(number)
+        errors = process.communicate(timeout=30)[1]
+    assert list(tmp_path.iterdir()) == []
+    assert process.returncode == (1 if name == "SIGINT" else 128 + number)
+    assert errors == f"dovetail: {'interrupted' if name == 'SIGINT' else f'ended by {name}'}\n"

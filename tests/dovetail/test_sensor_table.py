@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
+from dovetail.cli import main
 from dovetail.file.paths import input_files, with_paths
 from tests.frames import MAST
 from tests.studies import study_from
@@ -17,7 +18,9 @@ stop = 60.0
 
 def load(folder, table, excitations='[[excitations]]\nsensor = "b"\n', text=None):
     (folder / "sensors.csv").write_text(table, encoding="utf-8")
-    return study_from(folder, text or f'sensors = "sensors.csv"\n{MODEL}{excitations}', ("sensors",))
+    return study_from(
+        folder, text or f'sensors = "sensors.csv"\n{MODEL}{excitations}', ("sensors", "measurements")
+    )
 
 
 def test_a_table_says_what_the_tables_of_the_study_say(tmp_path):
@@ -124,3 +127,54 @@ def test_no_file_and_more_keys_are_refused(tmp_path):
         load(tmp_path, "", text=f'sensors = "none.csv"\n{MODEL}')
     with pytest.raises(StudyError, match=r"unknown key"):
         load(tmp_path, "", text=f'{MODEL}[[sensors]]\nfile = "sensors.csv"\ngain = 2.0\n')
+
+
+THREE = "a,0,0,0.2,x\nb,0,0,0.6,x\nc,0,0,1,x\n"
+
+
+def of_three(folder, heading, rows=THREE):
+    return load(folder, f"name,{heading},direction\n{rows}").warnings
+
+
+@pytest.mark.parametrize(
+    ("heading", "rows", "words"),
+    [
+        ("x [mm],y [mm],z [mm]", THREE, ["within 0.8 mm", "look like m, and the heading says mm", "x [m]"]),
+        (
+            "x [ft],y [ft],z [ft]",
+            "a,0,0,0.001,x\nb,0,0,0.002,y\nc,0,0,0.0031,x\n",
+            ["the 3 sensors", "look at their unit"],
+        ),
+        ("x,y,z", "a,0,0,0.5,x\nb,0,0,0.5005,x\nc,0,0,0.501,x\n", ["within 1 mm", "the motion of one place"]),
+    ],
+)
+def test_sensors_in_a_tiny_part_of_the_structure_are_suspicious(tmp_path, heading, rows, words):
+    (warning,) = of_three(tmp_path, heading, rows)
+    assert warning.startswith("sensors.csv, row 2: ")
+    for word in words:
+        assert word in warning
+
+
+def test_sensors_around_a_joint_and_in_three_directions_are_plausible(tmp_path):
+    assert of_three(tmp_path, "x,y,z", "a,0,0,0.49,x\nb,0,0,0.5,x\nc,0,0,0.52,x\n") == ()
+    assert of_three(tmp_path, "x,y,z", "b,0,0,1,x\nb2,0,0,1,y\nb3,0,0,1,z\n") == ()
+
+
+@pytest.mark.parametrize("heading", ["x,y,z", "x [m],y [m],z [m]"])
+def test_coordinates_in_mm_without_their_unit_are_one_error(tmp_path, heading):
+    with pytest.raises(
+        StudyError, match=r"row 2, column x.*the 3 sensors.*times 0.001.*write the heading as x \[mm\]"
+    ):
+        of_three(tmp_path, heading, "a,0,0,200,x\nb,0,0,600,x\nc,0,0,1000,x\n")
+
+
+def test_frfs_of_sensors_beside_a_clamp_do_not_blame_their_unit(tmp_path):
+    text = f'sensors = "sensors.csv"\n{MODEL}[[excitations]]\nname = "f"\npoint = "tip"\ndirection = "x"\n'
+    right = f"name,x,y,z,direction\n{THREE}"
+    load(tmp_path, right, text=text)
+    assert main(["frf", str(tmp_path / "study.toml"), "--out", str(tmp_path / "m.npz")]) == 0
+    wrong = right.replace("x,y,z", "x [mm],y [mm],z [mm]")
+    warnings = load(tmp_path, wrong, text=f'{text}[[measurements]]\nfile = "m.npz"\n').warnings
+    (of_frfs,) = [w for w in warnings if "FRFs" in w]
+    assert "hardly moves at its sensors" in of_frfs
+    assert "their unit" not in of_frfs

@@ -32,6 +32,13 @@ def mass_on(**matrices):
     return beam(1, 0.1, effects=(element, lump, ONLY_Z, held), material=LIGHT)
 
 
+def on_soft_spring(n, k, c=0.0):
+    """Return a stiff rod of n elements that a mass at its end holds on a soft spring in z."""
+    spring = Joint(name="spring", point1=0, location=np.zeros(3), K=k * UP, C=c * UP)
+    held = fix(0, ("x", "y", "rx", "ry", "rz")), fix(n, ("y", "rx", "rz"))
+    return beam(n, 0.1, effects=(spring, AddedMass(name="m", point=0, mass=2.0), *held))
+
+
 def dense_poles(system, n):
     """Return the slowest poles with Im s ≥ 0 from the state space of K̂, Ĉ, M."""
     d = system.model.damping
@@ -224,6 +231,28 @@ def test_laws_are_met_in_a_frame(size):
         q = system.Q.T @ x
         terms = abs(Z) @ abs(q)
         assert abs(Z @ q).max() < 1e-7 * terms.max()
+
+
+@pytest.mark.parametrize("n", [1, 4, 20])
+@pytest.mark.parametrize("c", [0.0, 1.0])
+def test_slow_and_fast_modes_of_one_list_converge(n, c):
+    # 3 Hz of a mass on a soft spring beside 1e4 Hz and more of the rod: each is right in its own equation
+    model = on_soft_spring(n, 800.0, c)
+    modes = solve_complex_modes(assemble(model), 8)
+    assert modes.converged
+    assert modes.residual.max() < 1e-7
+    undamped = solve_modes(assemble(model), 8).frequency
+    np.testing.assert_allclose(modes.frequency, undamped[: modes.n_modes], rtol=1e-6)
+
+
+def test_rounding_above_a_millionth_is_not_converged():
+    # stiffnesses twelve decades apart: the assembled matrix has lost the slow mode's digits
+    system = assemble(on_soft_spring(20, 1.0))
+    modes = solve_complex_modes(system, 8)
+    exact = solve_modes(system, 8).frequency
+    error = abs(modes.frequency[0] / exact[0] - 1)
+    assert 1e-6 < error < modes.residual.max() * 10
+    assert not modes.converged
 
 
 def test_what_is_asked_wrongly_is_refused():

@@ -271,3 +271,27 @@ def test_a_reduced_part_that_only_moves_along_is_not_named():
         assert [m for m in messages(model, load) if "reduced part" in m] == []
         load[3, "z"] = 1e-3
         assert len([m for m in messages(model, load) if "reduced part" in m]) == 1
+
+
+@pytest.mark.parametrize(
+    ("loaded", "n", "sign"), [(2, 20, "positive"), (2, 20, "negative"), (60, 5, "negative")]
+)
+def test_load_factors_are_none_of_rounding(loaded, n, sign):
+    # only the first elements are compressed: few factors exist, and none is negative
+    column = beam(120, effects=(fix(0),), section=STRIP)
+    found = solve_buckling(column, {(loaded, "x"): -1.0}, n, sign=sign)
+    assert (found.factors < 1e10 * found.factors[:1]).all()
+    if sign == "positive":
+        short = beam(loaded, loaded / 120, effects=(fix(0),), section=STRIP)
+        alone = solve_buckling(short, {(loaded, "x"): -1.0}, 2).factors
+        np.testing.assert_allclose(found.factors[:2], alone, rtol=1e-6)
+    else:
+        assert found.factors.size == 0
+
+
+def test_shape_of_pure_twist_has_a_largest_rotation_of_one():
+    # of a wide strip's first element between held ends the lowest motion is twist: no point moves
+    held = fix(0), fix(1, ("y", "z", "ry", "rz"))
+    found = solve_buckling(beam(1, 0.05, effects=held, section=STRIP), {(1, "x"): -1.0}, 1)
+    turned = found.shapes.reshape(-1, 6)[:, 3:]
+    assert abs(turned).max() == pytest.approx(1.0)

@@ -308,3 +308,137 @@ def test_frfs_whose_last_number_is_cut_are_refused(tmp_path):
         read_csv(tmp_path / "h.csv")
     (tmp_path / "h.csv").write_text("\n".join([*rows, ""]), encoding="utf-8")
     assert read_csv(tmp_path / "h.csv").H[0, 0, 0] == 0.1257302210933933 - 0.3163j
+
+
+# LMS Testlab text: a row for each key, its value above the first column of each function
+KEYS = {
+    "Resolution": "1 Hz",
+    "X axis unit": "Hz",
+    "Value type": "Complex",
+    "Y axis quantity": "AccelerationOverForce",
+    "Y axis unit": "g/N",
+    "Reference DOF id": "Point:2:-Z",
+    "Number of averages": "3",
+    "DOF id": "Point:3:-Z",
+    "Original project dir": "C:\\data/of\\test.lms",
+    "Function class": "FRF",
+}
+GAMMA = np.linspace(0.8, 1, 24)
+LINES = np.arange(1.0, 25.0)
+LONG = np.tile(H, 8) * np.linspace(1, 2, 24)
+RE_IM = [LONG.real, LONG.imag]
+
+
+def lms_text(functions, mark="\t", layout="shared", order=1, **other):
+    """Return the text of functions, each given by the values that differ from KEYS and its columns.
+
+    ``layout`` is "shared" for one column of frequencies, "spaced" with an empty column between functions,
+    "blocks" for keys and frequencies of each, and "repeated" with values above every column.
+    """
+    lines = [[key] for key in [*KEYS][::order]]
+    numbers = [[f"{f:g}"] for f in LINES]
+    for k, (values, columns) in enumerate(functions):
+        if k and layout in ("spaced", "blocks"):
+            lines, numbers = ([[*row, ""] for row in part] for part in (lines, numbers))
+        if k and layout == "blocks":
+            lines = [[*row, row[0]] for row in lines]
+            numbers = [[*row, row[0]] for row in numbers]
+        again = layout == "repeated"
+        for row in lines:
+            value = {**KEYS, **other, **values}[row[0]]
+            row += [value, *[value if again else ""] * (len(columns) - 1)]
+        for row, cells in zip(numbers, zip(*columns, strict=True), strict=True):
+            row += [x if isinstance(x, str) else f"{x:.9e}" for x in cells]
+    return "\n".join(mark.join([*row, "", ""]) for row in [*lines, *numbers]) + "\n"
+
+
+SECOND = {"DOF id": "Point:5:+X"}
+
+
+@pytest.mark.parametrize("mark", ["\t", ";", ","])
+@pytest.mark.parametrize("order", [1, -1])
+def test_testlab_text_gives_points_directions_quantity_and_unit(tmp_path, mark, order):
+    text = lms_text([({}, RE_IM)], mark, order=order)
+    reading, frf = read(tmp_path, text)
+    assert (frf.kind, frf.outputs, frf.inputs, reading.stated) == ("accelerance", ("3Z-",), ("2Z-",), True)
+    np.testing.assert_allclose(frf.frequency, LINES)
+    np.testing.assert_allclose(frf.H[:, 0, 0], LONG * G0)
+    if mark != ",":
+        np.testing.assert_allclose(read(tmp_path, text.replace(".", ","))[1].H, frf.H)
+
+
+@pytest.mark.parametrize("layout", ["shared", "spaced", "blocks", "repeated"])
+def test_testlab_functions_side_by_side(tmp_path, layout):
+    reading, frf = read(
+        tmp_path, lms_text([({}, RE_IM), (SECOND, [2 * LONG.real, 2 * LONG.imag])], layout=layout)
+    )
+    assert (frf.outputs, frf.inputs) == (("3Z-", "5X+"), ("2Z-",))
+    np.testing.assert_allclose(frf.H[:, :, 0], np.column_stack([LONG, 2 * LONG]) * G0)
+    assert reading.notes == ("FRFs in 'g/N' are multiplied by 9.80665",)
+
+
+def test_testlab_coherence_goes_with_its_frf_and_other_functions_are_noted(tmp_path):
+    coherence = {"Function class": "Coherence", "Value type": "Real", "Y axis unit": ""}
+    power = {"Function class": "AutoPower Spectrum", "Value type": "Real"}
+    reading, frf = read(tmp_path, lms_text([({}, RE_IM), (coherence, [GAMMA]), (power, [5 + LINES])]))
+    np.testing.assert_allclose(frf.H[:, 0, 0], LONG * G0)
+    np.testing.assert_allclose(reading.coherence[:, 0, 0], GAMMA)
+    assert reading.averages == 3
+    assert any("no FRF (AutoPower Spectrum) and left out" in note for note in reading.notes)
+
+
+POLAR = [np.abs(LONG), np.degrees(np.angle(LONG))]
+
+
+@pytest.mark.parametrize(
+    ("heading", "value_type", "columns", "assumed"),
+    [
+        ("Hz\tg/N\t°\n", "Complex", POLAR, False),
+        ("Hz\tg/N\trad\n", "Complex", [np.abs(LONG), np.angle(LONG)], False),
+        ("Frequency\tAmplitude\tPhase [deg]\n", "Complex", POLAR, False),
+        ("", "Amplitude/Phase (deg)", POLAR, False),
+        ("", "Complex", POLAR, True),
+    ],
+)
+def test_testlab_amplitude_and_phase(tmp_path, heading, value_type, columns, assumed):
+    text = lms_text([({}, columns)], **{"Value type": value_type})
+    head, mark, numbers = text.partition(f"{LINES[0]:g}\t{columns[0][0]:.9e}")
+    reading, frf = read(tmp_path, head + heading + mark + numbers)
+    np.testing.assert_allclose(frf.H[:, 0, 0], LONG * G0)
+    assert any("are taken for amplitude and phase [deg]" in note for note in reading.notes) == assumed
+
+
+def test_mobility_of_a_driving_point_is_not_taken_for_an_amplitude(tmp_path):
+    mobility = {"Y axis quantity": "VelocityOverForce", "Y axis unit": "(m/s)/N"}
+    reading, frf = read(tmp_path, lms_text([({}, [np.abs(LONG.real), LONG.imag])], **mobility))
+    np.testing.assert_allclose(frf.H[:, 0, 0], np.abs(LONG.real) + 1j * LONG.imag)
+    assert frf.kind == "mobility"
+    assert any("are taken for real and imaginary part" in note for note in reading.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (lms_text([({}, RE_IM)], **{"Y axis unit": "(m/s)/N"}), "unit '(m/s)/N' is that of mobility"),
+        (lms_text([({}, RE_IM)], **{"Function class": "Time"}), "it has no FRF: its functions are Time"),
+        (lms_text([({}, [LONG.real])]), "export its real and imaginary part"),
+        (
+            lms_text([({}, RE_IM), ({**SECOND, "Y axis quantity": "VelocityOverForce"}, RE_IM)]),
+            "FRFs of one kind are needed",
+        ),
+        (lms_text([({}, RE_IM), ({}, RE_IM)]), "twice"),
+    ],
+)
+def test_what_testlab_text_contradicts_is_refused(tmp_path, text, words):
+    with pytest.raises(TableError, match=words.replace("(", r"\(").replace(")", r"\)")):
+        read(tmp_path, text)
+
+
+def test_a_value_with_its_unit_is_no_unit_of_a_column(tmp_path):
+    _, frf = read(tmp_path, f"Resolution;0.5 Hz;\n{rows()}", kind="mobility")
+    np.testing.assert_allclose(frf.frequency, F)
+
+
+def test_named_column_that_is_blank_throughout_is_refused(tmp_path):
+    with pytest.raises(TableError, match=r"column 3 \('gap'\) is blank in all lines"):
+        read(tmp_path, "f;re;gap;im\n1;2;;3\n2;3;;4\n", kind="mobility")

@@ -282,6 +282,7 @@ CSV = [
     "1.0,0.1,0.2,0.3,-0.4\n2.0,0.1,0.2,0.3,-0.4\n3.0,1e-3,2e-2,0.3,-0.4\n",
     "# kind: mobility\nf;a\n1,5;1,0-2,5j\n2,5;1,0+2,5j\n",
     "% kind: receptance\n1 1e-6 -2e-7\n2 1e-6 -3e-7\n",
+    'f [Hz];"H(3Z,1Z) Re [g/N]";"H(3Z,1Z) Im [g/N]"\n1;2;3\n2;3;4\n3;4;5\n',
 ]
 
 MATRIX_MARKET = [
@@ -377,6 +378,13 @@ COLUMNS = [
     "Project\tx\n\tH1,2\t\tH1,3\t\nFrequency\tReal\tImag\tReal\tImag\nUnits:\nHz\tg/N\t\tg/N\t\n1\t2\t3\t4\t5\n2\t3\t4\t5\t6\n",
     "f,Mag a/b [dB],Phase a/b [deg],Coh a/b\n1,2,3,1\n2,3,4,.9\n",
     "1 2+3j 4-5j\n2 3+4j 1j\n",
+    "X axis unit\tHz\t\t\tHz\t\nResolution\t1 Hz\t\t\t\t\nDOF id\tPoint:3:-Z\t\t\twing:A:+X\t\n"
+    "Reference DOF id\tPoint:2:+Z\t\t\tPoint:2:+Z\t\n"
+    "Y axis unit\tg/N\t\t\tg/N\t\nFunction class\tFRF\t\t\tFRF\t\n"
+    "Value type\tComplex\t\t\tComplex\t\n" + "".join(f"{k}\t{1 - k}.5\t2\t\t-1\t{k}\n" for k in range(12)),
+    "X axis unit;Hz;\nDOF id;1:+Z;\nReference DOF id;1:+Z;\n"
+    "Function class;FRF;Coherence\nValue type;Amplitude;\n"
+    "Number of averages;3;3\n" + "".join(f"{k};{1 + k},5;0,9\n" for k in range(12)),
 ]
 
 MAST = """sensors = "sensors.csv"
@@ -438,7 +446,11 @@ EXCITATIONS = [
     "omega [rad/s]\tx\n1\t2\n2\t3\n",
 ]
 
-POINTS = ["name,x,y,z\n1,0,0,0\nA2,0.0,0.5,1\n", '"a b",1,2,3\n']
+POINTS = [
+    "y [mm];x [mm];Point;z [mm]\n1,5;0;A;0\n2;0;B;1e3\n",
+    "name,x,y,z\n1,0,0,0\nA2,0.0,0.5,1\n",
+    '"a b",1,2,3\n',
+]
 
 DOFS = [
     "row,label,node,direction,x_m,y_m,z_m\n"

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.io import savemat, wavfile
 
 from dovetail.commands.excitations import driven_by
-from dovetail.commands.match import _test_points
 from dovetail.commands.spectrum import FREQUENCY, PERIOD, TIME, _spectra
 from dovetail.desk.journal import write_journal
 from dovetail.desk.session import Desk
 from dovetail.desk.state import History
 from dovetail.file.config import load_study, read_study
 from dovetail.file.histories import read_columns
+from dovetail.file.named_points import read_named_points
 from dovetail.file.template import write_template
 from dovetail.units import folder as units_folder
 from fem.analysis.frf import FRF
@@ -409,7 +409,7 @@ TARGETS: dict[str, Target] = {
         Target("times", "f.csv", _texts(decks.TIMES), _read_named),
         Target("csv", "f.csv", _texts(decks.CSV), lambda path: read_csv(path)),
         Target("excitation", "f.csv", _texts(decks.EXCITATIONS), _read_excitation),
-        Target("points", "f.csv", _texts(decks.POINTS), _test_points),
+        Target("points", "f.csv", _texts(decks.POINTS), read_named_points),
         Target("sensors", "sensors.csv", _texts(decks.SENSORS), _in_study()),
         Target("sections", "sections.csv", _texts(decks.SECTIONS), _in_study()),
         Target("modes", "modes.csv", _texts(decks.MODES), _in_study('[modes]\nfile = "modes.csv"\n')),

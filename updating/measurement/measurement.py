@@ -11,7 +11,7 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.mesh import Mesh
-from fem.model import Instruments, Model, ModelError, dofs_of
+from fem.model import Instruments, Model, ModelError, dofs_of, lever_matrix
 from fem.summary import counted, span, summary
 from updating.measurement.channel_errors import (
     DIRECTION,
@@ -57,6 +57,8 @@ class Sensor:
     body : str
         Name of the sprung mass that carries it: its reading is the motion of that mass's centre, and its
         point is where the mass is attached. Empty on the structure itself.
+    arm : ndarray (3,)
+        From its point to where it is, beside the axis: a rigid arm connects the two [m].
     """
 
     name: str
@@ -67,6 +69,7 @@ class Sensor:
     mass: float = 0.0
     relative: bool = False
     body: str = ""
+    arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     quantity: ClassVar[str] = MOTION
     """Readings of a motion have the time derivatives of the FRFs' kind; others have none."""
@@ -458,7 +461,7 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
             msg = f"sensor '{s.name}' has the mass {s.mass} kg; it must be finite and not negative"
             raise MeasurementError(msg)
         if s.mass > 0 and name not in known:
-            masses[name] = AddedMass(name=name, point=sensor_point(model.mesh, s), mass=s.mass)
+            masses[name] = AddedMass(name=name, point=sensor_point(model.mesh, s), mass=s.mass, arm=s.arm)
     return replace(model, effects=(*model.effects, *masses.values())) if masses else model
 
 
@@ -578,7 +581,8 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
         Largest distance [m].
     """
     cosine = float(np.dot(sensor.direction, excitation.direction))
-    near = np.linalg.norm(np.asarray(sensor.point) - excitation.point) <= tolerance
+    apart = np.asarray(sensor.point) + sensor.arm - excitation.point - excitation.arm
+    near = np.linalg.norm(apart) <= tolerance
     alike = sensor.directed and excitation.directed
     return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
@@ -599,7 +603,8 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
 def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return DOFs, and the translation (3, n) of a sensor's place by them."""
     if not sensor.body:
-        return dofs_of(sensor_point(model.mesh, sensor))[:3], np.eye(3)
+        dofs = dofs_of(sensor_point(model.mesh, sensor))
+        return (dofs, lever_matrix(sensor.arm)[:3]) if np.any(sensor.arm) else (dofs[:3], np.eye(3))
     motion = next((e.body_motion(model) for e in model.effects if e.name == sensor.body), None)
     if motion is None:
         msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
