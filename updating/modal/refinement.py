@@ -526,7 +526,9 @@ def local_gain(data: ModalFitData, fit: ModalFit, pole: complex, participation: 
     """
     lines = _near(data, pole)
     p, q = _fractions(data, data.frf.omega[lines], np.array([pole]))
-    columns = np.stack([_pairs(p, q, one) / data.spread[lines, i, None] for i, one in enumerate(participation)])
+    columns = np.stack(
+        [_pairs(p, q, one) / data.spread[lines, i, None] for i, one in enumerate(participation)]
+    )
     B = np.concatenate([columns.real, columns.imag], axis=1).reshape(-1, 2)
     e = fit.misfit[lines].transpose(2, 0, 1)
     y = np.concatenate([e.real, e.imag], axis=1).reshape(len(B), -1)

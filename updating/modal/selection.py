@@ -117,7 +117,7 @@ def search_modes(
         if not more:
             break
         wider = _settle(task, replace(found, starts=found.starts + more))
-        if len(wider.starts) <= len(found.starts):
+        if _n_modes(task, wider) <= _n_modes(task, found):
             found = replace(found, rejected=wider.rejected, steps=wider.steps)
             break
         found = wider
@@ -141,6 +141,11 @@ def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[M
         if not any(_overlap(start.pole, other.pole) < 1 for other in (*out, *found.starts)):
             out.append(start)
     return tuple(out)
+
+
+def _n_modes(task: Task, state: SelectionState) -> int:
+    return _reasons(task, state.data, state.fitted).count("")
+
 
 def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeStart, ...]:
     """Return poles that persist in the residual of the fit, by parts of the band that overlap by half.
@@ -171,6 +176,8 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
     """
     data, starts, rejected, steps = state.data, state.starts, list(state.rejected), list(state.steps)
     final = False
+    needed: set[int] = set()  # n-th of all poles of this search that stays, by ``names``
+    names, before, dropped = list(range(len(starts))), set[int](), dict[int, ModeStart]()
     while True:
         n_in = data.spread.shape[1]
         poles = np.array([s.pole for s in starts], dtype=complex)
@@ -188,17 +195,36 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
         reasons = _reasons(task, data, fit)
-        if not any(reasons):
+        lost = [k for k, reason in enumerate(reasons) if reason and names[k] in before]
+        back = {
+            min(dropped, key=lambda name: _overlap(dropped[name].pole, starts[k].pole))
+            for k in lost
+            if dropped
+        }
+        before = {name for name, reason in zip(names, reasons, strict=True) if not reason}
+        if back:
+            needed |= back
+            starts += tuple(dropped[name] for name in back)
+            names += list(back)
+            rejected = [
+                c for c in rejected if not any(c.frequency == abs(s.pole) / (2 * np.pi) for s in starts)
+            ]
+            dropped = {}
+            continue
+        doubtful = ["" if name in needed else why for name, why in zip(names, reasons, strict=True)]
+        if not any(doubtful):
             if fit.converged or final:
                 return SelectionState(data, starts, fit, tuple(rejected), tuple(steps))
-            final = True
+            final, dropped = True, {}
             continue
-        weakest = _weakest(fit, reasons)
+        weakest = _weakest(fit, doubtful)
         rejected += [
             Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
             for s, reason, out in zip(starts, reasons, weakest, strict=True)
             if out
         ]
+        dropped = {name: s for name, s, out in zip(names, starts, weakest, strict=True) if out}
+        names = [name for name, out in zip(names, weakest, strict=True) if not out]
         starts = tuple(s for s, out in zip(starts, weakest, strict=True) if not out)
 
 
@@ -272,7 +298,7 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
             reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
         elif deviation[k] > LARGEST_DEVIATION:
             reasons[k] = (
-                f"uncertain: the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
+                f"the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
                 f"half-power half-width, above {LARGEST_DEVIATION:g}"
             )
         elif gain[k] < needed:
@@ -280,12 +306,18 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
                 f"insignificant: it lowers the weighted sum of squares by {gain[k]:.3g}, and a mode must "
                 f"do so by {needed:.3g}"
             )
+    sure = np.array([not reason for reason in reasons], dtype=bool)
+    for k in np.flatnonzero(deviation > LARGEST_DEVIATION):
+        if reasons[k].startswith("the standard deviation"):
+            cause = _cause(fit, int(k), sure)
+            beside = "" if cause is None else f" beside the mode at {frequency[cause]:.4g} Hz"
+            reasons[k] = f"uncertain{beside}: {reasons[k]}"
     alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
         alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
     apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
-    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1) & (max(data.frf.H.shape[1:]) > 1)
+    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1)
     for i, j in np.argwhere(twins):
         if not reasons[i] and not reasons[j]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
@@ -293,15 +325,36 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     return reasons
 
 
-def complexity_reasons(task: Task, fit: ModalFit) -> list[str]:
-    """Return for each pole whose shape is too complex the reason, empty for the others.
+def _cause(fit: ModalFit, k: int, sure: NDArray[np.bool_]) -> int | None:
+    """Return the mode that, if it were known, would at least halve the variance of an uncertain pole."""
+    C, own = fit.covariance, slice(2 * k, 2 * k + 2)
+    least, cause = 0.5, None
+    for j in np.flatnonzero(sure):
+        other = slice(2 * j, 2 * j + 2)
+        known = C[own, other] @ np.linalg.pinv(C[other, other]) @ C[other, own]
+        worst = int(np.argmax(C[own, own].diagonal()))
+        left = 1 - known[worst, worst] / C[2 * k + worst, 2 * k + worst]
+        if left < least:
+            least, cause = left, int(j)
+    return cause
 
-    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong.
+
+def unreported(task: Task, state: SelectionState) -> list[str]:
+    """Return for each pole of the last fit why it is no mode, empty for modes.
+
+    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong. It is
+    doubtful itself, or its shape is too complex.
     """
+    fit = state.fitted
     shapes = fit.participation.T if task.turned else fit.shapes
     out = []
-    for mpc, mpd in zip(modal_phase_collinearity(shapes), mean_phase_deviation(shapes), strict=True):
-        words = []
+    measures = (
+        _reasons(task, state.data, fit),
+        modal_phase_collinearity(shapes),
+        mean_phase_deviation(shapes),
+    )
+    for reason, mpc, mpd in zip(*measures, strict=True):
+        words = [f"{reason}; it stays in the fit, as other modes need it"] if reason else []
         if mpc < task.least_mpc:
             words.append(f"modal phase collinearity {mpc:.2f}, below {task.least_mpc:g} (least_mpc)")
         if mpd > task.largest_mpd:
