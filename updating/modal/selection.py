@@ -185,7 +185,7 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
         fit = fit_modes(data, poles, L, _MANY_STEPS if final else _FEW_STEPS)
         if task.estimate_noise:
             data = _reweighted(data, fit)
-            fit = fit_modes(data, fit.poles, fit.participation, _MANY_STEPS if final else _FEW_STEPS // 4)
+            fit = fit_modes(data, fit.poles, fit.participation, _MANY_STEPS if final else _FEW_STEPS)
         steps.append(
             f"{len(starts)} poles fitted in {fit.n_steps} steps"
             + ("" if fit.converged else ", not converged yet")
