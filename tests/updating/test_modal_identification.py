@@ -233,7 +233,7 @@ BEAM = Path(__file__).parents[3] / "shared" / "data" / "measured-beams" / "six-m
 @pytest.mark.skipif(not BEAM.exists(), reason="the measured beam is not there")
 @pytest.mark.parametrize("sample", [12, 29])
 def test_one_measured_frf_keeps_its_clear_resonances(sample):
-    """Weak modes of the fixture lie among the resonances of the beam: dropped at once, they took two along."""
+    """Weak modes of the fixture lie among those of the beam: dropped at once, they took some along."""
     with np.load(BEAM) as beam, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = identify_modes(beam["frequency"], beam["healthy"][sample].astype(complex), band=(8, 2000))
