@@ -35,7 +35,7 @@ from updating.modal.poles import (
     track_poles,
 )
 from updating.modal.refinement import scatter_near, synthesise
-from updating.modal.selection import SelectionState, Task, complexity_reasons, search_modes
+from updating.modal.selection import SelectionState, Task, search_modes, unreported
 
 LEAST_MPC, LARGEST_MPD = 0.3, 45.0
 """Shapes are no less collinear [-], and no farther from real ones [degrees], unless the caller says so."""
@@ -329,7 +329,7 @@ def _result(
 ) -> IdentifiedModes:
     fit, data, turned = found.fitted, found.data.frf, task.turned
     size = np.abs(fit.poles)
-    reasons = complexity_reasons(task, fit)
+    reasons = unreported(task, found)
     complex_ = np.array([bool(reason) for reason in reasons], dtype=bool)
     rising = np.argsort(size, kind="stable")
     rising = rising[~complex_[rising]]

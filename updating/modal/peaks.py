@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.modal.poles import LEAST_ORDERS, Stabilisation
+from updating.modal.poles import LEAST_ORDERS, MATHEMATICAL_DAMPING, Stabilisation
 
 HALF_POWER_DB = 3.0
 """Least prominence of a peak: it then has half-power points to either side [dB]."""
@@ -146,17 +146,19 @@ def _reason(
     near = [
         c
         for c in candidates
-        if not c.accepted and abs(c.frequency - frequency) <= max(reach, 2 * c.zeta * c.frequency)
+        if not c.accepted
+        and c.zeta <= MATHEMATICAL_DAMPING  # a pole of more damping is at no peak
+        and abs(c.frequency - frequency) <= max(reach, c.zeta * c.frequency)
     ]
     if near:
-        c = max(near, key=lambda c: (c.n_orders, -abs(c.frequency - frequency)))
+        c = min(near, key=lambda c: abs(c.frequency - frequency))
         return f"the pole at {c.frequency:.5g} Hz, in {c.n_orders} orders, was left out: {c.reason}"
     close = np.abs(stabilisation.poles.imag / (2 * np.pi) - frequency) <= reach
     n_orders = np.unique(stabilisation.order[close]).size
     if n_orders:
         return (
-            f"{n_orders} of {stabilisation.orders.size} model orders have a pole near it, but no pole "
-            f"persists over {LEAST_ORDERS} orders"
+            f"{n_orders} of {stabilisation.orders.size} model orders have a pole near it, but none "
+            f"persists over {LEAST_ORDERS} orders and stays there in the fit"
         )
     return f"no model of an order up to {stabilisation.orders[-1]} has a pole there"
 

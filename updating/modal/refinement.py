@@ -39,7 +39,7 @@ _BLOCK = 4096
 _LEAST_INFORMATION = 1e-100
 """Information that an unknown has at least, so that no variance overflows [-]."""
 
-_TALL = 1e8
+_TALL = 1e7
 """Products in BᵀB beyond which B is made orthogonal by them."""
 
 _WELL_CONDITIONED = 1e-5
@@ -495,19 +495,46 @@ def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
     apart, up to the first that chance may give. Windows and errors of the model correlate lines: then there
     are fewer independent ones than there are lines. Not below 1.
     """
-    out = np.ones(fit.poles.size)
-    usual = (np.abs(fit.misfit) ** 2).mean() / 2
-    for r, pole in enumerate(fit.poles):
-        apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
-        near = np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= _NEAR).sum()))])
-        e = fit.misfit[near].reshape(near.size, -1)
-        spectrum = np.abs(np.fft.fft(e, 2 * near.size, axis=0)) ** 2
-        together = np.fft.ifft(spectrum.sum(axis=1)).real[: near.size // 2] / e.size
-        power = together[0] / 2  # of the real and of the imaginary part
-        chance = 2 / np.sqrt(e.size)
-        ends = np.flatnonzero(together <= chance * together[0])
-        together = together[: ends[0]] if ends.size else together
-        inflation = 2 * together.sum() / max(2 * power, 1e-300) - 1
-        excess = power / max(usual, 1e-300)
-        out[r] = np.sqrt((excess if excess > 1 + chance else 1.0) * max(inflation, 1.0))
-    return out
+    usual = float((np.abs(fit.misfit) ** 2).mean() / 2)
+    return np.array([_scatter(fit.misfit[_near(data, pole)], usual) for pole in fit.poles])
+
+
+def _near(data: ModalFitData, pole: complex) -> NDArray[np.int64]:
+    """Return the lines near a pole."""
+    apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
+    return np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= _NEAR).sum()))])
+
+
+def _scatter(misfit: Complexes, usual: float) -> float:
+    """Return the ratio of the noise in the misfit of a few lines to the usual one of mean square 1 + 1."""
+    e = misfit.reshape(len(misfit), -1)
+    spectrum = np.abs(np.fft.fft(e, 2 * len(e), axis=0)) ** 2
+    together = np.fft.ifft(spectrum.sum(axis=1)).real[: len(e) // 2] / e.size
+    power = together[0] / 2  # of the real and of the imaginary part
+    chance = 2 / np.sqrt(e.size)
+    ends = np.flatnonzero(together <= chance * together[0])
+    together = together[: ends[0]] if ends.size else together
+    inflation = 2 * together.sum() / max(2 * power, 1e-300) - 1
+    excess = power / max(usual, 1e-300)
+    return float(np.sqrt((excess if excess > 1 + chance else 1.0) * max(inflation, 1.0)))
+
+
+def local_gain(data: ModalFitData, fit: ModalFit, pole: complex, participation: Complexes) -> float:
+    """Return how much one more mode lowers the sum of squares of the misfit near it, over the noise left.
+
+    Its pole and its participation stay, and so do all other modes.
+    """
+    lines = _near(data, pole)
+    p, q = _fractions(data, data.frf.omega[lines], np.array([pole]))
+    columns = np.stack(
+        [_pairs(p, q, one) / data.spread[lines, i, None] for i, one in enumerate(participation)]
+    )
+    B = np.concatenate([columns.real, columns.imag], axis=1).reshape(-1, 2)
+    e = fit.misfit[lines].transpose(2, 0, 1)
+    y = np.concatenate([e.real, e.imag], axis=1).reshape(len(B), -1)
+    Q, _ = np.linalg.qr(B / np.maximum(np.linalg.norm(B, axis=0), 1e-300))
+    inside = Q.T @ y
+    left = (y - Q @ inside).reshape(len(participation), 2, lines.size, -1)
+    usual = float((np.abs(fit.misfit) ** 2).mean() / 2)
+    misfit = (left[:, 0] + 1j * left[:, 1]).transpose(1, 2, 0)
+    return float((inside**2).sum()) / _scatter(misfit, usual) ** 2

@@ -22,7 +22,7 @@ from updating.modal.poles import (
     fit_orders,
     track_poles,
 )
-from updating.modal.refinement import fit_modes, scatter_near
+from updating.modal.refinement import fit_modes, local_gain, scatter_near
 
 LARGEST_DEVIATION = 0.15
 """A mode's frequency and decay must be known within this part of its half-power half-width [-]."""
@@ -41,6 +41,9 @@ ROUNDING = 1e-10
 _FEW_STEPS, _MANY_STEPS = 8, 60
 """Steps of a fit while there may be poles that are no modes, which converge slowly or not at all, and of the
 last."""
+
+_OFFERS = 3
+"""Rejected poles and those of the residual are tried again at most this often."""
 
 _PARTS, _PART, _PART_ORDER = 8, 128, 24
 """The residual of a fit is searched in this many parts of the band, of so many lines at least, up to this
@@ -102,13 +105,46 @@ def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[ModeStart, .
 def search_modes(
     task: Task, tracks: Sequence[Track], orders: NDArray[np.int64]
 ) -> tuple[SelectionState, int]:
-    """Find modes among the tracks, then in the residual; return also the number of poles of the residual."""
-    found = _settle(task, SelectionState(task.data, starts_of(tracks, task.data), None, (), ()))
-    more = _overlooked(found, orders)
-    if more:
+    """Find modes among the tracks, then among these and the poles of the residual.
+
+    Returns also the number of poles of the residual of the first fit.
+    """
+    first = starts_of(tracks, task.data)
+    found = _settle(task, SelectionState(task.data, first, None, (), ()))
+    of_residual = _overlooked(found, orders)
+    for _ in range(_OFFERS):
+        more = _worth_trying(found, (*first, *of_residual))
+        if not more:
+            break
         wider = _settle(task, replace(found, starts=found.starts + more))
-        found = wider if len(wider.starts) > len(found.starts) else replace(found, rejected=wider.rejected)
-    return found, len(more)
+        if _n_modes(task, wider) <= _n_modes(task, found):
+            found = replace(found, rejected=wider.rejected, steps=wider.steps)
+            break
+        found = wider
+    return found, len(of_residual)
+
+
+def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[ModeStart, ...]:
+    """Return poles that lower the misfit of the present modes near them as much as a mode must.
+
+    The shapes alone are free; lines within a few half-widths count, and each place is tried once.
+    """
+    data, fit = found.data, found.fitted
+    n = fit.n_parameters
+    needed = n + SIGNIFICANCE * np.sqrt(2 * n)
+    gains = [local_gain(data, fit, start.pole, np.array(start.participation)) for start in starts]
+    out: list[ModeStart] = []
+    for k in np.argsort(-np.array(gains), kind="stable"):
+        start = starts[k]
+        if gains[k] < needed:
+            break
+        if not any(_overlap(start.pole, other.pole) < 1 for other in (*out, *found.starts)):
+            out.append(start)
+    return tuple(out)
+
+
+def _n_modes(task: Task, state: SelectionState) -> int:
+    return _reasons(task, state.data, state.fitted).count("")
 
 
 def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeStart, ...]:
@@ -134,9 +170,14 @@ def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeS
 
 
 def _settle(task: Task, state: SelectionState) -> SelectionState:
-    """Fit, reject poles that are no modes, and fit again until no pole is rejected."""
-    data, starts, rejected, steps = state.data, state.starts, state.rejected, state.steps
+    """Fit, reject the weakest of the poles that are no modes, and fit again until no pole is rejected.
+
+    Poles share what they describe: without one of them, those that overlap it may be modes after all.
+    """
+    data, starts, rejected, steps = state.data, state.starts, list(state.rejected), list(state.steps)
     final = False
+    needed: set[int] = set()  # n-th of all poles of this search that stays, by ``names``
+    names, before, dropped = list(range(len(starts))), set[int](), dict[int, ModeStart]()
     while True:
         n_in = data.spread.shape[1]
         poles = np.array([s.pole for s in starts], dtype=complex)
@@ -145,27 +186,64 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
         if task.estimate_noise:
             data = _reweighted(data, fit)
             fit = fit_modes(data, fit.poles, fit.participation, _MANY_STEPS if final else _FEW_STEPS)
-        steps = (
-            *steps,
+        steps.append(
             f"{len(starts)} poles fitted in {fit.n_steps} steps"
-            + ("" if fit.converged else ", not converged yet"),
+            + ("" if fit.converged else ", not converged yet")
         )
         starts = tuple(
             ModeStart(complex(p), tuple(row.tolist()), s.n_orders)
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
         reasons = _reasons(task, data, fit)
-        if not any(reasons):
-            if fit.converged or final:
-                return SelectionState(data, starts, fit, rejected, steps)
-            final = True
+        lost = [k for k, reason in enumerate(reasons) if reason and names[k] in before]
+        back = {
+            min(dropped, key=lambda name: _overlap(dropped[name].pole, starts[k].pole))
+            for k in lost
+            if dropped
+        }
+        before = {name for name, reason in zip(names, reasons, strict=True) if not reason}
+        if back:
+            needed |= back
+            starts += tuple(dropped[name] for name in back)
+            names += list(back)
+            rejected = [
+                c for c in rejected if not any(c.frequency == abs(s.pole) / (2 * np.pi) for s in starts)
+            ]
+            dropped = {}
             continue
-        rejected += tuple(
+        doubtful = ["" if name in needed else why for name, why in zip(names, reasons, strict=True)]
+        if not any(doubtful):
+            if fit.converged or final:
+                return SelectionState(data, starts, fit, tuple(rejected), tuple(steps))
+            final, dropped = True, {}
+            continue
+        weakest = _weakest(fit, doubtful)
+        rejected += [
             Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
-            for s, reason in zip(starts, reasons, strict=True)
-            if reason
+            for s, reason, out in zip(starts, reasons, weakest, strict=True)
+            if out
+        ]
+        dropped = {name: s for name, s, out in zip(names, starts, weakest, strict=True) if out}
+        names = [name for name, out in zip(names, weakest, strict=True) if not out]
+        starts = tuple(s for s, out in zip(starts, weakest, strict=True) if not out)
+
+
+def _weakest(fit: ModalFit, reasons: Sequence[str]) -> list[bool]:
+    """Return whether a pole with a reason lowers the misfit by less than all such poles that overlap it."""
+    bad = [k for k, reason in enumerate(reasons) if reason]
+    return [
+        bool(reason)
+        and not any(
+            (fit.energy[i], i) < (fit.energy[k], k) and _overlap(fit.poles[i], fit.poles[k]) < TWIN_DISTANCE
+            for i in bad
         )
-        starts = tuple(s for s, reason in zip(starts, reasons, strict=True) if not reason)
+        for k, reason in enumerate(reasons)
+    ]
+
+
+def _overlap(one: complex, other: complex) -> float:
+    """Return the distance of two poles over the sum of their half-power half-widths."""
+    return abs(one - other) / -(one.real + other.real)
 
 
 def _reweighted(data: ModalFitData, fit: ModalFit) -> ModalFitData:
@@ -220,7 +298,7 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
             reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
         elif deviation[k] > LARGEST_DEVIATION:
             reasons[k] = (
-                f"uncertain: the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
+                f"the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
                 f"half-power half-width, above {LARGEST_DEVIATION:g}"
             )
         elif gain[k] < needed:
@@ -228,21 +306,18 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
                 f"insignificant: it lowers the weighted sum of squares by {gain[k]:.3g}, and a mode must "
                 f"do so by {needed:.3g}"
             )
+    sure = np.array([not reason for reason in reasons], dtype=bool)
+    for k in np.flatnonzero(deviation > LARGEST_DEVIATION):
+        if reasons[k].startswith("the standard deviation"):
+            cause = _cause(fit, int(k), sure)
+            beside = "" if cause is None else f" beside the mode at {frequency[cause]:.4g} Hz"
+            reasons[k] = f"uncertain{beside}: {reasons[k]}"
     alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
         alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
     apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
-    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1) & (max(data.frf.H.shape[1:]) > 1)
-    uncertain = deviation > LARGEST_DEVIATION
-    # two copies of a mode make each other uncertain: the stronger one is tried again without the other
-    sure = [k for k in range(fit.poles.size) if not reasons[k]]
-    retried = uncertain.copy()
-    for i, j in np.argwhere(twins & uncertain & uncertain[:, None]):
-        retried[i if gain[i] < gain[j] else j] = False
-    for k in np.flatnonzero(retried & (twins | twins.T)[:, uncertain].any(axis=1)):
-        if reasons[k].startswith("uncertain") and not (twins | twins.T)[k, sure].any():
-            reasons[k] = ""
+    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1)
     for i, j in np.argwhere(twins):
         if not reasons[i] and not reasons[j]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
@@ -250,15 +325,36 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     return reasons
 
 
-def complexity_reasons(task: Task, fit: ModalFit) -> list[str]:
-    """Return for each pole whose shape is too complex the reason, empty for the others.
+def _cause(fit: ModalFit, k: int, sure: NDArray[np.bool_]) -> int | None:
+    """Return the mode that, if it were known, would at least halve the variance of an uncertain pole."""
+    C, own = fit.covariance, slice(2 * k, 2 * k + 2)
+    least, cause = 0.5, None
+    for j in np.flatnonzero(sure):
+        other = slice(2 * j, 2 * j + 2)
+        known = C[own, other] @ np.linalg.pinv(C[other, other]) @ C[other, own]
+        worst = int(np.argmax(C[own, own].diagonal()))
+        left = 1 - known[worst, worst] / C[2 * k + worst, 2 * k + worst]
+        if left < least:
+            least, cause = left, int(j)
+    return cause
 
-    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong.
+
+def unreported(task: Task, state: SelectionState) -> list[str]:
+    """Return for each pole of the last fit why it is no mode, empty for modes.
+
+    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong. It is
+    doubtful itself, or its shape is too complex.
     """
+    fit = state.fitted
     shapes = fit.participation.T if task.turned else fit.shapes
     out = []
-    for mpc, mpd in zip(modal_phase_collinearity(shapes), mean_phase_deviation(shapes), strict=True):
-        words = []
+    measures = (
+        _reasons(task, state.data, fit),
+        modal_phase_collinearity(shapes),
+        mean_phase_deviation(shapes),
+    )
+    for reason, mpc, mpd in zip(*measures, strict=True):
+        words = [f"{reason}; it stays in the fit, as other modes need it"] if reason else []
         if mpc < task.least_mpc:
             words.append(f"modal phase collinearity {mpc:.2f}, below {task.least_mpc:g} (least_mpc)")
         if mpd > task.largest_mpd:
