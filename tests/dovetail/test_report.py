@@ -15,7 +15,7 @@ from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
-from dovetail.report.drawn import marked_places
+from dovetail.report.drawn import fits_of, marked_places, rivals
 from dovetail.report.page import Markup, html, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
@@ -91,6 +91,22 @@ def test_the_page_loads_nothing(text):
     bare = re.sub(r"data:[\w/+;]*,[\w+/=]*", "", text)
     assert not re.search(r"https?://|file:|url\(|@import|<script|<iframe|\bon\w+=", bare)
     assert len(text) < 8e6
+
+
+def test_the_curves_that_are_drawn_have_the_errors_that_are_stated(found):
+    d, measured = found.diagnosis, found.diagnosis.measured
+    for k, rival in rivals(found).items():
+        drawn = fits_of(found, k, rival)
+        for piece in d.findings[k].decisive:
+            pair, band = ([piece.output], [piece.input]), slice(*piece.band)
+            seen = measured.select(*pair)
+            lines = (seen.frequency >= band.start) & (seen.frequency <= band.stop)
+            errors = [
+                np.sqrt(np.mean((20 * np.log10(abs(f.select(*pair).H / seen.H))[lines]) ** 2))
+                for f in drawn.values()
+            ]
+            assert errors == pytest.approx([piece.first_db, piece.second_db], rel=1e-9)
+    assert drawn
 
 
 def test_the_order_is_that_of_a_reader(text):

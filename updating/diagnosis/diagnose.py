@@ -200,7 +200,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     """Return what a search says; ``stated`` tells whether there are levels of force."""
     search, lead, nothing = done.search, done.lead, done.search.known[frozenset()]
     chain = _chain(done, lead)
-    problem = _with_forces(done.problem, done, lead.effects)
+    problem = done.problem.with_forces_of(lead.fitted)
     steps = [
         step_of("nominal model", problem.nominal()),
         step_of(FITTED, problem.assessed(nothing.fitted)),
@@ -318,10 +318,9 @@ def _findings(
         for other in _with_one_more(done, before):
             if other.key == h.key:
                 continue
-            mine = _with_forces(problem, done, other.effects)
-            result = mine.assessed(other.fitted)
+            result = problem.assessed(other.fitted)
             (else_,) = (e for e in other.effects if e.name not in before.key)
-            alike = similarity_of(shift, change_of(mine, result, steps[1].result))
+            alike = similarity_of(shift, change_of(problem, result, steps[1].result))
             ranked.append(_ranked(else_, result, alike, other.score))
         rounds.append(tuple(ranked))
         twins = _twins(done, best, effect)
@@ -334,12 +333,9 @@ def _findings(
         against = rival or next(iter(alternatives), None)
         decisive: tuple[Decisive, ...] = ()
         if against is not None and done.search.budget.checked:
-            both = _with_forces(problem, done, [*h.effects, *against.result.effects])
-            decisive = what_decides(both, step.result, against.result)
+            decisive = what_decides(problem, step.result, against.result)
         proposals = tuple(
-            next_measurements(
-                _with_forces(problem, done, [*h.effects, *t.result.effects]), step.result, t.result
-            )
+            next_measurements(problem, step.result, t.result)
             for t in alternatives[:MOST_SEPARATED]
             if not any(e.amplitude_dependent for e in (*h.effects, *t.result.effects))
         )
@@ -357,19 +353,12 @@ def _rivals(done: Searched, problem: FitProblem, best: Hypothesis, before: FitRe
     """Return the ranking of further effects that were tried with the best hypothesis and lower its score."""
     ranked, shift = [], None
     for other in _with_one_more(done, best):
-        mine = _with_forces(problem, done, other.effects)
-        result = mine.assessed(other.fitted)
+        result = problem.assessed(other.fitted)
         (more,) = (e for e in other.effects if e.name not in best.key)
-        change = change_of(mine, result, before)
+        change = change_of(problem, result, before)
         shift = change if shift is None else shift
         ranked.append(_ranked(more, result, similarity_of(shift, change), other.score))
     return tuple(ranked)
-
-
-def _with_forces(problem: FitProblem, done: Searched, effects: Sequence[Effect]) -> FitProblem:
-    """Return a problem whose basis is that of the search with the responses to the forces of effects."""
-    once = {e.name: e for e in effects}
-    return replace(problem, reduced=done.search.fits.problem.reduced.with_forces_of(list(once.values())))
 
 
 def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:

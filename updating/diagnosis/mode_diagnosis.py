@@ -439,7 +439,6 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     nothing, final = search.known[frozenset()], _reported(done)
     bad = _bad_readings(done, problem)
     table = _table(problem, nothing, final, bad)
-    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
         verdict=verdict,
         reason="",
@@ -448,7 +447,7 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         next_measurements=(),
         model=fitted_model(done.model, final.fitted),
-        problem=there,
+        problem=problem.with_forces_of(final.fitted),
         searched=done,
         notes=_notes(problem),
         seconds=0.0,
@@ -513,8 +512,7 @@ def _table(
         if b.reading.kind == FREQUENCY:
             bad[b.reading.mode] = b.probability
     nominal, fitted = problem.believed.computed(problem.nominal()), problem.computed(nothing.fitted)
-    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
-    found = there.computed(final.fitted)
+    found = problem.computed(final.fitted)
     return ModeTable(
         measured=t.frequency,
         std=t.frequency_std,
@@ -526,7 +524,7 @@ def _table(
         mac_nominal=nominal.mac,
         mac_found=found.mac,
         held_out=t.held_out,
-        found_std=there.predicted_std(final.fitted),
+        found_std=problem.predicted_std(final.fitted),
         bad=bad,
     )
 
