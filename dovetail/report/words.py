@@ -332,7 +332,10 @@ def mode_headline(result: ModeRunResult) -> str:
 def mode_values(d: ModeDiagnosis) -> list[str]:
     """Return the effects found by modes with their values, a line each."""
     lines = [finding_text(f) for f in mode_findings(d)]
-    return lines if d.sure or not lines else ["The most probable explanation:", *lines]
+    if d.sure or not lines:
+        return lines
+    first = d.reported is d.explanations[0]
+    return ["The most probable explanation:" if first else "The simplest probable explanation:", *lines]
 
 
 def sentences(findings: Sequence[Finding]) -> str:

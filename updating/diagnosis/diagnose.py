@@ -405,7 +405,7 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
     before, level = (f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (nothing, best))
-    share = percent(done.probability_there(best))
+    share, exactly = map(percent, (done.probability_there(best), done.probability_of_answer(best)))
     names = labels(best.effects)
     if not done.explains:
         lead, lead_db = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
@@ -423,8 +423,8 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     if faults:
         return FAULT, (
             f"with {len(faults)} fault(s) of the measurement corrected, nothing improves the model further; "
-            f"residual level {level} dB; probability {share}"
+            f"residual level {level} dB; probability {exactly}"
         )
     return NOTHING, (
-        f"no candidate improves the fitted model, whose residual level is {level} dB; probability {share}"
+        f"no candidate improves the fitted model, whose residual level is {level} dB; probability {exactly}"
     )
