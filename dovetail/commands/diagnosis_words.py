@@ -27,7 +27,7 @@ def found_lines(d: "Diagnosis") -> list[str]:
     sure = probability_text(d)
     out += [f"  {text}" for text in (sure, words.far_text(uncertain_parameters(d))) if text]
     out += [f"  Form: {words.departure_text(f)}" for f in d.departures]
-    return out + [f"  {words.fault_text(f)}" for f in d.faults]
+    return out + [f"  {words.fault_text(f)}" for f in d.every_fault]
 
 
 def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> Table:

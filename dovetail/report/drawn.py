@@ -133,7 +133,7 @@ def marked_places(result: RunResult) -> list[Place]:
         for xyz in differs.effect.locations(result.study.model)[:1]:
             form = (differs.where, words.departure_label(differs), "finding")
             out.setdefault(tuple(np.round(xyz, 9)), []).append(form)
-    for fault in d.faults:
+    for fault in d.every_fault:
         group = m.sensors if fault.kind.startswith("sensor") else m.excitations
         sensor = next(s for s in group if s.name == fault.sensor)
         word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import ADDED, RunResult, Uncertain, added_parameters
+from dovetail.result import ADDED, RunResult, Uncertain, added_parameters, axis_text
 from fem.model import Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -231,6 +231,9 @@ FAULT_NAMES = {
     "excitation_sign": "force with wrong sign",
     "excitation_gain": "force with wrong gain",
     "excitation_delay": "force with delay",
+    "excitation_tilt": "tilted force",
+    "sensor_shift": "wrong place",
+    "excitation_shift": "force at a wrong place",
 }
 """Kinds of faults in words."""
 
@@ -251,7 +254,8 @@ def fault_value(fault: Fault) -> str:
 def fault_text(fault: Fault) -> str:
     """Return a fault of a sensor or a force in words."""
     name, value = fault.sensor, fault_value(fault)
-    return {
+    towards = axis_text(fault.direction) if fault.direction else ""
+    text = {
         "sensor_sign": f"{name} reads with the opposite sign",
         "sensor_gain": f"{name} reads {value} times the motion",
         "sensor_delay": f"{name} reads {value} late",
@@ -261,7 +265,20 @@ def fault_text(fault: Fault) -> str:
         "excitation_sign": f"the force at {name} has the opposite sign",
         "excitation_gain": f"the force at {name} is recorded {value} times as large as it is",
         "excitation_delay": f"the force at {name} is recorded {value} late",
+        "excitation_tilt": f"the force at {name} is tilted by {value}",
+        "sensor_shift": f"{name} sits {value} towards {towards} of its stated place",
+        "excitation_shift": f"the force at {name} acts {value} towards {towards} of its stated place",
     }[fault.kind]
+    return f"{text} ({tolerance_text(fault)})" if fault.tolerance else text
+
+
+def tolerance_text(fault: Fault) -> str:
+    """Return how many of its tolerances an error of a channel is; empty of what has none."""
+    if not fault.tolerance:
+        return ""
+    size = 1 / fault.value if fault.kind == "excitation_gain" else fault.value
+    size = size - 1 if fault.kind.endswith("gain") else size
+    return f"{abs(size) / fault.tolerance:.1f} times its tolerance"
 
 
 def fault_remedy(fault: Fault) -> str:
@@ -276,6 +293,9 @@ def fault_remedy(fault: Fault) -> str:
         "excitation_sign": "turn its direction round in the study, or set its sign to −1",
         "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
         "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
+        "excitation_tilt": "set its direction in the study to the real one",
+        "sensor_shift": "set its place in the study to the real one",
+        "excitation_shift": "set its place in the study to the real one",
     }[fault.kind]
 
 
@@ -288,7 +308,8 @@ def headline(result: RunResult) -> str:
     """Return the verdict in plain sentences."""
     d = result.diagnosis
     change = d.baseline is not None
-    faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
+    known = d.every_fault
+    faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")
     if d.verdict == EFFECT:
         text = _since(sentences(d.findings), change)
         if d.steps[-1].level > d.limit:

@@ -415,7 +415,9 @@ def told(verdict, reported, *explanations):
     """Return a diagnosis of two modes whose reported hypothesis has some effects, among explanations."""
     column = np.array([50.0, 120.0])
     blank = np.full(2, np.nan)
-    table = ModeTable(column, 0.01 * column, *3 * [column], *4 * [blank], np.zeros(2, dtype=bool), blank, blank)
+    table = ModeTable(
+        column, 0.01 * column, *3 * [column], *4 * [blank], np.zeros(2, dtype=bool), blank, blank
+    )
     result = SimpleNamespace(values={}, std={}, effects=reported)
     best = SimpleNamespace(effects=reported, fitted=result)
     searched = SimpleNamespace(
@@ -430,7 +432,10 @@ def told(verdict, reported, *explanations):
 
 def test_the_probability_next_to_a_statement_is_that_of_the_statement():
     """Of twins the simpler one is reported, which may be less probable than the first explanation."""
-    mass, both = SimpleNamespace(name="m", kind="mass", where="A"), SimpleNamespace(name="k", kind="k", where="B")
+    mass, both = (
+        SimpleNamespace(name="m", kind="mass", where="A"),
+        SimpleNamespace(name="k", kind="k", where="B"),
+    )
     nothing = told("nothing missing", (), ((mass,), 0.39), ((), 0.26))
     assert re.search(r"; probability 26\s%", nothing.reason)
     assert not re.search(r"39\s%", nothing.reason)

@@ -38,6 +38,7 @@ from updating.diagnosis.evidence.diagnosis import (
     search_of_problem,
     searched,
 )
+from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
@@ -53,6 +54,8 @@ from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, ProblemOptions, basis_error, fitted_model
 from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
+from updating.quality.channel_faults import CORRECTED_KINDS, channel_faults
+from updating.quality.corrections import corrected
 from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
 
@@ -166,7 +169,14 @@ def _since(found: Diagnosis, first: CalibratedFrfs | None) -> Diagnosis:
         return found
     one, two, *rest = found.steps
     steps = (replace(one, label=CALIBRATED), replace(two, label=DAMPED), *rest)
-    return replace(found, steps=steps, faults=(*first.faults, *found.faults), baseline=first)
+    before = channel_faults(first.problem, first.result)
+    return replace(
+        found,
+        steps=steps,
+        faults=(*first.faults, *found.faults),
+        channel_faults=(*before, *found.channel_faults),
+        baseline=first,
+    )
 
 
 def _diagnosed(
@@ -191,6 +201,7 @@ def _diagnosed(
         done = searched(initial, say)
         if levels and done.faults != initial.faults:
             levels = force_levels(done.problem, measurements, done.faults)
+        done = without_effects_of_channels(done)
         done = with_laws(done, levels, laws) if laws else done
     say("checking", 0.95)
     return _concluded(done, gates, model_error, stated=bool(levels))
@@ -212,10 +223,11 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     findings, rounds = _findings(done, problem, chain, steps)
     if rivals := _rivals(done, problem, chain[-1], steps[-1].result):
         rounds.append(rivals)
-    verdict, reason = _verdict(done, faults, gates)
     if not done.explains:
         findings, steps = [], steps[:2]
     current = steps[-1].result
+    of_channels = channel_faults(problem, current) if done.explains else ()
+    verdict, reason = _verdict(done, (*faults, *of_channels), gates)
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
     posterior = [
         (done.names(h), done.probability(h)) for h in sorted(done.hypotheses, key=lambda h: -h.score)
@@ -244,6 +256,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         posterior=tuple(posterior),
         departures=departed(done, problem, current),
+        channel_faults=of_channels,
     )
 
 
@@ -288,7 +301,11 @@ def _with_last_faults(
         return problem, steps, faults
     if done.explains and done.search.budget.checked:
         problem, current, late = find_faults(problem, current)
-        faults = (*faults, *late)
+        known = {f.name for f in (*faults, *late)}
+        of_channels = [f for f in channel_faults(problem, current) if f.kind in CORRECTED_KINDS]
+        more = [replace(f, tolerance=0.0) for f in of_channels if f.name not in known]
+        problem = replace(problem, data=corrected(problem.data, more))
+        faults = (*faults, *late, *more)
     if faults:
         problem, current, faults = settle_faults(problem, current, faults, partial(_score, done))
         before = [step_of(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]

@@ -226,7 +226,9 @@ class LiveModel:
 
     def _engine(self, problem: FitProblem, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
         # with the forces of where the effects are now, as a crack that moves bends other places
-        return problem.with_forces_of(result).engine(self.problem.data.frequency, refs, result.effects, channels=result.channels)
+        return problem.with_forces_of(result).engine(
+            self.problem.data.frequency, refs, result.effects, channels=result.channels
+        )
 
     @staticmethod
     def _key(result: FitResult) -> tuple[Hashable, ...]:
