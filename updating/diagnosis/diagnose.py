@@ -30,6 +30,7 @@ from updating.diagnosis.diagnosis import (
     Diagnosis,
 )
 from updating.diagnosis.evidence.budget import NORMAL, Budget
+from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.diagnosis import (
     UNKNOWN,
     Searched,
@@ -38,7 +39,6 @@ from updating.diagnosis.evidence.diagnosis import (
     search_of_problem,
     searched,
 )
-from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of

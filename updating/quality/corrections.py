@@ -39,7 +39,7 @@ class Fault:
         Range of the values that were looked at, of a gain that of its logarithm; 0 of what has no value.
     tolerance : float
         Stated standard deviation of the error, in ``unit``, of a fault that is part of a fitted model of the
-        test (:func:`updating.quality.channel_faults.channel_faults`); 0 of faults that data are corrected for.
+        test (:func:`updating.quality.channel_faults.channel_faults`); 0 of one that data are corrected for.
     """
 
     kind: str

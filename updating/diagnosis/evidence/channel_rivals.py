@@ -29,7 +29,7 @@ def without_effects_of_channels(done: Searched) -> Searched:
 
 
 def _without(done: Searched, name: str) -> Searched | None:
-    """Return a search of data corrected for the channels that are far off without an effect; None if none is."""
+    """Return a search of data corrected for channels that are far off without an effect; None without any."""
     search, best = done.search, done.best
     rest = tuple(e for e in best.effects if e.name != name)
     h = search.known.get(key_of(rest)) or search.full(rest, values_of(rest), best)
