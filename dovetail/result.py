@@ -458,6 +458,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": [_parameter(p) for p in f.parameters],
         "twins": [_ranked(t) for t in f.twins],
         "rival": _ranked(f.rival) if f.rival else None,
+        "equal_fits": [_ranked(r) for r in f.equal_fits],
         "decisive": [asdict(d) for d in f.decisive],
         "next_measurements": [
             {"twin": t.name, "proposals": [asdict(p) for p in proposals]}

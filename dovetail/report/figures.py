@@ -159,8 +159,8 @@ def _misfit(result: RunResult) -> Figure | None:
         result.study.model,
         m.sensors,
         errors=_sensor_errors(result, step),
-        members=dict(where.members),
-        joints=failing_places(where),
+        members=dict(where.members) if where.says_where else None,
+        joints=failing_places(where) if where.says_where else (),
     )
 
 

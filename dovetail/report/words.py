@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
@@ -144,6 +144,33 @@ def near(value: float, other: float) -> float | None:
 def parameters_text(parameters: Sequence[EffectParameter]) -> str:
     """Return parameters with their values, on one line."""
     return ", ".join(parameter_text(p) for p in parameters)
+
+
+def digits_apart(value: float, others: Iterable[float]) -> int:
+    """Return the decimals, 2 to 4, that show how a value differs from others."""
+    known = [x for x in others if math.isfinite(x) and x != value]
+    return next((n for n in (2, 3) if all(f"{x:.{n}f}" != f"{value:.{n}f}" for x in known)), 4)
+
+
+def against_text(first: float, second: float) -> str:
+    """Return two errors [dB] with the decimals that show their difference."""
+    n = digits_apart(first, [second])
+    return f"{first:.{n}f} dB against {second:.{n}f} dB"
+
+
+def equal_fit_text(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
+    """Return which other effects fit the data as well as a finding, which only priors make less probable."""
+    accepted = next((r for r in ranked if r.name == finding.effect.name), None)
+    if accepted is None or not finding.equal_fits:
+        return ""
+    texts = []
+    for r in finding.equal_fits[:4]:
+        p = percent(float(sum(p for names, p in d.posterior if r.name in names)))
+        n = digits_apart(accepted.similarity, [r.similarity])
+        errors = against_text(r.fit_db, accepted.fit_db)
+        texts.append(f"{ranked_label(r)} ({errors}, similarity {r.similarity:.{n}f}; probability {p})")
+    more = " …" if len(finding.equal_fits) > 4 else ""
+    return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
 
 
 def extension_text(finding: Finding, twin: Ranked) -> str:
@@ -425,7 +452,7 @@ def decisive_text(piece: Decisive) -> str:
     """Return a piece of the data that decides, in words."""
     return (
         f"{piece.output} / {piece.input} from {piece.band[0]:.4g} to {piece.band[1]:.4g} Hz: "
-        f"{piece.first_db:.2f} dB against {piece.second_db:.2f} dB"
+        f"{against_text(piece.first_db, piece.second_db)}"
     )
 
 
@@ -493,7 +520,7 @@ def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
 
 def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str]:
     where = result.localisation
-    if where is None:
+    if where is None or not where.says_where:
         return []
     shares = [
         *((s, f"member {m}") for m, s in where.members.items()),

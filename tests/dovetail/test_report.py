@@ -12,7 +12,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail import pipeline as run
-from dovetail.commands.diagnosis_words import found_lines
+from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
 from dovetail.report.drawn import fits_of, marked_places, rivals
@@ -29,6 +29,7 @@ from tests.frames import cross_beam, portal, write_study
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.findings import EffectParameter, Finding
+from updating.diagnosis.localisation import NOWHERE
 from updating.inference.belief import FORM_SECTION, FORM_ZONE
 from updating.quality.corrections import Fault
 
@@ -176,6 +177,39 @@ def test_twins_are_named_in_the_headline(found, album):
     page = report_html(twofold, album)
     assert "or it is one of 2 other effects that these data cannot distinguish from it" in page
     assert page.count(">twin<") >= 2
+
+
+def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(found, album):
+    """The prior decides between a crack and a release at an end: 0.7624 dB against 0.7585 dB."""
+    d = found.diagnosis
+    (finding,), (first, other, *_) = d.findings, d.rounds[0]
+    crack = replace(other, fit_db=first.fit_db + 0.0041, similarity=0.99984)
+    d = replace(
+        d,
+        findings=(replace(finding, equal_fits=(crack,), rival=crack),),
+        rounds=((first, crack), *d.rounds[1:]),
+    )
+    n = next(n for n in (2, 3, 4) if f"{crack.fit_db:.{n}f}" != f"{first.fit_db:.{n}f}")
+    errors = f"{crack.fit_db:.{n}f} dB against {first.fit_db:.{n}f} dB"
+    page, lines = report_html(replace(found, diagnosis=d), album), "\n".join(found_lines(d))
+    for text in (page, lines):
+        assert f"{words.ranked_label(crack)} ({errors}, similarity 0.9998; probability" in text
+        assert "the prior decides, not the data" in text
+    assert "has no twin" not in page
+    assert "No candidate without it explains the data nearly as well" not in page
+    table = str(table_of_candidates([first, crack], 0))
+    assert "0.9998" in table
+    assert f"{crack.fit_db:.{n}f}" in table
+
+
+def test_where_shares_say_nothing_the_report_has_no_table_of_them(found, album):
+    where = found.localisation
+    assert not where.says_where
+    page = report_html(found, album)
+    assert "share of the misfit [%]" not in page
+    assert NOWHERE in page
+    clear = replace(where, members={**where.members, "arm": 0.4})
+    assert "share of the misfit [%]" in report_html(replace(found, localisation=clear), album)
 
 
 def soft_bolt(result, direction):

@@ -331,7 +331,7 @@ def _findings(
     for before, h, step in zip(chain, chain[1:], steps[2:], strict=False):
         (effect,) = (e for e in h.effects if e.name not in before.key)
         shift = change_of(problem, step.result, steps[1].result)
-        ranked = [_ranked(effect, step.result, 1.0, h.score)]
+        ranked, as_good = [_ranked(effect, step.result, 1.0, h.score)], list[Ranked]()
         for other in _with_one_more(done, before):
             if other.key == h.key:
                 continue
@@ -339,6 +339,8 @@ def _findings(
             (else_,) = (e for e in other.effects if e.name not in before.key)
             alike = similarity_of(shift, change_of(problem, result, steps[1].result))
             ranked.append(_ranked(else_, result, alike, other.score))
+            if h.fitted.log_likelihood - other.fitted.log_likelihood < TWIN_NATS:
+                as_good.append(ranked[-1])
         rounds.append(tuple(ranked))
         twins = _twins(done, best, effect)
         final = next(e for e in last.effects if e.name == effect.name)
@@ -356,7 +358,10 @@ def _findings(
             for t in alternatives[:MOST_SEPARATED]
             if not any(e.amplitude_dependent for e in (*h.effects, *t.result.effects))
         )
-        findings.append(Finding(final, parameters_of(final, last), tuple(same), rival, decisive, proposals))
+        equal = tuple(r for r in as_good if r.name not in twins and not r.extends(effect))
+        findings.append(
+            Finding(final, parameters_of(final, last), tuple(same), rival, decisive, proposals, equal)
+        )
     return findings, rounds
 
 
