@@ -13,6 +13,8 @@ import pytest
 from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
+from dovetail.found import found_text
+from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
 from dovetail.report.drawn import fits_of, marked_places, rivals
@@ -200,6 +202,25 @@ def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(f
     table = str(table_of_candidates([first, crack], 0))
     assert "0.9998" in table
     assert f"{crack.fit_db:.{n}f}" in table
+
+
+def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album, tmp_path):
+    fault = Fault("sensor_gain", "T", 0.8, 0.02, tolerance=0.03)
+    told = without_findings(found, "measurement fault")
+    told = replace(told, diagnosis=replace(told.diagnosis, channel_faults=(fault,)), folder=tmp_path)
+    sentence = "T reads 0.800 ± 0.020 times the motion (6.7 times its tolerance)"
+    page = report_html(told, album)
+    assert f"The measurement is at fault, not the model: {sentence}." in page
+    assert "as they were read" in page
+    assert "None was found" not in page
+    assert any(sentence in line for line in found_lines(told.diagnosis))
+    assert sentence in Diagnosis.of(told.diagnosis)._repr_html_()
+    (plain,) = diagnosis_dict(told.diagnosis)["faults"]
+    assert (plain["kind"], plain["value"], plain["tolerance"]) == ("sensor_gain", 0.8, 0.03)
+    text = found_text(told, tmp_path)
+    assert f"# {sentence}: it is part of [channel_errors]" in text
+    assert "[[faults]]" not in text
+    assert any("gain 0.80" in place.label for place in marked_places(told))
 
 
 def test_where_shares_say_nothing_the_report_has_no_table_of_them(found, album):

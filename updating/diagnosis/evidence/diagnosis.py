@@ -142,8 +142,8 @@ class Searched:
         return float(np.exp(self.unknown - self.evidence))
 
     def probability_there(self, h: Hypothesis) -> float:
-        """Return the probability that what is missing is at the places of a hypothesis."""
-        return sum(self.probability(k) for k in self.hypotheses if k.places == h.places)
+        """Return the probability that something is missing at all places of a hypothesis, alone or not."""
+        return sum(self.probability(k) for k in self.hypotheses if h.places <= k.places)
 
 
 def search_by_evidence(
