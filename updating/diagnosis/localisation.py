@@ -251,7 +251,7 @@ class _Projection:
     def solved(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the fitted model solved at the lines, without the constraints that an effect releases."""
         if released not in self._solved:
-            p, fit = self.problem, self.result
+            p, fit = self.problem.with_forces_of(self.result), self.result
             f, refs = p.data.frequency[self.lines], list(fit.values)
             engine, values = p.engine(f, refs, fit.effects, released), [fit.values[ref] for ref in refs]
             self._solved[released] = LocalChanges.of(engine, np.array(values), p.damping.ratio(f, fit.zeta))
