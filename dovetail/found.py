@@ -21,6 +21,7 @@ from dovetail.file.writing import (
     with_parameters,
 )
 from dovetail.mode_result import ModeRunResult
+from dovetail.report.words import fault_text
 from dovetail.result import FRFS, RunResult
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
@@ -49,8 +50,11 @@ def found_text(result: RunResult, folder: Path) -> str:
     effects, found = (*patches(result), *form(result)), tuple(f.effect for f in d.findings)
     fit = result.study, folder / FRFS, d.problem, d.steps[-1].result, d.model
     if d.baseline is not None:  # faults of the second state alone are not those of the baseline
-        return fitted_text(*fit, effects, d.baseline.faults, found)
-    return fitted_text(*fit, (*effects, *found), d.faults)
+        text = fitted_text(*fit, effects, d.baseline.faults, found)
+    else:
+        text = fitted_text(*fit, (*effects, *found), d.faults)
+    comments = [toml_comment(f"{fault_text(f)}: it is part of [channel_errors]") for f in d.channel_faults]
+    return "\n".join([text.rstrip("\n"), *([""] if comments else []), *comments]) + "\n"
 
 
 def fitted_text(

@@ -46,14 +46,14 @@ class StateChange:
         """What has changed since the baseline, in words."""
         d = self.diagnosis
         if d.verdict == EFFECT:
-            return explanation_text(d.explanations[0])
+            return explanation_text(d.reported)
         return "nothing" if d.verdict == NOTHING else "not explained"
 
     @property
     def probability(self) -> float:
         """Probability of the answer [-]."""
         d = self.diagnosis
-        return d.explanations[0].probability if d.verdict in (EFFECT, NOTHING) else np.nan
+        return d.reported.probability if d.verdict in (EFFECT, NOTHING) else np.nan
 
 
 def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:

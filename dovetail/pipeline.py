@@ -34,7 +34,7 @@ from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import NOTHING, Diagnosis
+from updating.diagnosis.diagnosis import FAULT, NOTHING, Diagnosis
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
@@ -215,6 +215,8 @@ def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
 def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Plan | None:
     """Return what a diagnosis with nothing missing would have seen; None for others, and of two states.
 
+    Nothing is missing either where only errors of channels were found, which the fitted model has.
+
     Parameters
     ----------
     study : Study
@@ -222,7 +224,8 @@ def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Pl
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    if d.verdict != NOTHING or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
+    nothing = d.verdict == NOTHING or (d.verdict == FAULT and not d.faults)
+    if not nothing or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
         return None
     with beating(progress or (lambda text, done: None)) as say:
         return plan_from_search(d.searched, study.relevant, say)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dovetail.file.contents import Study
 from dovetail.mode_partners import ModePartners, partners_dict
@@ -249,7 +249,7 @@ def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
         sort = "sensor" if number < len(m.sensors) else "excitation"
         words = [
             GAIN_ERROR,
-            *(f"{sort_of} {_axis(t)}" for sort_of in (TURNED, SHIFTED) for t in channel.axes_across),
+            *(f"{sort_of} {axis_text(t)}" for sort_of in (TURNED, SHIFTED) for t in channel.axes_across),
         ]
         for word, unit, value, before, std in zip(words, CHANNEL_UNITS, values, prior, stds, strict=True):
             moved = Uncertain(
@@ -259,8 +259,9 @@ def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
     return out
 
 
-def _axis(t: NDArray[np.float64]) -> str:
+def axis_text(t: ArrayLike) -> str:
     """Return a direction in words: an axis, or its components."""
+    t = np.asarray(t, dtype=float)
     k = int(np.argmax(np.abs(t)))
     if abs(t[k]) > ALONG_AXIS:
         return f"{'+' if t[k] > 0 else '−'}{'xyz'[k]}"
@@ -283,7 +284,8 @@ def uncertain_dict(u: Uncertain) -> dict[str, Any]:
 def fault_dict(f: Fault) -> dict[str, Any]:
     """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
-    return plain | ({"other": f.other} if f.other else {})
+    more = {"other": f.other, "direction": list(f.direction), "tolerance": f.tolerance}
+    return plain | {key: value for key, value in more.items() if value}
 
 
 def added_parameters(effect: Effect, fit: FitResult | None) -> tuple[EffectParameter, ...]:
@@ -311,7 +313,7 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "verdict": d.verdict,
         "reason": d.reason,
         "effects": [_finding(f) for f in d.findings],
-        "faults": [fault_dict(f) for f in d.faults],
+        "faults": [fault_dict(f) for f in d.every_fault],
         "error_db": [
             {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}
             for s in d.steps
@@ -456,6 +458,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": [_parameter(p) for p in f.parameters],
         "twins": [_ranked(t) for t in f.twins],
         "rival": _ranked(f.rival) if f.rival else None,
+        "equal_fits": [_ranked(r) for r in f.equal_fits],
         "decisive": [asdict(d) for d in f.decisive],
         "next_measurements": [
             {"twin": t.name, "proposals": [asdict(p) for p in proposals]}

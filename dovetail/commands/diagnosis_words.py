@@ -18,16 +18,18 @@ def found_lines(d: "Diagnosis") -> list[str]:
     from dovetail.result import uncertain_parameters
 
     out = []
-    for f in d.findings:
+    for k, f in enumerate(d.findings):
         out.append(f"  {words.finding_text(f)}")
         if f.alternatives:
             names = "; ".join(map(words.ranked_label, f.alternatives))
             out.append(f"    cannot be distinguished from: {names}")
         out += [f"    {words.extension_text(f, t)}" for t in f.extensions]
+        if k < len(d.rounds) and (equal := words.equal_fit_text(d, f, d.rounds[k])):
+            out.append(f"    {equal}")
     sure = probability_text(d)
     out += [f"  {text}" for text in (sure, words.far_text(uncertain_parameters(d))) if text]
     out += [f"  Form: {words.departure_text(f)}" for f in d.departures]
-    return out + [f"  {words.fault_text(f)}" for f in d.faults]
+    return out + [f"  {words.fault_text(f)}" for f in d.every_fault]
 
 
 def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> Table:
@@ -48,12 +50,23 @@ def table_of_candidates(ranked: "Sequence[Ranked]", k: int) -> Table:
     from dovetail.report import words
     from updating.correlation import DB_PER_NEPER
 
+    def digits(values: Sequence[float]) -> str:
+        return f".{words.digits_apart(values[0], values[1:]) if values else 2}f"
+
+    fitted, held_out = [r.fit_db for r in ranked], [r.held_out_db for r in ranked]
+    alike = [r.similarity for r in ranked]
     return Table.of(
         f"round {k + 1}",
         Column("candidate", [words.ranked_label(r) for r in ranked]),
-        Column("level", [r.level for r in ranked], "dB", ".2f", DB_PER_NEPER),
-        Column("fitted", [r.fit_db for r in ranked], "dB", ".2f"),
-        Column("held-out", [r.held_out_db for r in ranked], "dB", ".2f"),
-        Column("similarity", [r.similarity for r in ranked], show=".2f"),
+        Column(
+            "level",
+            [r.level for r in ranked],
+            "dB",
+            digits([r.level * DB_PER_NEPER for r in ranked]),
+            DB_PER_NEPER,
+        ),
+        Column("fitted", fitted, "dB", digits(fitted)),
+        Column("held-out", held_out, "dB", digits(held_out)),
+        Column("similarity", alike, show=digits(alike)),
         Column("parameters", [words.parameters_text(r.parameters) for r in ranked]),
     )

@@ -9,7 +9,14 @@ from nicegui import ui
 from dovetail.desk.session import Desk
 from dovetail.desk.widgets import Act, button, card, choice, labelled
 from dovetail.report.probable import hypotheses, probability_text
-from dovetail.report.words import departure_text, effect_label, parameters_text, place, ranked_label
+from dovetail.report.words import (
+    departure_text,
+    effect_label,
+    fault_text,
+    parameters_text,
+    place,
+    ranked_label,
+)
 from fem.declarations import Environment
 from fem.model import parameter_values
 from fem.summary import percent
@@ -184,6 +191,8 @@ class CandidateList:
         ).classes("desk-note")
         for differs in d.departures:
             ui.label(f"Form: {departure_text(differs)}.").classes("desk-note")
+        for fault in d.every_fault:
+            ui.label(f"{fault_text(fault)}.").classes("desk-note")
         if sure := probability_text(d):
             ui.label(sure).classes("desk-note")
         for hypothesis, probability in hypotheses(d)[:N_RANKED]:

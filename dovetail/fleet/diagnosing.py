@@ -34,7 +34,7 @@ def diagnose_unit(typical: TypicalUnit, file: str) -> Record:
             }
             for f in d.findings
         ],
-        "faults": [words.fault_text(f) for f in d.faults],
+        "faults": [words.fault_text(f) for f in d.every_fault],
         "cpu_seconds": time.process_time() - start_time,
     }
 

@@ -74,7 +74,8 @@ class Diagnosis(diagnose.Diagnosis):
 
     def _repr_html_(self) -> str:
         """Return the verdict, the findings and the error after each step."""
-        found = table(("found",), [(words.finding_text(f),) for f in self.findings]) if self.findings else ""
+        texts = [*map(words.finding_text, self.findings), *map(words.fault_text, self.every_fault)]
+        found = table(("found",), [(text,) for text in texts]) if texts else ""
         rows = [(words.step_label(s.label), number(s.fit_db), number(s.held_out_db)) for s in self.steps]
         floor = ("noise floor", number(self.noise_floor_db), "")
         steps = table(("step", "fitted [dB]", "held out [dB]"), [*rows, floor])

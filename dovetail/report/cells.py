@@ -48,9 +48,11 @@ def shift(before: float, after: float) -> str:
 
 def ranking(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> TableBlock:
     """Return a table of candidates, each with a tag or an empty one."""
+    values = [(r.level * DB_PER_NEPER, r.fit_db, r.held_out_db, r.similarity) for r, _ in known]
+    digits = [words.digits_apart(first, column) for first, *column in zip(*values, strict=True)]
     rows: list[list[Line]] = []
-    for r, what in known:
-        errors = (decimals(e) for e in (r.level * DB_PER_NEPER, r.fit_db, r.held_out_db))
+    for (r, what), numbers in zip(known, values, strict=True):
         label = (words.ranked_label(r), " ", Mark(what) if what else "")
-        rows.append([label, words.parameters_text(r.parameters), *errors, f"{r.similarity:.2f}"])
+        cells = (decimals(x, n) for x, n in zip(numbers, digits, strict=True))
+        rows.append([label, words.parameters_text(r.parameters), *cells])
     return TableBlock(RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)

@@ -5,7 +5,13 @@ from collections.abc import Sequence
 
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report.probable import replaced_text
-from dovetail.report.words import effect_label, extension_text, ranked_label
+from dovetail.report.words import (
+    digits_apart,
+    effect_label,
+    equal_fit_text,
+    extension_text,
+    ranked_label,
+)
 from dovetail.result import RunResult
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Finding, Ranked, Step
@@ -99,6 +105,8 @@ def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
     if others:
         listed = "; ".join(map(ranked_label, others[:4])) + (" …" if len(others) > 4 else "")
         text = f"These data cannot distinguish {it} from {listed}."
+    elif equal := equal_fit_text(d, finding, ranked):
+        text = f"{equal[0].upper()}{equal[1:]}."
     else:
         text = replaced_text(d, subject, finding.effect)
     text += "".join(f" The data are {extension_text(finding, t)}." for t in finding.extensions)
@@ -108,8 +116,9 @@ def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
         return text
     if rival is None:
         return f"{text} No other candidate was promising enough to be fitted to all lines."
+    n = digits_apart(rival.fit_db, [accepted.fit_db])
     text += (
-        f" The best of the other candidates, {ranked_label(rival)}, leaves {rival.fit_db:.2f} dB instead of "
-        f"{accepted.fit_db:.2f} dB."
+        f" The best of the other candidates, {ranked_label(rival)}, leaves {rival.fit_db:.{n}f} dB "
+        f"instead of {accepted.fit_db:.{n}f} dB."
     )
     return text + (MORE_PROBABLE if rival.fit_db < accepted.fit_db and rival.score < accepted.score else "")

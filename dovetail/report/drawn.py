@@ -101,11 +101,17 @@ def rivals(result: RunResult) -> dict[int, Ranked]:
 
 
 def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
-    """Return the FRFs with a finding and with its rival, each fitted, by label."""
+    """Return the FRFs with a finding and with its rival, each fitted, by label.
+
+    They are those that the errors of :attr:`Finding.decisive` are of. An effect to which others were added
+    has the name of its step: the curve of the last step has all of them.
+    """
     d = result.diagnosis
     ranked, name = d.rounds[k], d.findings[k].effect.name
     best = next((r for r in ranked if r.name == name), ranked[0])
-    return {WITH_EFFECT: d.problem.frf(best.result), words.ranked_label(rival): d.problem.frf(rival.result)}
+    step = next((s for s in d.steps if s.result is best.result), d.steps[-1])
+    with_it = WITH_EFFECT if step is d.steps[-1] else words.step_label(step.label)
+    return {with_it: d.problem.frf(best.result), words.ranked_label(rival): d.problem.frf(rival.result)}
 
 
 def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
@@ -127,7 +133,7 @@ def marked_places(result: RunResult) -> list[Place]:
         for xyz in differs.effect.locations(result.study.model)[:1]:
             form = (differs.where, words.departure_label(differs), "finding")
             out.setdefault(tuple(np.round(xyz, 9)), []).append(form)
-    for fault in d.faults:
+    for fault in d.every_fault:
         group = m.sensors if fault.kind.startswith("sensor") else m.excitations
         sensor = next(s for s in group if s.name == fault.sensor)
         word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]

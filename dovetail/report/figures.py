@@ -13,6 +13,7 @@ from plotly.graph_objects import Figure
 
 from dovetail.report import planning, words
 from dovetail.report.drawn import (
+    WITH_EFFECT,
     compared_models,
     error_bands,
     error_steps,
@@ -158,8 +159,8 @@ def _misfit(result: RunResult) -> Figure | None:
         result.study.model,
         m.sensors,
         errors=_sensor_errors(result, step),
-        members=dict(where.members),
-        joints=failing_places(where),
+        members=dict(where.members) if where.says_where else None,
+        joints=failing_places(where) if where.says_where else (),
     )
 
 
@@ -191,7 +192,9 @@ def _frf(result: RunResult, figures: Figures) -> Figure:
     compared = compared_models(result)
     frfs: dict[str, FRF] = dict(compared.frfs)
     for k, rival in rivals(result).items():
-        label, frf = list(fits_of(result, k, rival).items())[1]
+        (with_it, before), (label, frf) = fits_of(result, k, rival).items()
+        if with_it != WITH_EFFECT:
+            frfs[with_it] = before
         frfs[f"rival: {label}"] = frf
     coherence = d.problem.data.measurement.coherence
     pair = next(((o, i) for o, i, _ in telling_pairs(result, 4)), None)

@@ -14,10 +14,9 @@ def misfit(result: RunResult, shown: Shown) -> Section:
         "The model with fitted uncertain parameters, before any effect is added. A complete model is "
         "equally good everywhere; a missing effect shows near it, or in the modes that strain it."
     )
-    what = (
-        "sensors coloured by their error; members, joints and supports by the share of it that a small "
-        "change would explain"
-    )
+    what = "sensors coloured by their error"
+    if result.localisation is not None and result.localisation.says_where:
+        what += "; members, joints and supports by the share of it that a small change would explain"
     alt, caption = f"The structure, {what}.", f"{what.capitalize()}."
     after = [shown.album["misfit-final"], _map(shown, "final", "with the found effects")]
     blocks = [
@@ -47,9 +46,9 @@ def _shares(result: RunResult) -> list[Block]:
     shares = [*((f"member {m}", s) for m, s in where.members.items()), *where.places]
     shares = sorted((each for each in shares if each[1] >= 0.005), key=lambda t: -t[1])
     rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
-    nowhere = "Nowhere: no small change of any member, joint or support explains a share of the misfit."
     table = TableBlock(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
-    return [Heading("Where a small change would help"), table if rows else Text(nowhere), Text(where.note)]
+    shown = [table] if where.says_where else []
+    return [Heading("Where a small change would help"), *shown, Text(where.note)]
 
 
 def _sensor_errors(result: RunResult) -> TableBlock:

@@ -66,12 +66,20 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     known = [(accepted, "accepted"), *((t, "twin") for t in finding.alternatives)]
     extensions = [*finding.extensions, *(r for r in ranked if r.extends(finding.effect))]
     known += [(r, "contains it") for r in dict.fromkeys(extensions)][:2]
-    known.append((finding.rival, "best other"))
+    equal = {r.name for r in finding.equal_fits}
+    known += [(r, "fits as well") for r in finding.equal_fits]
+    if finding.rival is not None and finding.rival.name not in equal:
+        known.append((finding.rival, "best other"))
     twins = (
         "Twins explain the data nearly as well; only knowledge of the structure can decide between them."
         if finding.alternatives
         else "No candidate without it explains the data nearly as well."
     )
+    if finding.equal_fits:
+        twins = (
+            "Other candidates fit the data as well. Their priors make them less probable: odds against each "
+            "place and change, and the ranges of their parameters. The data do not decide."
+        )
     text = (
         f"{twins} Similarity is the correlation of two effects' changes of the FRFs; 1 means that these "
         "sensors cannot distinguish them."
@@ -92,11 +100,12 @@ def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
     if not finding.decisive:
         return []
     first = finding.decisive[0]
+    n = words.digits_apart(first.first_db, [first.second_db])
     lead = (
         f"With {words.ranked_label(against)} instead, the FRF {first.output} / {first.input} between "
-        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz is {first.second_db:.1f} dB off at its best "
-        f"parameters, and {first.first_db:.1f} dB off with the effect. The data that favour the effect most, "
-        "with its error and that of the rival:"
+        f"{first.band[0]:.4g} and {first.band[1]:.4g} Hz is {first.second_db:.{n}f} dB off at its best "
+        f"parameters, and {first.first_db:.{n}f} dB off with the effect. The data that favour the effect "
+        "most, with its error and that of the rival:"
     )
     pieces = [(words.decisive_text(each), " ", Pick(each.output, each.input)) for each in finding.decisive]
     return [heading, Text(lead), Items(pieces), Group("off", [picture])]

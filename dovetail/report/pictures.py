@@ -45,8 +45,6 @@ N_MODES = 4
 """Mode shapes that are drawn."""
 DPI = 130
 """Resolution of the curves [1/inch]."""
-TELLING = 0.1
-"""Members and joints are coloured by their share of the misfit if one of them has at least this."""
 MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
 
@@ -214,8 +212,8 @@ def _draw_structure(result: RunResult, album: Album) -> None:
     good = result.diagnosis.verdict in (NOTHING, FAULT)
     limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
     where = result.localisation
-    shares, joints = (dict(where.members), failing_places(where)) if where else ({}, [])
-    telling = max([*shares.values(), *(v for _, v in joints)], default=0.0) >= TELLING
+    telling = where is not None and where.says_where
+    shares, joints = (dict(where.members), failing_places(where)) if where and telling else ({}, [])
     shown = {
         "joints": [(place.point, v) for place, v in joints],
         "label": "error [dB]",
@@ -223,7 +221,7 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         "limits": limits,
     }
     for name, step, what in misfit_steps(result):
-        members = shares if name == "fitted" and telling else None
+        members = shares if name == "fitted" and shares else None
         alt = f"The structure with its sensors coloured by their error, {what}."
         caption = f"Error of each sensor on the structure, {what}"
         if members:

@@ -7,7 +7,7 @@ from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect
 from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
-from updating.diagnosis.evidence.diagnosis import UNKNOWN
+from updating.diagnosis.evidence.diagnosis import AS_READ, UNKNOWN
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.inference.belief import RARE, TWIN_NATS
 
@@ -47,8 +47,7 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         outside = percent(included(posterior, [UNKNOWN]))
         return f"Probability of a cause that the library does not have: {outside}"
     if not found:
-        besides = _besides_text(d) if isinstance(d, Diagnosis) else ""
-        return f"Probability among all hypotheses: {percent(exact)}{besides}"
+        return f"Probability among all hypotheses: {percent(exact)}{_besides_text(d)}"
     shares = [percent(included(posterior, with_extensions(e, candidates))) for e in found]
     if len(found) == 1:
         text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
@@ -60,18 +59,24 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         if here < exact:
             text += f"; at this position: {percent(here)}"
         text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
-        return text
+        return text + _besides_text(d)
     text += _besides_text(d)
     return f"{text}. {vague}" if (vague := vague_text(d)) else text
 
 
-def _besides_text(d: Diagnosis) -> str:
-    """Return what is more probable with further effects than the simpler answer that is reported."""
-    found, (names, p) = {f.effect.name for f in d.findings}, d.posterior[0]
-    if not found < set(names):
+def _besides_text(d: Diagnosis | ModeDiagnosis) -> str:
+    """Return which hypothesis is more probable than the simpler one that is reported."""
+    posterior, effects, _ = _known(d)
+    found, (names, p) = {e.name for e in effects}, posterior[0]
+    if found == set(names):
         return ""
-    more = label_of(d, [n for n in names if n not in found])
-    return f"; with {more} in addition: {percent(p)}, too close to decide, so the simpler answer is reported"
+    if isinstance(d, ModeDiagnosis):
+        other = d.explanations[0].label
+    elif found and found < set(names):
+        other = f"with {label_of(d, [n for n in names if n not in found])} in addition"
+    else:
+        other = label_of(d, names)
+    return f"; {other}: {percent(p)}, too close to decide, so the simpler answer is reported"
 
 
 def reported(d: Diagnosis) -> int:
@@ -133,8 +138,8 @@ def label_of(d: Diagnosis, names: Iterable[str]) -> str:
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
     known[UNKNOWN] = "something that the library does not have"
     if d.searched is not None:
-        faults = (f for other in d.searched.otherwise for f in other.faults)
-        known |= {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in faults}
+        faults = {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.proposed_faults}
+        known |= faults | {f"{AS_READ}{name}": f"not {text}" for name, text in faults.items()}
     return " and ".join(known.get(n, n) for n in names) or "nothing missing"
 
 

@@ -2,11 +2,11 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import ADDED, RunResult, Uncertain, added_parameters
+from dovetail.result import ADDED, RunResult, Uncertain, added_parameters, axis_text
 from fem.model import Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -146,6 +146,33 @@ def parameters_text(parameters: Sequence[EffectParameter]) -> str:
     return ", ".join(parameter_text(p) for p in parameters)
 
 
+def digits_apart(value: float, others: Iterable[float]) -> int:
+    """Return the decimals, 2 to 4, that show how a value differs from others."""
+    known = [x for x in others if math.isfinite(x) and x != value]
+    return next((n for n in (2, 3) if all(f"{x:.{n}f}" != f"{value:.{n}f}" for x in known)), 4)
+
+
+def against_text(first: float, second: float) -> str:
+    """Return two errors [dB] with the decimals that show their difference."""
+    n = digits_apart(first, [second])
+    return f"{first:.{n}f} dB against {second:.{n}f} dB"
+
+
+def equal_fit_text(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
+    """Return which other effects fit the data as well as a finding, which only priors make less probable."""
+    accepted = next((r for r in ranked if r.name == finding.effect.name), None)
+    if accepted is None or not finding.equal_fits:
+        return ""
+    texts = []
+    for r in finding.equal_fits[:4]:
+        p = percent(float(sum(p for names, p in d.posterior if r.name in names)))
+        n = digits_apart(accepted.similarity, [r.similarity])
+        errors = against_text(r.fit_db, accepted.fit_db)
+        texts.append(f"{ranked_label(r)} ({errors}, similarity {r.similarity:.{n}f}; probability {p})")
+    more = " …" if len(finding.equal_fits) > 4 else ""
+    return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
+
+
 def extension_text(finding: Finding, twin: Ranked) -> str:
     """Return which candidate does the same as a found effect and more, with its further parameters."""
     known = {p.name for p in finding.parameters}
@@ -231,6 +258,9 @@ FAULT_NAMES = {
     "excitation_sign": "force with wrong sign",
     "excitation_gain": "force with wrong gain",
     "excitation_delay": "force with delay",
+    "excitation_tilt": "tilted force",
+    "sensor_shift": "wrong place",
+    "excitation_shift": "force at a wrong place",
 }
 """Kinds of faults in words."""
 
@@ -251,7 +281,8 @@ def fault_value(fault: Fault) -> str:
 def fault_text(fault: Fault) -> str:
     """Return a fault of a sensor or a force in words."""
     name, value = fault.sensor, fault_value(fault)
-    return {
+    towards = axis_text(fault.direction) if fault.direction else ""
+    text = {
         "sensor_sign": f"{name} reads with the opposite sign",
         "sensor_gain": f"{name} reads {value} times the motion",
         "sensor_delay": f"{name} reads {value} late",
@@ -261,7 +292,20 @@ def fault_text(fault: Fault) -> str:
         "excitation_sign": f"the force at {name} has the opposite sign",
         "excitation_gain": f"the force at {name} is recorded {value} times as large as it is",
         "excitation_delay": f"the force at {name} is recorded {value} late",
+        "excitation_tilt": f"the force at {name} is tilted by {value}",
+        "sensor_shift": f"{name} sits {value} towards {towards} of its stated place",
+        "excitation_shift": f"the force at {name} acts {value} towards {towards} of its stated place",
     }[fault.kind]
+    return f"{text} ({tolerance_text(fault)})" if fault.tolerance else text
+
+
+def tolerance_text(fault: Fault) -> str:
+    """Return how many of its tolerances an error of a channel is; empty of what has none."""
+    if not fault.tolerance:
+        return ""
+    size = 1 / fault.value if fault.kind == "excitation_gain" else fault.value
+    size = size - 1 if fault.kind.endswith("gain") else size
+    return f"{abs(size) / fault.tolerance:.1f} times its tolerance"
 
 
 def fault_remedy(fault: Fault) -> str:
@@ -276,6 +320,9 @@ def fault_remedy(fault: Fault) -> str:
         "excitation_sign": "turn its direction round in the study, or set its sign to −1",
         "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
         "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
+        "excitation_tilt": "set its direction in the study to the real one",
+        "sensor_shift": "set its place in the study to the real one",
+        "excitation_shift": "set its place in the study to the real one",
     }[fault.kind]
 
 
@@ -288,7 +335,8 @@ def headline(result: RunResult) -> str:
     """Return the verdict in plain sentences."""
     d = result.diagnosis
     change = d.baseline is not None
-    faults = " and ".join(fault_text(f) for f in d.faults[:3]) + (" …" if len(d.faults) > 3 else "")
+    known = d.every_fault
+    faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")
     if d.verdict == EFFECT:
         text = _since(sentences(d.findings), change)
         if d.steps[-1].level > d.limit:
@@ -332,7 +380,10 @@ def mode_headline(result: ModeRunResult) -> str:
 def mode_values(d: ModeDiagnosis) -> list[str]:
     """Return the effects found by modes with their values, a line each."""
     lines = [finding_text(f) for f in mode_findings(d)]
-    return lines if d.sure or not lines else ["The most probable explanation:", *lines]
+    if d.sure or not lines:
+        return lines
+    first = d.reported is d.explanations[0]
+    return ["The most probable explanation:" if first else "The simplest probable explanation:", *lines]
 
 
 def sentences(findings: Sequence[Finding]) -> str:
@@ -401,7 +452,7 @@ def decisive_text(piece: Decisive) -> str:
     """Return a piece of the data that decides, in words."""
     return (
         f"{piece.output} / {piece.input} from {piece.band[0]:.4g} to {piece.band[1]:.4g} Hz: "
-        f"{piece.first_db:.2f} dB against {piece.second_db:.2f} dB"
+        f"{against_text(piece.first_db, piece.second_db)}"
     )
 
 
@@ -469,7 +520,7 @@ def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
 
 def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str]:
     where = result.localisation
-    if where is None:
+    if where is None or not where.says_where:
         return []
     shares = [
         *((s, f"member {m}") for m, s in where.members.items()),

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from dovetail.disk.output import null_keys
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_value
 from dovetail.found import mode_found_text
+from dovetail.modes_history import StateChange
 from dovetail.modes_pipeline import mode_problem, targets_of
 from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
 from dovetail.report.outline import read_outline
@@ -25,7 +27,13 @@ from fem.system import assemble
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
 from updating.diagnosis.candidates import propose
-from updating.diagnosis.mode_diagnosis import diagnose_modes
+from updating.diagnosis.mode_diagnosis import (
+    Explanation,
+    ModeDiagnosis,
+    ModeTable,
+    _reason,
+    diagnose_modes,
+)
 from updating.diagnosis.reported_modes import reported_modes
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
@@ -401,3 +409,42 @@ def test_a_mirrored_position_is_no_other_effect_but_another_position():
     shares = re.search(r"; alone: above 99\s%; at this position: (\d+)\s%", text)
     assert shares is not None, text
     assert 40 <= int(shares[1]) <= 60
+
+
+def told(verdict, reported, *explanations):
+    """Return a diagnosis of two modes whose reported hypothesis has some effects, among explanations."""
+    column = np.array([50.0, 120.0])
+    blank = np.full(2, np.nan)
+    table = ModeTable(
+        column, 0.01 * column, *3 * [column], *4 * [blank], np.zeros(2, dtype=bool), blank, blank
+    )
+    result = SimpleNamespace(values={}, std={}, effects=reported)
+    best = SimpleNamespace(effects=reported, fitted=result)
+    searched = SimpleNamespace(
+        best=best, lead=best, explains=verdict != "unexplained", probability_there=lambda h: 0.5
+    )
+    searched.search = SimpleNamespace(known={frozenset(): best})
+    known = [Explanation(e, tuple(() for _ in e), p) for e, p in explanations]
+    every = (*known, Explanation((), (), 0.01, known=False))
+    found = ModeDiagnosis(verdict, "", every, table, (), (), None, None, searched, (), 0.0)
+    return replace(found, reason=_reason(found))
+
+
+def test_the_probability_next_to_a_statement_is_that_of_the_statement():
+    """Of twins the simpler one is reported, which may be less probable than the first explanation."""
+    mass, both = (
+        SimpleNamespace(name="m", kind="mass", where="A"),
+        SimpleNamespace(name="k", kind="k", where="B"),
+    )
+    nothing = told("nothing missing", (), ((mass,), 0.39), ((), 0.26))
+    assert re.search(r"; probability 26\s%", nothing.reason)
+    assert not re.search(r"39\s%", nothing.reason)
+    assert re.search(r"hypotheses: 26\s%; mass at A: 39\s%, too close to decide", probability_text(nothing))
+    change = StateChange("later", np.zeros(2), np.zeros(2), nothing)
+    assert (change.answer, change.probability) == ("nothing", 0.26)
+    one = told("effect", (mass,), ((mass, both), 0.55), ((mass,), 0.40))
+    assert not one.sure
+    assert re.search(r"nearly as probable, 40\s%: mass at A", one.reason)
+    assert "none is sure" not in one.reason
+    unknown = told("unexplained", (), ((mass,), 0.5))
+    assert unknown.reported.probability == 0.01

@@ -12,10 +12,12 @@ import pytest
 
 from dovetail import load_study
 from dovetail import pipeline as run
-from dovetail.commands.diagnosis_words import found_lines
+from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
+from dovetail.found import found_text
+from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
-from dovetail.report.drawn import marked_places
+from dovetail.report.drawn import fits_of, marked_places, rivals
 from dovetail.report.page import Markup, html, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
@@ -29,6 +31,7 @@ from tests.frames import cross_beam, portal, write_study
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.findings import EffectParameter, Finding
+from updating.diagnosis.localisation import NOWHERE
 from updating.inference.belief import FORM_SECTION, FORM_ZONE
 from updating.quality.corrections import Fault
 
@@ -91,6 +94,22 @@ def test_the_page_loads_nothing(text):
     bare = re.sub(r"data:[\w/+;]*,[\w+/=]*", "", text)
     assert not re.search(r"https?://|file:|url\(|@import|<script|<iframe|\bon\w+=", bare)
     assert len(text) < 8e6
+
+
+def test_the_curves_that_are_drawn_have_the_errors_that_are_stated(found):
+    d, measured = found.diagnosis, found.diagnosis.measured
+    for k, rival in rivals(found).items():
+        drawn = fits_of(found, k, rival)
+        for piece in d.findings[k].decisive:
+            pair, band = ([piece.output], [piece.input]), slice(*piece.band)
+            seen = measured.select(*pair)
+            lines = (seen.frequency >= band.start) & (seen.frequency <= band.stop)
+            errors = [
+                np.sqrt(np.mean((20 * np.log10(abs(f.select(*pair).H / seen.H))[lines]) ** 2))
+                for f in drawn.values()
+            ]
+            assert errors == pytest.approx([piece.first_db, piece.second_db], rel=1e-9)
+    assert drawn
 
 
 def test_the_order_is_that_of_a_reader(text):
@@ -160,6 +179,58 @@ def test_twins_are_named_in_the_headline(found, album):
     page = report_html(twofold, album)
     assert "or it is one of 2 other effects that these data cannot distinguish from it" in page
     assert page.count(">twin<") >= 2
+
+
+def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(found, album):
+    """The prior decides between a crack and a release at an end: 0.7624 dB against 0.7585 dB."""
+    d = found.diagnosis
+    (finding,), (first, other, *_) = d.findings, d.rounds[0]
+    crack = replace(other, fit_db=first.fit_db + 0.0041, similarity=0.99984)
+    d = replace(
+        d,
+        findings=(replace(finding, equal_fits=(crack,), rival=crack),),
+        rounds=((first, crack), *d.rounds[1:]),
+    )
+    n = next(n for n in (2, 3, 4) if f"{crack.fit_db:.{n}f}" != f"{first.fit_db:.{n}f}")
+    errors = f"{crack.fit_db:.{n}f} dB against {first.fit_db:.{n}f} dB"
+    page, lines = report_html(replace(found, diagnosis=d), album), "\n".join(found_lines(d))
+    for text in (page, lines):
+        assert f"{words.ranked_label(crack)} ({errors}, similarity 0.9998; probability" in text
+        assert "the prior decides, not the data" in text
+    assert "has no twin" not in page
+    assert "No candidate without it explains the data nearly as well" not in page
+    table = str(table_of_candidates([first, crack], 0))
+    assert "0.9998" in table
+    assert f"{crack.fit_db:.{n}f}" in table
+
+
+def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album, tmp_path):
+    fault = Fault("sensor_gain", "T", 0.8, 0.02, tolerance=0.03)
+    told = without_findings(found, "measurement fault")
+    told = replace(told, diagnosis=replace(told.diagnosis, channel_faults=(fault,)), folder=tmp_path)
+    sentence = "T reads 0.800 ± 0.020 times the motion (6.7 times its tolerance)"
+    page = report_html(told, album)
+    assert f"The measurement is at fault, not the model: {sentence}." in page
+    assert "as they were read" in page
+    assert "None was found" not in page
+    assert any(sentence in line for line in found_lines(told.diagnosis))
+    assert sentence in Diagnosis.of(told.diagnosis)._repr_html_()
+    (plain,) = diagnosis_dict(told.diagnosis)["faults"]
+    assert (plain["kind"], plain["value"], plain["tolerance"]) == ("sensor_gain", 0.8, 0.03)
+    text = found_text(told, tmp_path)
+    assert f"# {sentence}: it is part of [channel_errors]" in text
+    assert "[[faults]]" not in text
+    assert any("gain 0.80" in place.label for place in marked_places(told))
+
+
+def test_where_shares_say_nothing_the_report_has_no_table_of_them(found, album):
+    where = found.localisation
+    assert not where.says_where
+    page = report_html(found, album)
+    assert "share of the misfit [%]" not in page
+    assert NOWHERE in page
+    clear = replace(where, members={**where.members, "arm": 0.4})
+    assert "share of the misfit [%]" in report_html(replace(found, localisation=clear), album)
 
 
 def soft_bolt(result, direction):

@@ -56,7 +56,17 @@ def test_result_json_has_the_documented_keys(done, root):
     documented = {k for row in re.findall(r"^\| (`.*?) \|", table, re.M) for k in re.findall(r"`(\w+)`", row)}
     assert set(result) <= documented
     effect = result["effects"][0]
-    own = {"kind", "where", "name", "parameters", "twins", "rival", "decisive", "next_measurements"}
+    own = {
+        "kind",
+        "where",
+        "name",
+        "parameters",
+        "twins",
+        "rival",
+        "equal_fits",
+        "decisive",
+        "next_measurements",
+    }
     assert set(effect) == own
     assert all(set(p) == {"name", "value", "unit", "std", "at_bound"} for p in effect["parameters"])
     assert [set(e) for e in result["error_db"]] == [{"step", "fit", "held_out", "level"}] * 3
@@ -231,10 +241,19 @@ def test_compare(study_file, capsys, fitted):
     assert {s["sensor"] for s in result["sensors"]} == set("KTA")
 
 
-def test_locate(study_file, capsys):
+def test_locate(study_file, capsys, monkeypatch):
+    monkeypatch.setattr("updating.diagnosis.localisation.LEAST_SHARE", 0.05)
     assert main(["locate", str(study_file)]) == 0
     out = capsys.readouterr().out
     assert "member arm" in out
     assert main(["locate", str(study_file), "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert {m["member"] for m in result["members"]} == {"post", "arm"}
+
+
+def test_locate_shows_no_shares_that_say_nothing(study_file, capsys):
+    """The post has 9 % and the arm, which carries the mass, 5 %."""
+    assert main(["locate", str(study_file)]) == 0
+    out = capsys.readouterr().out
+    assert "share of the misfit" not in out
+    assert "does not say where the model fails" in out

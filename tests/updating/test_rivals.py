@@ -11,6 +11,7 @@ from fem.model import parameter_values
 from fem.system import sum_contributions
 from tests.frames import cross_beam, portal
 from updating.diagnosis.candidates import propose
+from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Ranked
@@ -108,3 +109,18 @@ def test_of_twins_the_simpler_one_is_believed():
     assert believed(((wide, soft), near), ((point, soft), 0.0)) == {point.name, soft.name}
     assert believed(((wide, soft), near), ((wide,), 0.0), ((point,), 0.0)) == {point.name}
     assert believed(((point,), near), ((wide,), 0.0)) == {point.name}
+
+
+def test_the_probability_of_a_place_counts_hypotheses_with_more_effects():
+    """An effect cannot be more probable than the place that it is at."""
+    every = {e.name: e for e in propose(portal(0.5))}
+    foot, other = every["support_flexibility:foot0.rx"], every["support_flexibility:foot1.rx"]
+    alone, both, else_ = Scored((foot,), 0.0), Scored((foot, other), -0.1), Scored((other,), -1.0)
+    search = SimpleNamespace(
+        known={h.key: h for h in (alone, both, else_)}, elsewhere=[], unknown=lambda h: -50.0
+    )
+    done = Searched(search, alone, (), 0.0, portal(0.5))
+    p = {h: done.probability(h) for h in (alone, both, else_)}
+    assert done.probability_there(alone) == pytest.approx(p[alone] + p[both])
+    assert done.probability_there(both) == pytest.approx(p[both])
+    assert done.probability_of_answer(alone) == pytest.approx(p[alone])

@@ -8,9 +8,13 @@ import pytest
 import fem
 from fem.analysis.frf import FRF
 from fem.effects import PointMass
+from tests.frames import beam, fix, frequencies
 from updating import Measurement, Sensor, place_sensors
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.separation import next_measurements, what_decides
 from updating.inference.fitting import assessed_fit
+from updating.inference.formed import formed_mode_problem
+from updating.inference.mode_targets import ModeTargets
 from updating.inference.preparation import build_problem
 
 
@@ -114,3 +118,41 @@ def test_a_sensor_on_the_other_beam_separates_masses_on_either(fits):
     for what, evidence in known.items():
         assert again[what] <= evidence * (1 + 1e-6)
     assert min(again[what] / evidence for what, evidence in known.items() if evidence > 1.0) < 0.99
+
+
+@pytest.mark.parametrize("kind", ["crack", "stiffness_loss", "point_mass"])
+def test_a_fit_has_the_same_frfs_and_errors_on_any_basis_of_its_problem(kind):
+    """A report draws rivals by the problem of the answer, whose basis lacks the forces of their effects."""
+    model, tip, root = two_cantilevers()
+    effect = next(e for e in propose(model, [kind]) if e.member == "A")
+    effect = effect.with_values(**effect.starts(lambda key: 1e5)[0] | {"position": 0.437})
+    problem = problem_of(model, (tip, root), (tip,), mass_on("B", model))
+    bare = problem.nominal()
+    values = {(effect.name, p.name): p.value for p in effect.parameters()}
+    rival = problem.assessed(replace(bare, effects=(effect,), values={**bare.values, **values}))
+    larger = replace(problem, reduced=problem.reduced.with_forces_of([effect]))
+    assert larger.reduced is not problem.reduced
+    np.testing.assert_allclose(problem.frf(rival).H, larger.frf(rival).H, rtol=1e-9)
+    assert larger.assessed(rival).fit_db == pytest.approx(rival.fit_db, rel=1e-9)
+    # errors of pieces are those of the curves that are drawn
+    for piece in what_decides(problem, bare, rival):
+        f, measured = problem.measured.frequency, problem.measured
+        band = (f >= piece.band[0]) & (f <= piece.band[1])
+        drawn = (problem.frf(fit).select([piece.output], [piece.input]).H[band] for fit in (bare, rival))
+        seen = measured.select([piece.output], [piece.input]).H[band]
+        errors = [np.sqrt(np.mean((20 * np.log10(abs(H / seen))) ** 2)) for H in drawn]
+        assert errors == pytest.approx([piece.first_db, piece.second_db], rel=1e-9)
+
+
+def test_modes_of_a_fit_are_the_same_on_any_basis_of_its_problem():
+    model = beam(8, effects=(fix(0),))
+    problem, _ = formed_mode_problem(model, ModeTargets.of(frequencies(model, 4), np.full(4, 0.002)), ())
+    effect = next(iter(propose(problem.reduced.model, ["crack"])))
+    effect = effect.with_values(**effect.starts(lambda key: 1e5)[0] | {"position": 0.437})
+    bare = problem.nominal()
+    values = {(effect.name, p.name): p.value for p in effect.parameters()}
+    cracked = replace(bare, effects=(effect,), values={**bare.values, **values})
+    larger = replace(problem, reduced=problem.reduced.with_forces_of([effect]))
+    assert larger.reduced is not problem.reduced
+    one, two = (p.computed(cracked).frequency for p in (problem, larger))
+    np.testing.assert_allclose(one, two, rtol=1e-9)

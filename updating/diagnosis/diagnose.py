@@ -30,6 +30,7 @@ from updating.diagnosis.diagnosis import (
     Diagnosis,
 )
 from updating.diagnosis.evidence.budget import NORMAL, Budget
+from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.diagnosis import (
     UNKNOWN,
     Searched,
@@ -53,6 +54,8 @@ from updating.inference.parameters import Nuisance
 from updating.inference.preparation import N_FIT_LINES, ProblemOptions, basis_error, fitted_model
 from updating.inference.workers import workers
 from updating.measurement.measurement import Measurement
+from updating.quality.channel_faults import CORRECTED_KINDS, channel_faults
+from updating.quality.corrections import corrected
 from updating.quality.faults import Fault, find_faults, settle_faults
 from updating.quality.gates import Gates, check_gates, with_last_faults
 
@@ -166,7 +169,14 @@ def _since(found: Diagnosis, first: CalibratedFrfs | None) -> Diagnosis:
         return found
     one, two, *rest = found.steps
     steps = (replace(one, label=CALIBRATED), replace(two, label=DAMPED), *rest)
-    return replace(found, steps=steps, faults=(*first.faults, *found.faults), baseline=first)
+    before = channel_faults(first.problem, first.result)
+    return replace(
+        found,
+        steps=steps,
+        faults=(*first.faults, *found.faults),
+        channel_faults=(*before, *found.channel_faults),
+        baseline=first,
+    )
 
 
 def _diagnosed(
@@ -191,6 +201,7 @@ def _diagnosed(
         done = searched(initial, say)
         if levels and done.faults != initial.faults:
             levels = force_levels(done.problem, measurements, done.faults)
+        done = without_effects_of_channels(done)
         done = with_laws(done, levels, laws) if laws else done
     say("checking", 0.95)
     return _concluded(done, gates, model_error, stated=bool(levels))
@@ -200,7 +211,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     """Return what a search says; ``stated`` tells whether there are levels of force."""
     search, lead, nothing = done.search, done.lead, done.search.known[frozenset()]
     chain = _chain(done, lead)
-    problem = _with_forces(done.problem, done, lead.effects)
+    problem = done.problem.with_forces_of(lead.fitted)
     steps = [
         step_of("nominal model", problem.nominal()),
         step_of(FITTED, problem.assessed(nothing.fitted)),
@@ -212,10 +223,11 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     findings, rounds = _findings(done, problem, chain, steps)
     if rivals := _rivals(done, problem, chain[-1], steps[-1].result):
         rounds.append(rivals)
-    verdict, reason = _verdict(done, faults, gates)
     if not done.explains:
         findings, steps = [], steps[:2]
     current = steps[-1].result
+    of_channels = channel_faults(problem, current) if done.explains else ()
+    verdict, reason = _verdict(done, (*faults, *of_channels), gates)
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
     posterior = [
         (done.names(h), done.probability(h)) for h in sorted(done.hypotheses, key=lambda h: -h.score)
@@ -244,6 +256,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         posterior=tuple(posterior),
         departures=departed(done, problem, current),
+        channel_faults=of_channels,
     )
 
 
@@ -288,7 +301,11 @@ def _with_last_faults(
         return problem, steps, faults
     if done.explains and done.search.budget.checked:
         problem, current, late = find_faults(problem, current)
-        faults = (*faults, *late)
+        known = {f.name for f in (*faults, *late)}
+        of_channels = [f for f in channel_faults(problem, current) if f.kind in CORRECTED_KINDS]
+        more = [replace(f, tolerance=0.0) for f in of_channels if f.name not in known]
+        problem = replace(problem, data=corrected(problem.data, more))
+        faults = (*faults, *late, *more)
     if faults:
         problem, current, faults = settle_faults(problem, current, faults, partial(_score, done))
         before = [step_of(s.label, problem.assessed(replace(s.result, level=np.nan))) for s in steps[:-1]]
@@ -314,15 +331,16 @@ def _findings(
     for before, h, step in zip(chain, chain[1:], steps[2:], strict=False):
         (effect,) = (e for e in h.effects if e.name not in before.key)
         shift = change_of(problem, step.result, steps[1].result)
-        ranked = [_ranked(effect, step.result, 1.0, h.score)]
+        ranked, as_good = [_ranked(effect, step.result, 1.0, h.score)], list[Ranked]()
         for other in _with_one_more(done, before):
             if other.key == h.key:
                 continue
-            mine = _with_forces(problem, done, other.effects)
-            result = mine.assessed(other.fitted)
+            result = problem.assessed(other.fitted)
             (else_,) = (e for e in other.effects if e.name not in before.key)
-            alike = similarity_of(shift, change_of(mine, result, steps[1].result))
+            alike = similarity_of(shift, change_of(problem, result, steps[1].result))
             ranked.append(_ranked(else_, result, alike, other.score))
+            if h.fitted.log_likelihood - other.fitted.log_likelihood < TWIN_NATS:
+                as_good.append(ranked[-1])
         rounds.append(tuple(ranked))
         twins = _twins(done, best, effect)
         final = next(e for e in last.effects if e.name == effect.name)
@@ -334,16 +352,16 @@ def _findings(
         against = rival or next(iter(alternatives), None)
         decisive: tuple[Decisive, ...] = ()
         if against is not None and done.search.budget.checked:
-            both = _with_forces(problem, done, [*h.effects, *against.result.effects])
-            decisive = what_decides(both, step.result, against.result)
+            decisive = what_decides(problem, step.result, against.result)
         proposals = tuple(
-            next_measurements(
-                _with_forces(problem, done, [*h.effects, *t.result.effects]), step.result, t.result
-            )
+            next_measurements(problem, step.result, t.result)
             for t in alternatives[:MOST_SEPARATED]
             if not any(e.amplitude_dependent for e in (*h.effects, *t.result.effects))
         )
-        findings.append(Finding(final, parameters_of(final, last), tuple(same), rival, decisive, proposals))
+        equal = tuple(r for r in as_good if r.name not in twins and not r.extends(effect))
+        findings.append(
+            Finding(final, parameters_of(final, last), tuple(same), rival, decisive, proposals, equal)
+        )
     return findings, rounds
 
 
@@ -357,19 +375,12 @@ def _rivals(done: Searched, problem: FitProblem, best: Hypothesis, before: FitRe
     """Return the ranking of further effects that were tried with the best hypothesis and lower its score."""
     ranked, shift = [], None
     for other in _with_one_more(done, best):
-        mine = _with_forces(problem, done, other.effects)
-        result = mine.assessed(other.fitted)
+        result = problem.assessed(other.fitted)
         (more,) = (e for e in other.effects if e.name not in best.key)
-        change = change_of(mine, result, before)
+        change = change_of(problem, result, before)
         shift = change if shift is None else shift
         ranked.append(_ranked(more, result, similarity_of(shift, change), other.score))
     return tuple(ranked)
-
-
-def _with_forces(problem: FitProblem, done: Searched, effects: Sequence[Effect]) -> FitProblem:
-    """Return a problem whose basis is that of the search with the responses to the forces of effects."""
-    once = {e.name: e for e in effects}
-    return replace(problem, reduced=done.search.fits.problem.reduced.with_forces_of(list(once.values())))
 
 
 def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:
@@ -416,7 +427,7 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     search, best = done.search, done.best
     nothing = search.known[frozenset()]
     before, level = (f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (nothing, best))
-    share = percent(done.probability_there(best))
+    share, exactly = map(percent, (done.probability_there(best), done.probability_of_answer(best)))
     names = labels(best.effects)
     if not done.explains:
         lead, lead_db = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
@@ -434,8 +445,8 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
     if faults:
         return FAULT, (
             f"with {len(faults)} fault(s) of the measurement corrected, nothing improves the model further; "
-            f"residual level {level} dB; probability {share}"
+            f"residual level {level} dB; probability {exactly}"
         )
     return NOTHING, (
-        f"no candidate improves the fitted model, whose residual level is {level} dB; probability {share}"
+        f"no candidate improves the fitted model, whose residual level is {level} dB; probability {exactly}"
     )

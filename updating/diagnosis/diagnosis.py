@@ -71,6 +71,9 @@ class Diagnosis:
         The fit to an earlier state, where the change since then was searched for.
     departures : tuple of Departure
         Sections and connections whose form is outside its usual range.
+    channel_faults : tuple of Fault
+        Errors of channels far outside their tolerances, which the fitted model has: the data are not
+        corrected for them. Empty where the model does not explain the data.
     """
 
     verdict: str
@@ -95,12 +98,18 @@ class Diagnosis:
     searched: Searched | None = None
     baseline: CalibratedFrfs | None = None
     departures: tuple[Departure, ...] = ()
+    channel_faults: tuple[Fault, ...] = ()
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""
         steps = " → ".join(f"{s.fit_db:.2f}" for s in self.steps)
         found = listed(f.effect.name for f in self.findings)
         return summary(self, f"{self.verdict}: {self.reason}; found: {found}; error {steps} dB")
+
+    @property
+    def every_fault(self) -> tuple[Fault, ...]:
+        """Faults that the data are corrected for, and those that the fitted model has."""
+        return (*self.faults, *self.channel_faults)
 
     @property
     def more_than_noise(self) -> bool:

@@ -87,6 +87,8 @@ class Finding:
     decisive : tuple of Decisive
         The pieces of the data that speak most for the effect against the rival, or without one against the
         first of the :attr:`alternatives`.
+    equal_fits : tuple of Ranked
+        Other effects that fit the data as well and are no twins: their priors alone make them improbable.
     proposals : tuple of tuple of Proposal
         For each of the first ``MOST_SEPARATED`` alternatives, the measurements that would separate the two.
     """
@@ -97,6 +99,7 @@ class Finding:
     rival: Ranked | None = None
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
+    equal_fits: tuple[Ranked, ...] = ()
 
     @property
     def alternatives(self) -> tuple[Ranked, ...]:

@@ -18,8 +18,19 @@ from updating.correlation import compare
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 
+LEAST_SHARE = 0.1
+"""Shares say something of the place if one of them is at least this [-]."""
 MOST_SOLVED = 2000
 """Of more small changes those are solved for that explain most to first order, and the best of each place."""
+LINEAR = (
+    "Shares come from a linear estimate: they say where a small change would help, not what is wrong. "
+    "A large effect shows at places that move like it; only the fits of the candidates decide."
+)
+NOWHERE = (
+    f"No small change of a member, joint or support explains {100 * LEAST_SHARE:.0f} % of the misfit: the "
+    "linear estimate does not say where the model fails. A large effect moves resonances farther than it can "
+    "follow; only the fits of the candidates decide."
+)
 N_LINES, LEAST_LINES = 80, 12
 """Number of lines at which small changes are judged, and the least where there are very many changes."""
 MOST_RESPONSES = 20_000_000
@@ -64,6 +75,12 @@ class Localisation:
 
     __repr__ = fields_summary
 
+    @property
+    def says_where(self) -> bool:
+        """Whether a small change of some place would explain a part of the misfit worth the name."""
+        shares = [*self.members.values(), *(share for _, share in self.places)]
+        return max(shares, default=0.0) >= LEAST_SHARE
+
 
 def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisation:
     """Find where a fitted model fails.
@@ -94,12 +111,8 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
         found[change.place] = max(found.get(change.place, 0.0), project.share(change))
         if not change.in_member and change.place not in points:
             points[change.place] = change.effect.locations(problem.reduced.model)
-    note = (
-        "Shares come from a linear estimate: they say where a small change would help, not what is wrong. "
-        "A large effect shows at places that move like it; only the fits of the candidates decide."
-    )
     by_input = np.array([_rms(comparison.log_ratio[:, :, j].real) for j in range(len(m.inputs))])
-    return Localisation(
+    found = Localisation(
         sensors=m.outputs,
         inputs=m.inputs,
         by_sensor_db=comparison.by_sensor(),
@@ -109,8 +122,9 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
         members=members,
         places=tuple(sorted(places.items(), key=lambda item: -item[1])),
         points=points,
-        note=note,
+        note=LINEAR,
     )
+    return found if found.says_where else replace(found, note=NOWHERE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,7 +251,7 @@ class _Projection:
     def solved(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the fitted model solved at the lines, without the constraints that an effect releases."""
         if released not in self._solved:
-            p, fit = self.problem, self.result
+            p, fit = self.problem.with_forces_of(self.result), self.result
             f, refs = p.data.frequency[self.lines], list(fit.values)
             engine, values = p.engine(f, refs, fit.effects, released), [fit.values[ref] for ref in refs]
             self._solved[released] = LocalChanges.of(engine, np.array(values), p.damping.ratio(f, fit.zeta))

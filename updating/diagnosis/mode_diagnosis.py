@@ -16,7 +16,7 @@ from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, search_progress, searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import EffectParameter, labels, parameters_of
@@ -260,9 +260,18 @@ class ModeDiagnosis:
         return _reported(self.searched)
 
     @property
+    def reported(self) -> Explanation:
+        """The explanation of the verdict: simpler ones are reported where data do not require more."""
+        if self.verdict == UNEXPLAINED:
+            return next(e for e in self.explanations if not e.known)
+        effects = self.final.effects
+        same = [e for e in self.explanations if e.known and key_of(e.effects) == key_of(effects)]
+        return next((e for e in same if e.effects == effects), same[0])
+
+    @property
     def sure(self) -> bool:
-        """Whether the first explanation is more probable than all others together."""
-        return self.explanations[0].probability >= HALF
+        """Whether the explanation of the verdict is more probable than all others together."""
+        return self.reported.probability >= HALF
 
     @property
     def credible(self) -> tuple[Explanation, ...]:
@@ -439,7 +448,6 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     nothing, final = search.known[frozenset()], _reported(done)
     bad = _bad_readings(done, problem)
     table = _table(problem, nothing, final, bad)
-    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
     out = ModeDiagnosis(
         verdict=verdict,
         reason="",
@@ -448,7 +456,7 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         next_measurements=(),
         model=fitted_model(done.model, final.fitted),
-        problem=there,
+        problem=problem.with_forces_of(final.fitted),
         searched=done,
         notes=_notes(problem),
         seconds=0.0,
@@ -513,8 +521,7 @@ def _table(
         if b.reading.kind == FREQUENCY:
             bad[b.reading.mode] = b.probability
     nominal, fitted = problem.believed.computed(problem.nominal()), problem.computed(nothing.fitted)
-    there = replace(problem, reduced=problem.reduced.with_forces_of(final.effects))
-    found = there.computed(final.fitted)
+    found = problem.computed(final.fitted)
     return ModeTable(
         measured=t.frequency,
         std=t.frequency_std,
@@ -526,7 +533,7 @@ def _table(
         mac_nominal=nominal.mac,
         mac_found=found.mac,
         held_out=t.held_out,
-        found_std=there.predicted_std(final.fitted),
+        found_std=problem.predicted_std(final.fitted),
         bad=bad,
     )
 
@@ -537,25 +544,25 @@ def _reason(d: ModeDiagnosis) -> str:
 
 
 def _verdict_reason(d: ModeDiagnosis) -> str:
-    m, first = d.modes, d.explanations[0]
+    m, first, p = d.modes, d.explanations[0], percent(d.reported.probability)
     before, after = (f"{100 * m.errors(f, False):.2g} %" for f in (m.fitted, m.found))
     if d.verdict == UNEXPLAINED:
         lead = d.searched.lead
         so_far = f"; best so far, not explained: {labels(lead.effects)}" if lead.effects else ""
         return f"the frequencies stay {before} off, more than a right model leaves{so_far}"
-    sure = percent(first.probability)
     n = len(d.credible)
     many = f"; {n} explanations share {CREDIBLE:.0%}".replace("%", " %") if n > 1 else ""
     if d.verdict == NOTHING:
-        return f"the fitted model's frequencies are {after} off; probability {sure}{many}"
+        return f"the fitted model's frequencies are {after} off; probability {p}{many}"
     place = percent(d.searched.probability_there(d.searched.best))
     lower = "bring" if len(d.found) > 1 else "brings"
     text = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
     if not d.sure:
-        return f"{n} explanations share {CREDIBLE:.0%}, none is sure; the first, {sure}: {text}".replace(
-            "0%", "0 %"
-        )
-    return f"{text}; probability {sure}, of the place {place}{many}"
+        none = ", none is sure" if first.probability < HALF else ""
+        which = "first" if d.reported is first else "simplest that is nearly as probable"
+        shared = f"{n} explanations share {CREDIBLE:.0%}".replace("%", " %")
+        return f"{shared}{none}; the {which}, {p}: {text}"
+    return f"{text}; probability {p}, of the place {place}{many}"
 
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:

@@ -253,7 +253,7 @@ class _Prediction:
     def _frf(
         self, fit: FitResult, outputs: Floats, inputs: Floats, frequency: Floats, *, slopes: bool
     ) -> tuple[Complexes, Complexes | None]:
-        p, refs = self.problem, list(fit.values)
+        p, refs = self.problem.with_forces_of(fit), list(fit.values)
         engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects, viscous=p.viscous)
         zeta = p.damping.ratio(frequency, fit.zeta)
         values = np.array([fit.values[r] for r in refs])

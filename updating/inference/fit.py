@@ -245,6 +245,15 @@ class FitProblem:
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
         return self.reduced.impedance(key, omega2)
 
+    def with_forces_of(self, result: FitResult) -> FitProblem:
+        """Return the problem on a basis with the responses to the forces of a fit's effects.
+
+        On a basis without them the same fit has other FRFs: modes and other responses hardly bend where a
+        crack or a released end does.
+        """
+        reduced = self.reduced.with_forces_of(result.effects)
+        return self if reduced is self.reduced else replace(self, reduced=reduced)
+
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
@@ -252,7 +261,8 @@ class FitProblem:
             return self.steady(result, lines).H
         f = self.data.frequency[lines]
         refs = list(result.values)
-        engine = self.engine(f, refs, result.effects, channels=result.channels)
+        there = self.with_forces_of(result)
+        engine = there.engine(f, refs, result.effects, channels=result.channels)
         zeta = self.damping.ratio(f, result.zeta)
         H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         return H
@@ -272,10 +282,11 @@ class FitProblem:
         """
         (element,) = (e for e in result.effects if isinstance(e, AmplitudeDependent))
         linear = [e for e in result.effects if e is not element]
+        there = self.with_forces_of(result)
         refs = [ref for ref in result.values if ref[0] != element.name]
         f = self.data.frequency[lines]
         ends = self.vectors_with(element)
-        engine = ParametricFRF(self.reduced, *ends, f, refs, linear, viscous=self.viscous)
+        engine = ParametricFRF(there.reduced, *ends, f, refs, linear, viscous=self.viscous)
         zeta = self.damping.ratio(f, result.zeta)
         block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
         measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)
@@ -296,7 +307,8 @@ class FitProblem:
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         every = replace(self.data, mask=np.ones_like(self.data.mask), weight=np.ones_like(self.data.weight))
         starts = [parameter_values(e) for e in result.effects]
-        function = replace(self, data=every, scatter=None).function(result.effects, starts, lines)
+        there = replace(self.with_forces_of(result), data=every, scatter=None)
+        function = there.function(result.effects, starts, lines)
         x = function.moved_to(result)
         if len(result.covariance) != len(x):
             return None

@@ -215,14 +215,20 @@ class ModeProblem:
         values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
         return replace(result, values=values)
 
+    def with_forces_of(self, result: FitResult) -> ModeProblem:
+        """Return the problem on a basis with the responses to the forces of a fit's effects."""
+        reduced = self.reduced.with_forces_of(result.effects)
+        return self if reduced is self.reduced else replace(self, reduced=reduced)
+
     def computed(self, result: FitResult) -> ComputedModes:
         """Return the modes of a fitted model that belong to the measured ones, those held out too."""
         every, refs = np.arange(self.targets.n), list(result.values)
-        parametric = self.parametric(every, refs, result.effects)
+        there = self.with_forces_of(result)
+        parametric = there.parametric(every, refs, result.effects)
         zeta = self.damping.ratio(self.targets.frequency, result.zeta)
         at = parametric.at(np.array([result.values[r] for r in refs]), zeta)
         fitted = self.targets.fitted
-        matched, everything = (matched_modes(self, at, modes) for modes in (fitted, every))
+        matched, everything = (matched_modes(there, at, modes) for modes in (fitted, every))
         partner, mac = everything.partner.copy(), everything.mac.copy()
         partner[fitted], mac[fitted] = matched.partner, matched.mac
         modes = at.damped(partner)
@@ -239,7 +245,7 @@ class ModeProblem:
         if not (t.held_out.any() and isinstance(levels, ModeLevels)):
             return np.full(t.n, np.nan)
         # A mode finds its partner among all of them, in their order.
-        alone = replace(self, common=None)
+        alone = replace(self.with_forces_of(result), common=None)
         function = alone.function(result.effects, start_of(result.effects), every)
         x = function.point_of(result)
         predicted = t.held_out & (matched_modes(alone, function.modes_at(x), every).partner >= 0)

@@ -13,7 +13,6 @@ from fem.analysis.frf import FRF
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import Comparison, compare
 from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.fit import FitProblem
@@ -227,9 +226,9 @@ class LiveModel:
 
     def _engine(self, problem: FitProblem, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
         # with the forces of where the effects are now, as a crack that moves bends other places
-        reduced: ReducedModel = problem.reduced.with_forces_of(result.effects)
-        problem = replace(problem, reduced=reduced)
-        return problem.engine(self.problem.data.frequency, refs, result.effects, channels=result.channels)
+        return problem.with_forces_of(result).engine(
+            self.problem.data.frequency, refs, result.effects, channels=result.channels
+        )
 
     @staticmethod
     def _key(result: FitResult) -> tuple[Hashable, ...]:

@@ -21,21 +21,25 @@ class Fault:
     ----------
     kind : str
         ``"sensor_sign"``, ``"sensor_gain"``, ``"sensor_delay"``, ``"sensor_swap"``, ``"sensor_tilt"``,
-        ``"sensor_position"``, ``"excitation_sign"``, ``"excitation_gain"`` or ``"excitation_delay"``.
+        ``"sensor_position"``, ``"excitation_sign"``, ``"excitation_gain"`` or ``"excitation_delay"``; of
+        errors of channels also ``"excitation_tilt"``, ``"sensor_shift"`` and ``"excitation_shift"``.
     sensor : str
         The sensor or the excitation.
     value : float
         -1 for a sign; the gain [-]; the delay [s]; the angle [rad]; the distance along the member from the
-        stated place [m]; 0 for swapped labels.
+        stated place, or across the channel's direction [m]; 0 for swapped labels.
     std : float
         Its standard deviation, of the gain or in ``unit``.
     unit : str
     other : str
         The sensor that it is swapped with, the member that it has moved on.
     direction : tuple of float
-        Of a tilt: the unit vector, square to the stated direction, towards which it is tilted.
+        Of a tilt or a shift: the unit vector, square to the stated direction, towards which it is.
     span : float
         Range of the values that were looked at, of a gain that of its logarithm; 0 of what has no value.
+    tolerance : float
+        Stated standard deviation of the error, in ``unit``, of a fault that is part of a fitted model of the
+        test (:func:`updating.quality.channel_faults.channel_faults`); 0 of one that data are corrected for.
     """
 
     kind: str
@@ -46,6 +50,7 @@ class Fault:
     other: str = ""
     direction: tuple[float, ...] = ()
     span: float = 0.0
+    tolerance: float = 0.0
 
     @property
     def name(self) -> str:

@@ -37,6 +37,8 @@ AS_LONG = 6.0
 """Usual duration of a search, in durations of its beginning [-]."""
 UNKNOWN = "unknown"
 """Name of what the library does not have, in the posterior."""
+AS_READ = "not "
+"""Stands before the name of a fault that a hypothesis does not correct and the reported one does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,14 +119,22 @@ class Searched:
         return (*self.faults, *(f for other in self.otherwise for f in other.faults))
 
     def names(self, h: Hypothesis) -> tuple[str, ...]:
-        """Return the names of a hypothesis's effects, and of its faults where others are set right here."""
-        here = {f.name for f in self.faults}
+        """Return the names of a hypothesis's effects, and of its faults where others are set right here.
+
+        Of a fault that is set right here alone, the name follows ``AS_READ``.
+        """
         other = next((o for o in self.otherwise if any(k is h for k in o.hypotheses)), self)
-        return tuple(sorted([*h.key, *(f.name for f in other.faults if f.name not in here)]))
+        here, there = ({f.name for f in way.faults} for way in (self, other))
+        return tuple(sorted([*h.key, *(there - here), *(f"{AS_READ}{name}" for name in here - there)]))
 
     def probability(self, h: Hypothesis) -> float:
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
+
+    def probability_of_answer(self, h: Hypothesis) -> float:
+        """Return the probability of exactly the effects and faults of a hypothesis, at all positions."""
+        names = self.names(h)
+        return sum(self.probability(k) for k in self.hypotheses if self.names(k) == names)
 
     @property
     def unknown_probability(self) -> float:
@@ -132,8 +142,8 @@ class Searched:
         return float(np.exp(self.unknown - self.evidence))
 
     def probability_there(self, h: Hypothesis) -> float:
-        """Return the probability that what is missing is at the places of a hypothesis."""
-        return sum(self.probability(k) for k in self.hypotheses if k.places == h.places)
+        """Return the probability that something is missing at all places of a hypothesis, alone or not."""
+        return sum(self.probability(k) for k in self.hypotheses if h.places <= k.places)
 
 
 def search_by_evidence(

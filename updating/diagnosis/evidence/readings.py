@@ -41,13 +41,16 @@ def log_prior(faults: Sequence[Fault], data: FitData) -> float:
 
     The odds are those of effects: against one more change, by the number of channels, and by that of the
     kinds of faults of each. A value may be anywhere in the range that was looked at: its Occam factor is
-    √(2π) times its standard deviation over this range.
+    √(2π) times its standard deviation over this range. Fits to corrected data still have the channel's
+    tolerance, so that any value within it does as well.
     """
+    errors = data.measurement.errors
+    tolerances = {"gain": errors.gain, "tilt": errors.direction}
     channels = {"sensor": data.measurement.sensors, "excitation": data.measurement.excitations}
     total = 0.0
     for f in faults:
         of, kind = f.kind.split("_", 1)
-        std = f.std / f.value if kind == "gain" else f.std
+        std = np.hypot(f.std / f.value if kind == "gain" else f.std, tolerances.get(kind, 0.0))
         occam = np.log(min(1.0, np.sqrt(2 * np.pi) * std / f.span)) if std > 0 and f.span > 0 else 0.0
         total += float(occam - EFFECT_ODDS - np.log(N_KINDS[of] * len(channels[of])))
     return total
