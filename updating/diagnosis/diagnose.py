@@ -229,9 +229,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     of_channels = channel_faults(problem, current) if done.explains else ()
     verdict, reason = _verdict(done, (*faults, *of_channels), gates)
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
-    posterior = [
-        (done.names(h), done.probability(h)) for h in sorted(done.hypotheses, key=lambda h: -h.score)
-    ]
+    posterior = [(done.names(h), done.probability(h)) for h in sorted(done.weighed, key=lambda h: -h.score)]
     posterior.append(((UNKNOWN,), done.unknown_probability))
     basis_db = basis_error(problem, current, N_CHECKED)
     return Diagnosis(

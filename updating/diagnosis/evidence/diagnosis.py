@@ -13,7 +13,7 @@ from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
@@ -104,7 +104,7 @@ class Searched:
     @property
     def evidence(self) -> float:
         """Logarithm of the sum over all hypotheses."""
-        scores = [k.score for k in self.hypotheses]
+        scores = [k.score for k in self.weighed]
         return float(np.logaddexp.reduce(np.array([*scores, self.unknown])))
 
     @property
@@ -114,27 +114,33 @@ class Searched:
         return fitted + [h for other in self.otherwise for h in other.hypotheses]
 
     @property
+    def weighed(self) -> list[Hypothesis | Promised]:
+        """All that share the probability: those that were not fitted, too."""
+        mine = [*self.search.known.values(), *self.search.elsewhere, *self.search.promises()]
+        return mine + [h for other in self.otherwise for h in other.weighed]
+
+    @property
     def proposed_faults(self) -> tuple[Fault, ...]:
         """Faults set right in either reading."""
         return (*self.faults, *(f for other in self.otherwise for f in other.faults))
 
-    def names(self, h: Hypothesis) -> tuple[str, ...]:
+    def names(self, h: Hypothesis | Promised) -> tuple[str, ...]:
         """Return the names of a hypothesis's effects, and of its faults where others are set right here.
 
         Of a fault that is set right here alone, the name follows ``AS_READ``.
         """
-        other = next((o for o in self.otherwise if any(k is h for k in o.hypotheses)), self)
+        other = next((o for o in self.otherwise if h in o.weighed), self)
         here, there = ({f.name for f in way.faults} for way in (self, other))
         return tuple(sorted([*h.key, *(there - here), *(f"{AS_READ}{name}" for name in here - there)]))
 
-    def probability(self, h: Hypothesis) -> float:
+    def probability(self, h: Hypothesis | Promised) -> float:
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
 
     def probability_of_answer(self, h: Hypothesis) -> float:
         """Return the probability of exactly the effects and faults of a hypothesis, at all positions."""
         names = self.names(h)
-        return sum(self.probability(k) for k in self.hypotheses if self.names(k) == names)
+        return sum(self.probability(k) for k in self.weighed if self.names(k) == names)
 
     @property
     def unknown_probability(self) -> float:
@@ -143,7 +149,7 @@ class Searched:
 
     def probability_there(self, h: Hypothesis) -> float:
         """Return the probability that something is missing at all places of a hypothesis, alone or not."""
-        return sum(self.probability(k) for k in self.hypotheses if h.places <= k.places)
+        return sum(self.probability(k) for k in self.weighed if h.places <= k.places)
 
 
 def search_by_evidence(

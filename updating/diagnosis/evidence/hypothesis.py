@@ -63,12 +63,37 @@ class Hypothesis:
     @property
     def places(self) -> frozenset[str]:
         """Members and connections that the effects act on."""
-        return frozenset(set[str]().union(*map(near_to, self.effects)))
+        return places_near(self.effects)
 
     @property
     def name(self) -> str:
         """Effects in words."""
         return " + ".join(sorted(f"{e.kind} {e.where}" for e in self.effects)) or "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Promised:
+    """A model with effects that was not fitted.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+    score : float
+        Logarithm of its posterior probability, up to a constant, as a look at small changes promises it.
+    """
+
+    effects: tuple[Effect, ...]
+    score: float
+
+    @property
+    def key(self) -> frozenset[str]:
+        """Names of the effects."""
+        return key_of(self.effects)
+
+    @property
+    def places(self) -> frozenset[str]:
+        """Members and connections that the effects act on."""
+        return places_near(self.effects)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,6 +160,11 @@ def key_of(effects: Sequence[Effect]) -> frozenset[str]:
 def values_of(effects: Sequence[Effect]) -> Values:
     """Return the parameter values of effects."""
     return tuple(map(parameter_values, effects))
+
+
+def places_near(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the names of the members and connections that effects act on."""
+    return frozenset(set[str]().union(*map(near_to, effects)))
 
 
 def near_to(effect: Effect) -> set[str]:

@@ -19,7 +19,7 @@ from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.terms import ReducedTerm, motions_of
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.ranking import MOST_GRIDS, MayWin, RankedBlocks
+from updating.diagnosis.evidence.ranking import MOST_GRIDS, Against, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.evidence.screening import Grid, Screened, candidate_terms
 from updating.inference.belief import EFFECT_ODDS
@@ -431,7 +431,7 @@ class ModeRanking:
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
-        may_win: MayWin | None = None,
+        against: Against | None = None,
         *,
         far: bool = False,
     ) -> tuple[Screened, ...]:
@@ -441,7 +441,7 @@ class ModeRanking:
         ones. A change between two states may be far weaker than any point of a grid, so that the best
         multiple of each candidate's slope is one more. Far from the data slopes say little.
         """
-        return self._looked_at(problem, current, effects, listed, MOST_GRIDS if may_win is None else N_LOOKED)
+        return self._looked_at(problem, current, effects, listed, MOST_GRIDS if against is None else N_LOOKED)
 
     def _looked_at(
         self,

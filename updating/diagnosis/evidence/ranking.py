@@ -21,8 +21,8 @@ from updating.inference.scatter import FormScatter, form_scatter
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
-MayWin = Callable[[Effect, float], bool]
-"""Whether an effect that raises the log likelihood by so much may make a hypothesis more probable."""
+Against = Callable[[Effect], float]
+"""Prior odds against an effect, as a logarithm: what it must gain."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
 
 
@@ -44,15 +44,15 @@ class Ranking(Protocol):
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
-        may_win: MayWin | None = None,
+        against: Against | None = None,
         *,
         far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates with starts, the most promising first.
 
-        Some are ``listed`` in any case. Beside what explains the data all is linear, and ``may_win`` tells
-        which deserve a look by the most that they can gain. Of a fit that is ``far`` from the data the low
-        band is looked at, too.
+        Some are ``listed`` in any case. Beside what explains the data all is linear: those deserve a look
+        that can gain more than what is ``against`` them, and the others have no starts. Of a fit that is
+        ``far`` from the data the low band is looked at, too.
         """
         ...
 
@@ -116,18 +116,21 @@ class FrfRanking:
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
-        may_win: MayWin | None = None,
+        against: Against | None = None,
         *,
         far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the likelihood that they reach on grids of their parameters."""
         grids = [Grid.of(problem, e) for e in effects]
-        if may_win is not None:
+        if against is not None:
             gains = linear_gains(problem, current, grids)
-            order = [int(i) for i in np.argsort(-gains, kind="stable") if gains[i] > -np.inf]
-            best = order[:LEAST_GRIDS]
-            kept = [i for i in order if i in best or may_win(grids[i].effect, float(gains[i]))]
-            return screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+            promised = gains - np.array([against(e) for e in effects])
+            order = np.argsort(-promised, kind="stable")
+            least = [i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]
+            kept = [int(i) for i in order if promised[i] > 0.0 or i in least]
+            looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+            rest = (int(i) for i in order if i not in kept and np.isfinite(gains[i]))
+            return (*looked, *(Screened(effects[i], (), float(gains[i])) for i in rest))
         # Damped FRFs bend nothing.
         bases = (current,) if problem.decay else (current, problem.at_nominal(current))
         if len(grids) > MOST_GRIDS:

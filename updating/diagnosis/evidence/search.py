@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from updating.diagnosis.evidence.halving import Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
+    Promised,
     Start,
     Values,
     is_simpler,
@@ -50,6 +51,8 @@ from updating.inference.workers import ALONE, Workers
 
 DOUBT_NATS = 15.0
 """An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
+LEAST_SHORT = 3
+"""Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
@@ -81,6 +84,21 @@ class NextHypotheses:
     starts: Sequence[Start]
     worth: float
     is_first: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Promise:
+    """What was not fitted, as a look at small changes promises less than there is.
+
+    Attributes
+    ----------
+    base : frozenset of str
+        Key of the hypothesis that it extends.
+    proposal : NextHypotheses
+    """
+
+    base: frozenset[str]
+    proposal: NextHypotheses
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -195,6 +213,8 @@ class Search:
         Is told each score, for those who work on the search.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
+    promised : dict
+        By the key of a hypothesis that was not fitted, what a look promises of it.
     """
 
     problem: InitVar[AnyProblem]
@@ -212,6 +232,7 @@ class Search:
     fits: Fits = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
+    promised: dict[frozenset[str], Promise] = field(default_factory=dict, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
     def __post_init__(
@@ -273,9 +294,20 @@ class Search:
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
             yield best
 
+    def promises(self) -> list[Promised]:
+        """Return what was not fitted, as probable as a look at small changes promises."""
+        return [
+            Promised(
+                (*self.known[p.base].effects, *p.proposal.effects),
+                self.known[p.base].score + p.proposal.worth,
+            )
+            for key, p in self.promised.items()
+            if key not in self.known
+        ]
+
     def settled(self, h: Hypothesis) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
-        return bool(h.effects) and self.explains(h)
+        return self.explains(h) and (bool(h.effects) or not self.fits.is_far(h))
 
     def beats(self, h: Hypothesis, best: Hypothesis) -> bool:
         """Whether a hypothesis is more probable than another one; than a simpler one, by more than a twin."""
@@ -304,7 +336,8 @@ class Search:
             tried = self.from_near(base, free, now)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
-        least, final = 1 if base.effects else self.budget.n_final, self.budget.n_final
+        final = self.budget.n_final
+        least = 1 if base.effects or self.settled(base) else final
         tried = [h for k, h in enumerate(tried) if k < least or h.score > now - TWIN_NATS]
         tried = tried[: self.budget.n_full]
         for h in tried:
@@ -370,25 +403,35 @@ class Search:
         near = None
         if isinstance(free, FitProblem) and self.fits.is_far(base):
             near = straight(free, base.fitted)
-        wanted = [
-            ((*base.effects, *p.effects), [Start((*kept, *s.values), near or s.near) for s in p.starts])
-            for p in proposals
-        ]
+        settled = self.settled(base)
+        # Beside what explains the data all is nearly linear: fits reach what the looks promise.
+        behind = TWIN_NATS if settled else 2 * TWIN_NATS
+        best = now if self.explains(base) else -np.inf
         short: list[tuple[list[Hypothesis], bool]] = []
-        for first in range(0, len(wanted), self.budget.together):
-            # What a look promises less of than there is already is not fitted.
-            best = max((fits[0].score for fits, _ in short), default=now if self.explains(base) else -np.inf)
-            if now + proposals[first].worth < best - 2 * TWIN_NATS:
+        rest = [p for p in proposals if p.starts]
+        while rest:
+            least = best - behind - now
+            n = sum(p.worth >= max(least, rest[0].worth - TWIN_NATS) for p in rest)
+            n = min(n, self.budget.together) or (max(0, LEAST_SHORT - len(short)) if settled else 0)
+            if not n:
                 break
-            these = slice(first, first + self.budget.together)
-            fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted[these])
-            short += [(f, p.is_first) for f, p in zip(fitted, proposals[these], strict=True) if f]
+            these, rest = rest[:n], rest[n:]
+            wanted = [
+                ((*base.effects, *p.effects), [Start((*kept, *s.values), near or s.near) for s in p.starts])
+                for p in these
+            ]
+            fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted)
+            short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
+            best = max([best, *(fits[0].score for fits, _ in short)])
+        if settled and isinstance(free, FitProblem):
+            self.promised |= {key_of((*base.effects, *p.effects)): Promise(base.key, p) for p in proposals}
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
             fits[: 2 if k < self.fits.ranking.breadth // 2 else 1]
             for k, (fits, first) in enumerate(short)
-            if k < self.fits.ranking.breadth or first
+            if (k < self.fits.ranking.breadth or first)
+            and (k == 0 or not settled or fits[0].score > best - behind)
         ]
         return self.workers.map(_continued, (self.fits, free, base), promising)
 
@@ -497,40 +540,42 @@ class Search:
         current, far = base.fitted, self.fits.is_far(base)
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
-        if far or not base.effects or not isinstance(quick, FitProblem):
+        if far or not (base.effects or self.settled(base)) or not isinstance(quick, FitProblem):
             ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self.scanned = ranked
-        compatible = self.compatible_with(base.effects)
+        compatible, settled = self.compatible_with(base.effects), self.settled(base)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
         parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
         names_at = [{e.name for p in self.places if p.parent == one for e in p.effects} for one in parents]
         there = set[str]().union(*names_at)
-        screened = self.fits.ranking.screened(
-            quick,
-            now,
-            compatible,
-            lambda e: e.name in there,
-            (lambda effect, gain: self.may_win(base, (effect,), gain)) if self.settled(base) else None,
-            far=far,
+
+        def against(effect: Effect) -> float:
+            return self.fits.odds.against(base.effects, (effect,))
+
+        screened = list(
+            self.fits.ranking.screened(
+                quick, now, compatible, lambda e: e.name in there, against if settled else None, far=far
+            )
         )
-        likely = [s for s in screened if self.may_win(base, (s.effect,), s.gain)]
+        if settled:
+            screened.sort(key=lambda s: against(s.effect) - s.gain)
+        # Where something is missing parameters may be bent, nothing is linear, and all may win.
+        likely = [s for s in screened if not settled or s.gain > against(s.effect)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
         for names in names_at:
             best = {s.effect.kind: s for s in reversed(likely) if s.effect.name in names}
             chosen += [s for s in best.values() if s not in chosen]
-        chosen += [s for s in screened if s not in chosen][: max(0, self.budget.n_final - len(chosen))]
+        looked = [s for s in screened if s.starts and s not in chosen]
+        chosen += looked[: max(0, self.budget.n_final - len(chosen))]
+        if settled:  # those that deserve no look have a share of the probability, too
+            rest = (s for s in screened if s not in chosen)
+            chosen += islice(rest, max(0, self.budget.n_short * self.fits.ranking.breadth - len(chosen)))
         first = names_at[0] if names_at else set[str]()
-        odds = self.fits.odds
         out = [
-            NextHypotheses(
-                (s.effect,),
-                s.starts,
-                s.gain - odds.against(base.effects, (s.effect,)),
-                s.effect.name in first,
-            )
+            NextHypotheses((s.effect,), s.starts, s.gain - against(s.effect), s.effect.name in first)
             for s in chosen
         ]
         return out + self.blocks(base, quick, now, ranked, key_of(compatible))
@@ -550,13 +595,6 @@ class Search:
         parts = [c for c in alike if len(near_to(c)) == 1 and getattr(c, "direction", None) == direction]
         complete = len(places) == len(parts) and set[str]().union(*map(near_to, parts)) == places
         return parts if complete else []
-
-    def may_win(self, base: Hypothesis, new: Sequence[Effect], gain: float) -> bool:
-        """Whether a hypothesis with more effects, which gain this log likelihood, may be more probable.
-
-        Where something is missing parameters may be bent, nothing is linear, and all may be.
-        """
-        return not self.settled(base) or gain > self.fits.odds.against(base.effects, new)
 
     def blocks(
         self,
