@@ -283,7 +283,8 @@ def uncertain_dict(u: Uncertain) -> dict[str, Any]:
 def fault_dict(f: Fault) -> dict[str, Any]:
     """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
-    return plain | ({"other": f.other} if f.other else {})
+    plain |= {"other": f.other} if f.other else {}
+    return plain | ({"shift": f.shift} if f.shift else {})
 
 
 def added_parameters(effect: Effect, fit: FitResult | None) -> tuple[EffectParameter, ...]:
@@ -418,6 +419,10 @@ def comparison_dict(c: Comparison) -> dict[str, Any]:
         "sensors": [
             {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
             for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+        ],
+        "excitations": [
+            {"excitation": s, "error_db": db, "by_band_db": row}
+            for s, db, row in zip(c.inputs, c.transposed().by_sensor(), c.transposed().by_band(), strict=True)
         ],
         "inputs": list(c.inputs),
     }

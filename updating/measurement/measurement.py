@@ -346,6 +346,34 @@ class Measurement:
         )
 
     @property
+    def moving_forces(self) -> bool:
+        """Whether forces are at more places than responses, as those of a roving hammer."""
+        return len(self.excitations) > len(self.sensors)
+
+    @property
+    def has_transpose(self) -> bool:
+        """Whether forces and responses may be exchanged by reciprocity: all are of motions of points."""
+        channels = (*self.sensors, *self.excitations)
+        return not any(isinstance(c, BaseMotion) or c.quantity != MOTION for c in channels)
+
+    def transposed(self) -> "Measurement":
+        """Return the same with forces at the sensors and sensors where forces were (Maxwell: Hᵀ = H)."""
+        frf, errors = self.frf, self.errors
+        turned = FRF.from_arrays(frf.frequency, np.swapaxes(frf.H, 1, 2), frf.kind, frf.inputs, frf.outputs)
+        known = {key: getattr(self, key) for key in ("coherence", "scatter", "compared")}
+        arrays = {key: None if x is None else np.swapaxes(x, 1, 2) for key, x in known.items()}
+        return replace(
+            self,
+            frf=turned,
+            sensors=self.excitations,
+            excitations=self.sensors,
+            other_sensors=self.other_excitations,
+            other_excitations=self.other_sensors,
+            errors=replace(errors, sensors=errors.excitations, excitations=errors.sensors),
+            **arrays,
+        )
+
+    @property
     def channel_errors(self) -> NDArray[np.float64]:
         """Known errors of sensors and excitations behind them, (n_sensors + n_excitations, 5)."""
         none = (0.0,) * N_ERRORS
