@@ -159,6 +159,9 @@ def _sensors_of(
     if body and "mass" in t:
         t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
     relative = is_sensor and t.flag("relative", False)
+    roving = is_sensor and t.flag("roving", False)
+    if roving and "mass" not in t:
+        t.refuse("roving", "a roving sensor acts by its mass; give mass, or leave roving out")
     convention = read_convention(t, is_sensor)
     if "directions" in t:
         for key in ("name", "label", "direction"):
@@ -180,7 +183,10 @@ def _sensors_of(
                 t.refuse("", "the sensor needs a name, for its place has none")
             channel_mass = mass if k == 0 else 0.0  # one body with several channels
             sensor = _placed(
-                t, geometry, Sensor(name, xyz, direction, member, gain, channel_mass, relative, body), notes
+                t,
+                geometry,
+                Sensor(name, xyz, direction, member, gain, channel_mass, relative, body, roving),
+                notes,
             )
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)

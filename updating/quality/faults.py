@@ -247,6 +247,7 @@ def _views(problem: FitProblem, result: FitResult) -> list[View]:
 
     Where sensors are too few for that, the transpose alone tells.
     """
+    problem = problem.unloaded(result)
     m, direct = problem.data.measurement, (problem, result, lambda fault: fault)
     turned = _transpose(problem, result) if len(m.excitations) >= LEAST_CHANNELS else None
     if turned is None:
