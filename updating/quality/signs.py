@@ -107,7 +107,7 @@ def reversal(
         power[at] = log_odds(sense, parts)
     sides = (("sensor", measurement.sensors), ("excitation", measurement.excitations))
     prices = log_odds_against(len(measurement.sensors)), log_odds_against(len(measurement.excitations))
-    signs = likeliest_signs(total / n, seen.any(axis=0), power, parts, prices)
+    signs = likeliest_signs(total / n, np.asarray(seen.any(axis=0)), power, parts, prices)
     instead = _instead(measurement, signs, prices, bool(driven))
     faults, words = [], []
     for axis, ((of, channels), sign) in enumerate(zip(sides, signs, strict=True)):
