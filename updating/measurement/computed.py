@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
-from fem.effects.added_mass import AddedMass
 from fem.model import Model
 from fem.system import assemble
 from updating.measurement.measurement import (
@@ -15,8 +14,8 @@ from updating.measurement.measurement import (
     BaseMotion,
     Sensor,
     roving_masses,
-    sensor_point,
     sensor_rows,
+    with_mass_of,
     with_moving_base,
 )
 
@@ -54,10 +53,7 @@ def computed_frf(
     f = np.asarray(frequency, dtype=float)
     H = np.array(compute_frf(system, f, outputs, inputs, FRFKind.RECEPTANCE).H)
     for rows, sensor, mass in roving_masses(sensors):
-        load = AddedMass(
-            name=f"mass of sensor {sensor.name}", point=sensor_point(model.mesh, sensor), mass=mass
-        )
-        loaded = assemble(model.with_effect(load), reciprocal=False)
+        loaded = assemble(with_mass_of(model, sensor, mass), reciprocal=False)
         H[:, rows] = compute_frf(loaded, f, outputs[rows], inputs, FRFKind.RECEPTANCE).H
     names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
     base = [s.name for s in excitations if isinstance(s, BaseMotion)]

@@ -500,6 +500,12 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
     return replace(model, effects=(*model.effects, *masses.values())) if masses else model
 
 
+def with_mass_of(model: Model, sensor: Sensor, mass: float) -> Model:
+    """Return a model with a mass [kg] where a sensor sits."""
+    point = sensor_point(model.mesh, sensor)
+    return model.with_effect(AddedMass(name=f"mass of sensor {sensor.name}", point=point, mass=mass))
+
+
 def roving_masses(sensors: Sequence[Sensor]) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
     """Return rows, one of the sensors and the mass [kg] of each place of a roving sensor that has a mass."""
     places: dict[tuple[float, ...], list[int]] = {}
