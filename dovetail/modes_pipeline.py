@@ -73,6 +73,7 @@ def _identified(
     study: Study, data: Measurement, other: MeasuredModes | None
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Return the modes in the FRFs of one state, and sentences on them."""
+    data = with_more_sensors(data, study.model)
     found, warnings = modes_in(data, study.band, study.shape_limits)
     modes = as_measured(found, data)
     repeatability = float(np.median(other.frequency_std)) if other is not None else 0.0
@@ -232,6 +233,15 @@ def _remark(m: ModeTable, k: int) -> str:
     if not m.held_out[k]:
         return ""
     return "predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")
+
+
+def with_more_sensors(data: Measurement, model: Model) -> Measurement:
+    """Return a measurement whose shapes are of the side with more places, by reciprocity.
+
+    The FRFs of a roving hammer are the motions of its places for a force at the sensor.
+    """
+    turn = data.moving_forces and data.has_transpose and all(e.reciprocal for e in model.effects)
+    return data.transposed() if turn else data
 
 
 def modes_in(

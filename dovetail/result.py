@@ -284,7 +284,8 @@ def uncertain_dict(u: Uncertain) -> dict[str, Any]:
 def fault_dict(f: Fault) -> dict[str, Any]:
     """Return a fault in plain types."""
     plain = {"kind": f.kind, "sensor": f.sensor, "value": f.value, "std": f.std, "unit": f.unit}
-    more = {"other": f.other, "direction": list(f.direction), "tolerance": f.tolerance}
+    vectors = {"direction": list(f.direction), "shift": list(f.shift)}
+    more = {"other": f.other, **vectors, "tolerance": f.tolerance}
     return plain | {key: value for key, value in more.items() if value}
 
 
@@ -420,6 +421,10 @@ def comparison_dict(c: Comparison) -> dict[str, Any]:
         "sensors": [
             {"sensor": s, "error_db": db, "by_band_db": row, "frac": fracs}
             for s, db, row, fracs in zip(c.outputs, c.by_sensor(), c.by_band(), c.frac, strict=True)
+        ],
+        "excitations": [
+            {"excitation": s, "error_db": db, "by_band_db": row}
+            for s, db, row in zip(c.inputs, c.transposed().by_sensor(), c.transposed().by_band(), strict=True)
         ],
         "inputs": list(c.inputs),
     }

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
-from dovetail.file.faults import tilted
+from dovetail.file.faults import as_mounted
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
@@ -455,7 +455,8 @@ class Study(config.Study):
                 )
         if found:
             more["measurements"] = tuple(set_right(m, found) for m in more["measurements"])
-            more["sensors"] = tilted(self.sensors, found)
+            more["sensors"] = as_mounted(self.sensors, "sensor", found)
+            more["excitations"] = as_mounted(self.excitations, "excitation", found)
         return replace(self, model=model, added=added, start=start, **more)
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -9,7 +9,13 @@ from dovetail.file.config import Study, read_study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
 from dovetail.found import test_of, text_with_model, values_in, with_test
-from dovetail.modes_pipeline import as_measured, mode_problem_and_model, modes_in, targets_of
+from dovetail.modes_pipeline import (
+    as_measured,
+    mode_problem_and_model,
+    modes_in,
+    targets_of,
+    with_more_sensors,
+)
 from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
 from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
@@ -67,6 +73,8 @@ def identify_study(
 ) -> tuple[IdentifiedModes, Measurement, tuple[str, ...]]:
     """Identify the modes of a study's measurement.
 
+    Shapes are of the side with more places: of a roving hammer those of its forces.
+
     Parameters
     ----------
     study : Study
@@ -80,7 +88,7 @@ def identify_study(
     Returns
     -------
     IdentifiedModes, Measurement, tuple of str
-        The last are the warnings of the identification.
+        The measurement has the shapes' channels as sensors. The last are the warnings of the identification.
 
     Raises
     ------
@@ -94,6 +102,7 @@ def identify_study(
         msg = f"{study.path}: there is no measurement '{measurement}'; {suggest(measurement, by_name)}"
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
+    data = with_more_sensors(data, study.model)
     found, warnings = modes_in(data, band or study.band, limits or study.shape_limits)
     return found, data, (*_beyond(data, band), *warnings)
 

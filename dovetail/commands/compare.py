@@ -28,6 +28,8 @@ NULLS = {
 }
 """Why numbers are missing."""
 
+SIDES = "responses", "forces"
+
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
@@ -61,8 +63,9 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.modes_pipeline import has_modes_alone
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
-    from updating.correlation.frf_correlation import suspected_labels
+    from updating.correlation.frf_correlation import exchanged_labels
     from updating.diagnosis.begin import begin_fitted
+    from updating.quality.signs import reversed_channels
 
     check_places(options)
     study = loaded(options)
@@ -85,7 +88,10 @@ def run(options: Options, progress: Progress) -> Answer:
         found = problem.nominal()
     computed = problem.frf(found)
     c = compare_frfs(problem.measured, computed, options.bands, problem.data.mask)
-    suspected = suspected_labels(problem.measured, computed, problem.data.mask)
+    exchanged = exchanged_labels(problem.measured, computed, problem.data.mask)
+    rows, columns = ({n for side, *pair in exchanged if side == word for n in pair} for word in SIDES)
+    turned = reversed_channels(problem, found, rows, columns)
+    suspected = (*exchanged.values(), *turned.words)
     what = "with fitted parameters" if options.fitted else "nominal"
     held_out = f"{found.held_out_db:.2f}" if np.isfinite(found.held_out_db) else "-"
     return Answer(
@@ -116,12 +122,15 @@ def run(options: Options, progress: Progress) -> Answer:
 
 
 def _table(c: "Comparison") -> Table:
-    """Return the error of each sensor over all lines and in each band."""
+    """Return the error of each sensor over all lines and in each band, or of each place of a roving force."""
     from dovetail.result import least_frac
 
+    words = "sensor", "sensors"
+    if c.moving_forces:
+        c, words = c.transposed(), ("excitation", "excitations")
     return Table.of(
-        "sensors",
-        Column("sensor", c.outputs),
+        words[1],
+        Column(words[0], c.outputs),
         Column("all lines", c.by_sensor(), "dB", ".2f", head="all dB"),
         *columns_of_bands(c.bands, c.by_band()),
         Column("least FRAC", least_frac(c), show=".3f"),

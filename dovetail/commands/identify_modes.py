@@ -67,6 +67,7 @@ def run(options: Options, progress: Progress) -> Answer:
     asked = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
     limits = replace(study.shape_limits, **{key: value for key, value in asked.items() if value is not None})
     found, data, warnings = identify_study(study, options.measurement, options.band, limits)
+    roving = not {s.name for s in data.sensors} <= {s.name for s in study.sensors}
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes, std_of(found))
     elif options.out is not None:
@@ -75,7 +76,11 @@ def run(options: Options, progress: Progress) -> Answer:
         if not moving:
             msg = f"{options.out}: all sensors read strain, and universal files have motions; write .npz"
             raise OutputError(msg)
-        names = dict(zip((s.name for s in moving), nodes.labels("outputs", moving), strict=True))
+        names = dict(
+            zip(
+                (s.name for s in moving), nodes.labels("inputs" if roving else "outputs", moving), strict=True
+            )
+        )
         rows = [k for k, s in enumerate(data.sensors) if s in moving]
         modes = replace(found.modes, shapes=found.modes.shapes[rows], labels=tuple(names))
         write_with_nodes(options.out, nodes, modes=modes, dofs=names)
@@ -95,6 +100,14 @@ def run(options: Options, progress: Progress) -> Answer:
         [
             f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {rejected} other "
             "pole(s) were tried and rejected",
+            *(
+                [
+                    f"shapes are of the {len(data.sensors)} places of forces, which are more than those of "
+                    "responses (reciprocity: H_jk = H_kj)"
+                ]
+                if roving
+                else []
+            ),
             found.table(),
             *(f"warning: {text}" for text in warnings if text not in peak_words(found.unexplained)),
             *noted(study.measured_notes),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dovetail.desk.saving import model_of
 from dovetail.file.measured_modes import MeasuredModes
-from dovetail.modes_pipeline import as_measured, modes_in
+from dovetail.modes_pipeline import as_measured, modes_in, with_more_sensors
 from dovetail.pipeline import Progress
 from dovetail.study import Study
 from fem.analysis.modes import Modes
@@ -107,5 +107,6 @@ def _identified(study: Study, live: LiveModel, h: Hypothesis) -> tuple[MeasuredM
         raise IdentificationError(msg)
     counted = [name for name in frf.outputs if name not in h.off]
     data = live.data_of(h).measurement.with_frf(frf.select(counted))
+    data = with_more_sensors(data, study.model)
     found, notes = modes_in(data, study.band, study.shape_limits)
     return as_measured(found, data), notes

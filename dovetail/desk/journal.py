@@ -131,9 +131,17 @@ def _stairs(steps: Sequence[Mapping[str, Any]]) -> tuple[Stair, ...]:
     return tuple(Stair(str(x["label"]), float(x["fit_db"]), float(x["held_out_db"])) for x in steps)
 
 
+def _fault(f: Mapping[str, Any]) -> Fault:
+    return Fault(**{**f, "direction": tuple(f["direction"]), "shift": tuple(f.get("shift", ()))})
+
+
 def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypothesis:
     numbers = [v for e in d["effects"] for v in e["values"].values()] + [v for _, _, v in d["values"]]
-    numbers += [v for f in d["faults"] for v in (f["value"], f["std"], f["span"], *f["direction"])]
+    numbers += [
+        v
+        for f in d["faults"]
+        for v in (f["value"], f["std"], f["span"], *f["direction"], *f.get("shift", ()))
+    ]
     channels = np.array(d.get("channels", []), dtype=float).reshape(-1, N_ERRORS)
     if not np.isfinite(np.array([*numbers, *d["zeta"], *channels.ravel()], dtype=float)).all():
         msg = "a value of the model or of a fault is not finite"
@@ -145,7 +153,7 @@ def _hypothesis(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> Hypot
         tuple(candidates[e["name"]].with_values(**e["values"]) for e in d["effects"]),
         {(str(a), str(b)): float(v) for a, b, v in d["values"]},
         np.array(d["zeta"], dtype=float),
-        tuple(Fault(**{**f, "direction": tuple(f["direction"])}) for f in d["faults"]),
+        tuple(_fault(f) for f in d["faults"]),
         frozenset(d["off"]),
         held_out=frozenset(d.get("held_out", ())),
         channels=channels,

@@ -117,7 +117,7 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
         study, h = holding_out(study, h.held_out), replace(h, held_out=frozenset(), fit=None)
         live = live_model(study)
         have = {*live.problem.measured.outputs, *live.problem.measured.inputs}
-        known = (f for f in h.faults if f.sensor in have and (f.kind != "sensor_swap" or f.other in have))
+        known = (f for f in h.faults if f.sensor in have and (not f.kind.endswith("swap") or f.other in have))
         h = replace(h, faults=tuple(known))
     with result_folder(folder) as scratch:
         say("fitting uncertain parameters", 0.05)

@@ -25,7 +25,7 @@ from dovetail.file.connections import (
 from dovetail.file.contents import Study
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
-from dovetail.file.faults import read_faults, tilted
+from dovetail.file.faults import as_mounted, read_faults
 from dovetail.file.geometry import (
     MOST_ELEMENTS,
     Geometry,
@@ -419,8 +419,8 @@ class _Reader:
             model=model,
             measurements=measurements,
             amplitudes=amplitudes,
-            sensors=tilted(groups[0], faults),
-            excitations=tuple(groups[1]),
+            sensors=as_mounted(groups[0], "sensor", faults),
+            excitations=as_mounted(groups[1], "excitation", faults),
             nuisances=nuisances,
             damping_std=damping_std,
             kinds=kinds,

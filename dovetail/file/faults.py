@@ -9,19 +9,11 @@ import numpy as np
 from dovetail.file.table import Table, suggest
 from dovetail.file.toml import toml_table
 from updating.measurement.measurement import Sensor
-from updating.quality.corrections import Fault
+from updating.quality.corrections import CHANNELS, FAULTS, Fault
 
-UNITS = {
-    "sensor_sign": "-",
-    "sensor_gain": "-",
-    "sensor_delay": "s",
-    "sensor_swap": "-",
-    "sensor_tilt": "rad",
-    "sensor_position": "m",
-    "excitation_sign": "-",
-    "excitation_gain": "-",
-    "excitation_delay": "s",
-}
+_UNIT_OF = {"delay": "s", "tilt": "rad", "position": "m"}
+
+UNITS = {f"{of}_{fault}": _UNIT_OF.get(fault, "-") for of in CHANNELS for fault in FAULTS}
 """Kinds of faults, and the units of their values."""
 
 
@@ -30,41 +22,42 @@ def read_faults(top: Table, sensors: Sequence[Sensor], excitations: Sequence[Sen
     out = []
     for t in top.tables("faults"):
         kind = t.text("kind", choices=tuple(UNITS))
-        what = kind.partition("_")[0]
-        name = _name(t, what, sensors if what == "sensor" else excitations)
-        value, other, towards = 0.0, "", ()
-        if kind.endswith("sign"):
+        of, fault = kind.split("_", 1)
+        channels = sensors if of == "sensor" else excitations
+        name = _name(t, of, of, channels)
+        value, other, towards, shift = 0.0, "", (), ()
+        if fault == "sign":
             value = -1.0
-        elif kind.endswith("gain"):
+        elif fault == "gain":
             value = t.number("value", above=0, unit="-")
-        elif kind != "sensor_swap":
+        elif fault != "swap":
             value = t.number("value", unit=UNITS[kind])
-        if kind == "sensor_swap":
-            other = _name(t, "other", sensors)
+        if fault == "swap":
+            other = _name(t, "other", of, channels)
             if other == name:
-                t.refuse("other", f"sensor '{name}' cannot be swapped with itself")
-        elif kind == "sensor_position":
+                t.refuse("other", f"{of} '{name}' cannot be swapped with itself")
+        elif fault == "position":
             other = t.text("other", "")
-        elif kind == "sensor_tilt":
-            towards = _square(t, next(s for s in sensors if s.name == name))
+            shift = tuple(t.vector("shift").tolist()) if "shift" in t else ()
+        elif fault == "tilt":
+            towards = _square(t, next(s for s in channels if s.name == name))
         t.finish()
-        out.append(Fault(kind, name, value, 0.0, UNITS[kind], other, towards))
+        out.append(Fault(kind, name, value, 0.0, UNITS[kind], other, towards, shift=shift))
     return tuple(out)
 
 
-def _name(t: Table, key: str, known: Sequence[Sensor]) -> str:
+def _name(t: Table, key: str, of: str, known: Sequence[Sensor]) -> str:
     name, names = t.text(key), [s.name for s in known]
     if name not in names:
-        word = "excitation" if key == "excitation" else "sensor"
-        t.refuse(key, f"there is no {word} '{name}'; {suggest(name, names)}")
+        t.refuse(key, f"there is no {of} '{name}'; {suggest(name, names)}")
     return name
 
 
 def _square(t: Table, sensor: Sensor) -> tuple[float, ...]:
-    """Read the direction towards which a sensor is tilted, square to its own."""
+    """Read the direction towards which a channel is tilted, square to its own."""
     towards = t.direction("towards")
     if abs(float(towards @ sensor.direction)) > 1e-6:
-        t.refuse("towards", f"it must be square to the direction of sensor '{sensor.name}'")
+        t.refuse("towards", f"it must be square to the direction of '{sensor.name}'")
     return tuple(towards.tolist())
 
 
@@ -74,19 +67,25 @@ def fault_table(fault: Fault) -> str:
     values: dict[str, Any] = {"kind": fault.kind, what: fault.sensor}
     if not fault.kind.endswith(("sign", "swap")):
         values["value"] = fault.value
-    if fault.other:
+    if fault.other and not fault.kind.endswith("sign"):
         values["other"] = fault.other
     if fault.direction:
         values["towards"] = list(fault.direction)
+    if fault.shift:
+        values["shift"] = list(fault.shift)
     return toml_table("[[faults]]", values)
 
 
-def tilted(sensors: Sequence[Sensor], faults: Sequence[Fault]) -> tuple[Sensor, ...]:
-    """Return sensors with the directions that they really have."""
-    by_name = {s.name: s for s in sensors}
+def as_mounted(channels: Sequence[Sensor], of: str, faults: Sequence[Fault]) -> tuple[Sensor, ...]:
+    """Return sensors, or excitations, with the directions and places that they really have."""
+    by_name = {s.name: s for s in channels}
     for f in faults:
-        if f.kind == "sensor_tilt" and f.sensor in by_name:
-            s = by_name[f.sensor]
+        if not f.kind.startswith(of) or f.sensor not in by_name:
+            continue
+        s = by_name[f.sensor]
+        if f.kind.endswith("tilt"):
             d = np.cos(f.value) * s.direction + np.sin(f.value) * np.array(f.direction)
             by_name[f.sensor] = replace(s, direction=d / np.linalg.norm(d))
-    return tuple(by_name[s.name] for s in sensors)
+        elif f.shift:
+            by_name[f.sensor] = replace(s, point=s.point + np.array(f.shift))
+    return tuple(by_name[s.name] for s in channels)

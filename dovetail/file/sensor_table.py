@@ -15,7 +15,7 @@ from updating.measurement.matching import SCALES
 
 NUMBERS = ("gain", "mass", "sign", "phase", "position", "node", "offset_y", "offset_z")
 TEXTS = ("name", "label", "kind", "point", "member", "on", "sensor", "quantity")
-FLAGS = ("conjugate", "arm")
+FLAGS = ("conjugate", "roving", "arm")
 COLUMNS: dict[str, str] = {
     **{key: key for key in (*NUMBERS, *TEXTS, *FLAGS, "direction", "x", "y", "z", "dx", "dy", "dz")},
     "directions": "direction",

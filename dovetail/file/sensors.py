@@ -168,6 +168,9 @@ def _sensors_of(
     if body and "mass" in t:
         t.refuse("mass", "a sensor on a sprung mass is a part of that; add its mass there")
     relative = is_sensor and t.flag("relative", False)
+    roving = is_sensor and t.flag("roving", False)
+    if roving and "mass" not in t:
+        t.refuse("roving", "a roving sensor acts by its mass; give mass, or leave roving out")
     convention = read_convention(t, is_sensor)
     # true: the place is beside the axis; or the vector from a place on it
     beside = isinstance(t.get("arm", None), bool) and t.flag("arm", False)
@@ -197,7 +200,7 @@ def _sensors_of(
             if not name:
                 t.refuse("", "the sensor needs a name, for its place has none")
             channel_mass = mass if k == 0 else 0.0  # one body with several channels
-            stated = Sensor(name, xyz, direction, member, gain, channel_mass, relative, body, arm)
+            stated = Sensor(name, xyz, direction, member, gain, channel_mass, relative, body, arm, roving)
             sensor = _placed(t, geometry, stated, notes)
             near = () if node is not None else _nodes_at(sensor.point, nodes, geometry)
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)

@@ -23,6 +23,7 @@ MODULES = (
     "updating.inference.fit_function",
     "updating.quality.fault_hypotheses",
     "updating.quality.sensor_faults",
+    "updating.quality.signs",
     "updating.quality.faults",
 )
 """Modules whose constants decide the verdict; the report lists them."""

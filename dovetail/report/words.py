@@ -258,16 +258,16 @@ FAULT_NAMES = {
     "excitation_sign": "force with wrong sign",
     "excitation_gain": "force with wrong gain",
     "excitation_delay": "force with delay",
+    "excitation_swap": "forces with swapped labels",
     "excitation_tilt": "tilted force",
-    "sensor_shift": "wrong place",
-    "excitation_shift": "force at a wrong place",
+    "excitation_position": "force at wrong place",
 }
 """Kinds of faults in words."""
 
 
 def fault_value(fault: Fault) -> str:
     """Return a fault's value with its unit: angles in degrees, delays in µs."""
-    if fault.kind == "sensor_swap":
+    if fault.kind.endswith("swap"):
         return f"with {fault.other}"
     if fault.unit == "rad":
         return with_unit(math.degrees(fault.value), "°", math.degrees(fault.std))
@@ -281,20 +281,25 @@ def fault_value(fault: Fault) -> str:
 def fault_text(fault: Fault) -> str:
     """Return a fault of a sensor or a force in words."""
     name, value = fault.sensor, fault_value(fault)
-    towards = axis_text(fault.direction) if fault.direction else ""
+    instead = f", or {fault.other} instead (the data are the same)" if fault.other else ""
+    along = f"{value} along {fault.other}"
+    if fault.shift:
+        along = f"at {fault.other}, {value}"
+    elif fault.direction:
+        along = f"{value} towards {axis_text(fault.direction)}"
     text = {
-        "sensor_sign": f"{name} reads with the opposite sign",
+        "sensor_sign": f"{name} reads with the opposite sign{instead}",
         "sensor_gain": f"{name} reads {value} times the motion",
         "sensor_delay": f"{name} reads {value} late",
         "sensor_swap": f"{name} and {fault.other} have each other's labels",
         "sensor_tilt": f"{name} is tilted by {value}",
-        "sensor_position": f"{name} sits {value} along {fault.other} from its stated place",
-        "excitation_sign": f"the force at {name} has the opposite sign",
+        "sensor_position": f"{name} sits {along} from its stated place",
+        "excitation_sign": f"the force at {name} has the opposite sign{instead}",
         "excitation_gain": f"the force at {name} is recorded {value} times as large as it is",
         "excitation_delay": f"the force at {name} is recorded {value} late",
+        "excitation_swap": f"the forces at {name} and {fault.other} have each other's labels",
         "excitation_tilt": f"the force at {name} is tilted by {value}",
-        "sensor_shift": f"{name} sits {value} towards {towards} of its stated place",
-        "excitation_shift": f"the force at {name} acts {value} towards {towards} of its stated place",
+        "excitation_position": f"the force at {name} acts {along} from its stated place",
     }[fault.kind]
     return f"{text} ({tolerance_text(fault)})" if fault.tolerance else text
 
@@ -310,20 +315,19 @@ def tolerance_text(fault: Fault) -> str:
 
 def fault_remedy(fault: Fault) -> str:
     """Return the remedy for a fault."""
+    of, kind = fault.kind.split("_", 1)
+    force = of == "excitation"
+    calibrate = "multiply its FRFs by" if force else "divide its readings by"
+    late = "the phase of its FRFs" if force else "its phase"
     return {
-        "sensor_sign": "turn its direction round in the study, or set its sign to −1",
-        "sensor_gain": f"check its calibration: divide its readings by {number(fault.value)}",
-        "sensor_delay": "check its filter and channel: take the delay off its phase",
-        "sensor_swap": "exchange the two labels",
-        "sensor_tilt": "set its direction in the study to the real one",
-        "sensor_position": "set its place in the study to the real one; it was left out",
-        "excitation_sign": "turn its direction round in the study, or set its sign to −1",
-        "excitation_gain": f"check its calibration: multiply its FRFs by {number(fault.value)}",
-        "excitation_delay": "check its filter and channel: take the delay off the phase of its FRFs",
-        "excitation_tilt": "set its direction in the study to the real one",
-        "sensor_shift": "set its place in the study to the real one",
-        "excitation_shift": "set its place in the study to the real one",
-    }[fault.kind]
+        "sign": "turn its direction round in the study, or set its sign to −1",
+        "gain": f"check its calibration: {calibrate} {number(fault.value)}",
+        "delay": f"check its filter and channel: take the delay off {late}",
+        "swap": "exchange the two labels",
+        "tilt": "set its direction in the study to the real one",
+        "position": "set its place in the study to the real one"
+        + ("" if fault.shift or fault.tolerance else "; it was left out"),
+    }[kind]
 
 
 def ranked_label(r: Ranked) -> str:
@@ -351,7 +355,8 @@ def headline(result: RunResult) -> str:
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
     if d.verdict == UNEXPLAINED:
-        return "The model does not fit the data, and no effect known to the program explains why."
+        text = "The model does not fit the data, and no effect known to the program explains why."
+        return f"{text} The measurement has been corrected: {faults}." if faults else text
     return d.verdict
 
 

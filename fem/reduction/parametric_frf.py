@@ -4,6 +4,7 @@ A set of parameter values costs one small symmetric eigenproblem.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -318,6 +319,13 @@ class ParametricFRF:
             alone.append(self.restrict(self.reduced.value_of(now, model)))
             self.add(total, alone[-1], 1.0)
         return total, alone
+
+    def with_mass(self, motions: NDArray[np.float64], mass: float) -> "ParametricFRF":
+        """Return the same with a mass [kg] that moves with combinations (r + p, 3) of the basis's columns."""
+        out, E = copy(self), motions[self.active]
+        out._fixed = {**self._fixed, "M": self._fixed["M"] + mass * (E @ E.T)}
+        out._last = out._anchor = None
+        return out
 
     def solve(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64]

@@ -54,6 +54,7 @@ def reported(study, effects, folder, faults=()):
         findings=[SimpleNamespace(effect=e) for e in effects],
         baseline=None,
         faults=faults,
+        channel_faults=(),
     )
     return SimpleNamespace(study=study, diagnosis=diagnosis, folder=folder), fitted, curve, zeta
 

@@ -10,6 +10,7 @@ import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
+from dovetail.file.faults import fault_table
 from dovetail.file.suspicions import LazyComparison
 from fem.analysis.frf import FRF, WITHOUT_PHASE
 from fem.analysis.modes import Modes
@@ -17,6 +18,7 @@ from fem.io import read_npz, write_csv, write_npz
 from fem.io.uff import Function, write_uff
 from tests.frames import MAST
 from tests.studies import study_file, study_from
+from updating.quality.corrections import Fault
 
 STUDY = (
     MAST.replace("1.0]", "1.2]")
@@ -227,6 +229,80 @@ def test_compare_names_exchanged_and_reversed_responses(load, computed, tmp_path
         assert [words in line for words, line in zip(said, found, strict=True)] == [True] * len(said)
         printed = capsys.readouterr().out
         assert all(line in printed for line in found)
+
+
+def test_compare_names_one_reversed_force_rather_than_three_responses(load, computed, tmp_path, capsys):
+    study = load(-computed.H)
+    assert main(["compare", str(study.path), "--json", str(tmp_path / "c.json")]) == 0
+    (line,) = json.loads((tmp_path / "c.json").read_text())["suspected_labels"]
+    assert "force 'top' looks reversed: its phase is opposite to the model's at 100 %" in line
+    assert "gives power to the force" in line
+    assert line in capsys.readouterr().out
+
+
+ROVING = (
+    STUDY.replace("[[sensors]]", "[[excitations]]")
+    .replace('[[excitations]]\nsensor = "top"\n', "")
+    .replace(
+        "[frequency]", '[[sensors]]\nname = "accelerometer"\npoint = "tip"\ndirection = "x"\n\n[frequency]'
+    )
+)
+"""The forces of a hammer at three places, and one accelerometer at the last."""
+
+
+@pytest.fixture
+def roving(load, computed):
+    """Load the measurement of a roving hammer, its forces changed by factors."""
+
+    def inner(factors=(1, 1, 1)):
+        H = np.swapaxes(computed.H, 1, 2) * np.array(factors)
+        return load(H, text=ROVING, outputs=("accelerometer",), inputs=("low", "mid", "top"))
+
+    return inner
+
+
+def test_compare_has_a_row_for_each_place_of_a_roving_hammer(roving, tmp_path, capsys):
+    study = roving((1, -1, 1))
+    assert main(["compare", str(study.path), "--json", str(tmp_path / "c.json")]) == 0
+    head, *rows = capsys.readouterr().out.splitlines()[1:5]
+    assert head.startswith("excitation ")
+    assert [row.split()[0] for row in rows] == ["low", "mid", "top"]
+    found = json.loads((tmp_path / "c.json").read_text())
+    assert [row["excitation"] for row in found["excitations"]] == ["low", "mid", "top"]
+    (line,) = found["suspected_labels"]
+    assert "force 'mid' looks reversed" in line
+
+
+def test_shapes_of_a_roving_hammer_are_those_of_its_places(roving, computed, tmp_path, capsys):
+    """By reciprocity they are those of three accelerometers and one force."""
+    study = roving()
+    out, other = tmp_path / "modes.npz", tmp_path / "other.npz"
+    assert main(["identify-modes", str(study.path), "--out", str(out)]) == 0
+    assert "3 places of forces" in capsys.readouterr().out
+    with np.load(out) as modes:
+        assert modes["labels"].tolist() == ["low", "mid", "top"]
+        shapes = modes["shapes"]
+    assert main(["identify-modes", str(study.path), "--out", str(tmp_path / "modes.uff")]) == 0
+    (tmp_path / "fixed").mkdir()
+    write_npz(tmp_path / "fixed" / "m.npz", computed)
+    fixed = study_from(tmp_path / "fixed", STUDY + FILE)
+    assert main(["identify-modes", str(fixed.path), "--out", str(other)]) == 0
+    with np.load(other) as modes:
+        np.testing.assert_allclose(shapes, modes["shapes"], rtol=1e-6)
+
+
+def test_a_fault_of_a_force_is_written_and_read(load, computed, roving):
+    """A shift moves the channel; the label of one force is exchanged with another's."""
+    fault = Fault("sensor_position", "low", 0.4, 0.0, "m", "the place of mid", shift=(0.0, 0.0, 0.4))
+    study = load(computed.H, "\n" + fault_table(fault))
+    np.testing.assert_allclose(study.measurements[0].sensors[0].point, [0, 0, 0.8])
+    np.testing.assert_allclose(study.sensors[0].point, [0, 0, 0.8])
+    assert study.measurements[0].frf.outputs == ("low", "mid", "top")
+    text = ROVING + FILE + "\n" + fault_table(Fault("excitation_swap", "low", 0.0, 0.0, other="top"))
+    right, swapped = roving(), study_from(study.path.parent, text)
+    np.testing.assert_array_equal(swapped.measurements[0].frf.H, right.measurements[0].frf.H[:, :, [2, 1, 0]])
+    with pytest.raises(StudyError, match=r"faults\[1\]\.other: there is no excitation 'tip'"):
+        study_from(study.path.parent, text.replace('other = "top"', 'other = "tip"'))
 
 
 def test_amplitudes_without_phase_are_compared_and_no_modes_are_identified(load, computed, tmp_path, capsys):

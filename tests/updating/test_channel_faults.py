@@ -1,106 +1,204 @@
-"""Errors of channels far outside their tolerances are findings, and rivals of effects."""
+"""Reversed, misplaced and exchanged channels are named on either side of a test, forces as responses."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dovetail.commands.diagnosis_words import found_lines
-from fem.effects import PointMass
+from fem.analysis.frf import FRF
+from fem.analysis.frf_solver import compute_frf
+from fem.model import Damping
+from fem.system import assemble
+from tests.frames import beam, fix
 from tests.noise import complex_normal
-from tests.updating.test_channel_errors import bent, described, measured
-from updating import Measurement
-from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
-from updating.diagnosis.evidence.readings import log_prior
-from updating.inference.fitting import fit_given
-from updating.inference.formed import formed_problem
-from updating.quality.channel_faults import channel_faults
-from updating.quality.corrections import Fault
+from updating import build_problem, find_faults
+from updating.inference.fitting import assessed_fit
+from updating.measurement.measurement import Measurement, Sensor, sensor_rows
+from updating.quality.corrections import Fault, corrected, mirrored, mirrored_fault, set_right, uncorrected
+from updating.quality.signs import log_odds, reversed_channels
 
-SENSORS, FORCES = described()
+LINES = np.arange(4.0, 400.0, 2.0)
+PLACES = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 
 
-def misread(factor, *, force=1.0, hidden=(), channels=SENSORS):
-    """Return a model and a test of it whose last sensor reads a multiple, and whose FRFs all do."""
-    model = bent([*SENSORS, *FORCES])
-    frf = measured(model.with_effect(*hidden), channels, FORCES).frf
-    H = frf.H * np.where(np.arange(6) == 5, factor, 1.0)[:, None] / force
-    H = H * (1 + 0.003 * complex_normal(np.random.default_rng(2), H.shape))
-    return model, Measurement(replace(frf, H=H), SENSORS, FORCES)
+def at(name, x):
+    return Sensor(name, np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
 
 
-def fitted(*case, **more):
-    """Return the faults of channels in a fit of all that is uncertain."""
-    model, test = misread(*case, **more)
-    problem, _ = formed_problem(model, test)
-    return channel_faults(*fit_given(problem))
+def bar(E=1.0):
+    """A clamped bar with points every 0.1 m; four of its modes are in the band."""
+    model = beam(10, effects=(fix(0),))
+    model = model.with_values({("frame", "E:steel"): E * 210e9})
+    return replace(model, damping=Damping.modal(0.01))
 
 
-@pytest.fixture(scope="module")
-def insensitive():
-    model, test = misread(0.8)
-    return diagnose(model, [test], kinds=["point_mass"])
+def measured(outputs, inputs, change=None, noise=0.01, stated=None):
+    """Return the FRFs of a bar that is 3 % stiffer than the model; ``change`` alters H (n_freq, n_out, n_in).
+
+    ``stated`` are channels whose description differs from the truth, by their names.
+    """
+    truth = bar(1.03)
+    H = compute_frf(assemble(truth), LINES, sensor_rows(truth, outputs), sensor_rows(truth, inputs)).H
+    H = np.array(H * (1 + noise * complex_normal(np.random.default_rng(1), H.shape)))
+    if change is not None:
+        change(H)
+    frf = FRF.from_arrays(LINES, H, "accelerance", [s.name for s in outputs], [s.name for s in inputs])
+    known = stated or {}
+    return Measurement(frf, *(tuple(known.get(c.name, c) for c in group) for group in (outputs, inputs)))
 
 
-@pytest.mark.parametrize("gain", [0.8, 0.88, 1.15])
-def test_a_gain_beyond_tolerance_has_the_value_that_data_alone_give(gain):
-    """The tolerance of 3 % draws the fitted error to zero: 0.87 for 0.8, 0.93 for 0.88."""
-    (fault,) = fitted(gain)
-    assert (fault.kind, fault.sensor, fault.tolerance) == ("sensor_gain", "tip z", 0.03)
-    assert abs(fault.value - gain) < 2 * fault.std
-    assert fault.std < 0.04
+def problem_of(measurement):
+    return build_problem(bar(), measurement, ())
 
 
-def test_a_force_and_a_turned_and_a_shifted_sensor_are_told():
-    (force,) = fitted(1.0, force=1.2)
-    assert (force.kind, force.sensor) == ("excitation_gain", "hit")
-    assert abs(force.value - 1.2) < 2 * force.std
-    turned = replace(SENSORS[0], direction=np.array([np.cos(0.15), np.sin(0.15), 0.0]))
-    (tilt,) = fitted(1.0, channels=(turned, *SENSORS[1:]))
-    assert (tilt.kind, tilt.sensor) == ("sensor_tilt", "post x")
-    assert tilt.value == pytest.approx(0.15, abs=3 * tilt.std)
-    assert abs(tilt.direction[1]) > 0.99
+def sensors(places=PLACES):
+    return tuple(at(f"a{i}", x) for i, x in enumerate(places))
 
 
-def test_errors_within_tolerances_are_no_faults():
-    assert fitted(1.0) == ()
-    assert fitted(1.03) == ()
+def forces(places):
+    return tuple(at(f"f{i}", x) for i, x in enumerate(places))
 
 
-def test_a_wrong_gain_is_the_verdict_with_its_value(insensitive):
-    assert insensitive.verdict == "measurement fault"
-    (fault,) = insensitive.every_fault
-    assert (fault.kind, fault.sensor) == ("sensor_gain", "tip z")
-    assert fault.value == pytest.approx(0.8, abs=0.01)
-    assert any("tip z reads 0.8" in line or "tip z reads 0.79" in line for line in found_lines(insensitive))
+def turn(rows=(), columns=()):
+    def change(H):
+        H[:, list(rows)] *= -1
+        H[:, :, list(columns)] *= -1
+
+    return change
 
 
-def test_a_wrong_gain_next_to_an_effect_is_told_too():
-    hidden = PointMass(name="hidden", member="arm", position=0.2, mass=0.3)
-    model, test = misread(0.8, hidden=[hidden])
-    found = diagnose(model, [test], kinds=["point_mass"])
-    (finding,), (fault,) = found.findings, found.every_fault
-    assert finding.effect.mass == pytest.approx(0.3, rel=0.1)
-    assert (fault.kind, fault.sensor) == ("sensor_gain", "tip z")
-    assert fault.value == pytest.approx(0.8, abs=0.01)
+def found(measurement):
+    problem = problem_of(measurement)
+    return reversed_channels(problem, problem.nominal())
 
 
-def test_a_fault_of_a_channel_replaces_an_effect_that_stands_in_for_it(insensitive):
-    as_read = next(s for s in insensitive.searched.otherwise if not s.faults)
-    mass = max((h for h in as_read.search.known.values() if h.effects), key=lambda h: h.score)
-    taken = replace(as_read, best=mass)
-    better = without_effects_of_channels(taken)
-    assert better.best.effects == ()
-    (fault,) = better.faults
-    assert fault.name == "sensor_gain:tip z"
-    assert better.best.score > mass.score
-    assert any(set(better.names(h)) == {*mass.key, f"not {fault.name}"} for h in better.hypotheses)
+def kinds(faults):
+    return {(f.kind, f.sensor) for f in faults}
 
 
-def test_the_odds_of_a_fault_know_that_its_channel_has_a_tolerance():
-    """Any value within the tolerance does as well, however exact its estimate is."""
-    _, test = misread(1.0)
-    problem, _ = formed_problem(bent([*SENSORS, *FORCES]), test)
-    exact, rough = (Fault("sensor_gain", "tip z", 0.8, std, span=6.0) for std in (1e-5, 1e-3))
-    assert log_prior([exact], problem.data) == pytest.approx(log_prior([rough], problem.data), abs=0.01)
+def test_one_reversed_force_is_named_rather_than_all_of_its_responses():
+    driven = found(measured(sensors(), forces([0.6]), turn(columns=[0])))
+    assert kinds(driven.faults) == {("excitation_sign", "f0")}
+    assert driven.faults[0].other == ""
+    (text,) = driven.words
+    assert "force 'f0' looks reversed" in text
+    assert "gives power to the force where 'f0' and 'a4' are" in text
+    assert found(measured(sensors(), forces([0.6]))).faults == ()
+
+
+def test_without_a_driven_point_the_responses_are_named_as_well():
+    places = [x for x in PLACES if x != 0.6]
+    (fault,) = found(measured(sensors(places), forces([0.6]), turn(columns=[0]))).faults
+    assert (fault.kind, fault.sensor, fault.other) == ("excitation_sign", "f0", "all 8 responses")
+
+
+@pytest.mark.parametrize("place", [0.6, 1.0])
+def test_of_one_response_to_one_force_nobody_knows_which_is_reversed(place):
+    (fault,) = found(measured(sensors([place]), forces([1.0]), turn(columns=[0]))).faults
+    assert {fault.sensor, fault.other} == {"a0", "f0"}
+
+
+def test_one_reversed_force_of_several_is_named():
+    result = found(measured(sensors(), forces([0.5, 0.8, 1.0]), turn(columns=[1])))
+    assert kinds(result.faults) == {("excitation_sign", "f1")}
+
+
+def test_a_reversed_force_and_a_reversed_response_at_its_place_are_both_named():
+    """The drive point alone looks right."""
+    result = found(measured(sensors(), forces([0.6]), turn(rows=[4], columns=[0])))
+    assert kinds(result.faults) == {("excitation_sign", "f0"), ("sensor_sign", "a4")}
+
+
+def test_a_reversed_response_to_a_roving_hammer_is_named_rather_than_all_forces():
+    hammer = forces(PLACES)
+    (fault,) = found(measured(sensors([0.6]), hammer, turn(rows=[0]))).faults
+    assert (fault.kind, fault.sensor, fault.other) == ("sensor_sign", "a0", "")
+    (one,) = found(measured(sensors([0.6]), hammer, turn(columns=[2]))).faults
+    assert (one.kind, one.sensor) == ("excitation_sign", "f2")
+
+
+def test_phases_near_chance_tell_no_sign():
+    """Odds grow with the square of the mean cosine, so that a poor model reverses nothing."""
+    assert 0 < log_odds(0.2, 6) < 0.5
+    assert log_odds(-0.9, 6) == -log_odds(0.9, 6) < -15
+
+
+def test_a_wrong_sign_is_corrected_although_the_fit_to_it_leads_away():
+    problem = problem_of(measured(sensors(), forces([0.6]), turn(columns=[0])))
+    null = assessed_fit(problem)
+    mended, fit, faults = find_faults(problem, null)
+    assert kinds(faults) == {("excitation_sign", "f0")}
+    np.testing.assert_allclose(mended.data.H, -problem.data.H)
+    assert fit.level < 0.2 * null.level
+
+
+ROVING = {
+    "gain": (lambda H: H.__setitem__(np.s_[:, :, 3], H[:, :, 3] / 1.3), "excitation_gain", "f3", 1.3),
+    "labels": (lambda H: H.__setitem__(np.s_[:, :, [2, 6]], H[:, :, [6, 2]]), "excitation_swap", "f6", 0.0),
+}
+
+
+@pytest.mark.parametrize("name", ROVING)
+def test_forces_of_a_roving_hammer_check_one_another(name):
+    change, kind, force, value = ROVING[name]
+    problem = problem_of(measured(sensors([0.6]), forces(PLACES), change))
+    _, fit, faults = find_faults(problem, assessed_fit(problem))
+    assert kinds(faults) == {(kind, force)}
+    assert faults[0].value == pytest.approx(value, rel=0.02)
+    sound = problem_of(measured(sensors([0.6]), forces(PLACES)))
+    assert fit.level < 1.2 * assessed_fit(sound).level
+
+
+@pytest.mark.parametrize("roving", [True, False])
+def test_the_fixed_channel_of_a_roving_test_is_found_at_its_right_place(roving):
+    """A response that is said to be at 0.7 m is at 0.6 m; so is the force of a roving accelerometer."""
+    fixed, others = sensors([0.6]), forces(PLACES)
+    stated = {"a0": at("a0", 0.7)}
+    m = measured(fixed, others, stated=stated) if roving else measured(others, fixed, stated=stated)
+    problem = problem_of(m)
+    null = assessed_fit(problem)
+    mended, fit, (fault,) = find_faults(problem, null)
+    assert (fault.kind, fault.sensor) == (f"{'sensor' if roving else 'excitation'}_position", "a0")
+    assert fault.other == "the place of f4"
+    np.testing.assert_allclose(fault.shift, [-0.1, 0, 0], atol=1e-12)
+    assert fault.value == pytest.approx(0.1)
+    np.testing.assert_array_equal(mended.data.mask, problem.data.mask)
+    assert fit.level < 0.5 * null.level
+    sound = problem_of(measured(fixed, others) if roving else measured(others, fixed))
+    assert find_faults(sound, assessed_fit(sound))[2] == ()
+
+
+def test_faults_of_forces_are_those_of_sensors_of_the_transpose():
+    problem = problem_of(measured(sensors(), forces([0.5, 0.8, 1.0])))
+    d = (1.0, 0.0, 0.0)
+    for fault in (
+        Fault("excitation_gain", "f1", 1.3, 0.01),
+        Fault("excitation_delay", "f1", 1e-4, 1e-6, "s"),
+        Fault("excitation_sign", "f1", -1.0, 0.0),
+        Fault("excitation_swap", "f1", 0.0, 0.0, other="f2"),
+        Fault("excitation_tilt", "f1", 0.2, 0.01, "rad", direction=d),
+        Fault("excitation_position", "f1", 0.1, 0.0, "m", "point p", shift=(0.1, 0.0, 0.0)),
+        Fault("excitation_position", "f1", 0.1, 0.01, "m", "beam"),
+    ):
+        there = corrected(problem.data, (fault,))
+        other = mirrored(corrected(mirrored(problem.data), (mirrored_fault(fault),)))
+        for a, b in ((there.H, other.H), (there.mask, other.mask)):
+            np.testing.assert_allclose(a, b, rtol=1e-12)
+        for a, b in zip(there.measurement.excitations, other.measurement.excitations, strict=True):
+            np.testing.assert_allclose([a.point, a.direction], [b.point, b.direction])
+        back = uncorrected(there, (fault,))
+        np.testing.assert_allclose(back.H, problem.data.H, rtol=1e-12)
+        np.testing.assert_array_equal(back.mask, problem.data.mask)
+        np.testing.assert_allclose(
+            [e.point for e in back.measurement.excitations],
+            [e.point for e in problem.data.measurement.excitations],
+            atol=1e-12,
+        )
+
+
+def test_a_force_whose_right_place_is_unknown_is_left_out():
+    m = measured(sensors(), forces([0.5, 0.8, 1.0]))
+    right = set_right(m, (Fault("excitation_position", "f1", 0.1, 0.01, "m", "beam"),))
+    assert right.frf.inputs == ("f0", "f2")
+    moved = set_right(m, (Fault("excitation_position", "f1", 0.1, 0.0, "m", "p", shift=(0.1, 0, 0)),))
+    np.testing.assert_allclose(moved.excitations[1].point, [0.9, 0, 0])

@@ -4,7 +4,7 @@ Along frequency one number for each FRF (`frac`, `signature_assurance`), along t
 line (`cross_signature_assurance`, `cross_signature_scale`) or pair of lines (`fdac`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -263,6 +263,18 @@ class Comparison:
         """Root mean square of the amplitude's error over everything [dB]."""
         return rms_db(self.log_ratio)
 
+    def transposed(self) -> "Comparison":
+        """Return the same with forces in the place of responses, and the other way round."""
+        arrays = {
+            key: np.swapaxes(getattr(self, key), 1, 2) for key in ("log_ratio", "error_db", "phase_deg")
+        }
+        return replace(self, frac=self.frac.T, outputs=self.inputs, inputs=self.outputs, **arrays)
+
+    @property
+    def moving_forces(self) -> bool:
+        """Whether the forces are at more places than the responses, as those of a roving hammer."""
+        return len(self.inputs) > len(self.outputs)
+
     def by_sensor(self) -> NDArray[np.float64]:
         """Return the error of each sensor, shape (n_out,) [dB]."""
         return np.array([rms_db(self.log_ratio[:, i]) for i in range(len(self.outputs))])
@@ -353,51 +365,43 @@ def compare(
 
 
 CLEAR = 0.5
-"""Two responses look exchanged if that leaves less than this part of their error, and one looks reversed if
-the mean cosine of its phase error is below minus this [-]."""
+"""Two channels look exchanged if that leaves less than this part of their error [-]."""
 
 
-def suspected_labels(measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Return sentences on responses that look exchanged, or of wrong sign, compared with those of a model.
+def exchanged_labels(
+    measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None
+) -> dict[tuple[str, str, str], str]:
+    """Return pairs of responses or of forces that look exchanged by a model, with a sentence on each.
 
-    Two sensors are enough, unlike for :func:`updating.quality.faults.find_faults`. Arguments are those of
+    Keys are ``"responses"`` or ``"forces"`` and two names.
+
+    Two are enough, unlike for :func:`updating.quality.faults.find_faults`. Arguments are those of
     :func:`compare`.
     """
-    H, names = computed.as_kind(measured.kind).H, measured.outputs
+    H = computed.as_kind(measured.kind).H
     seen = np.ones(H.shape, dtype=bool) if mask is None else np.broadcast_to(mask, H.shape)
-    ratio = np.where(seen, log_ratio(H, measured.H), _NAN)
-    size, size_measured = (
-        np.where(seen, log_ratio(X, np.ones_like(X)).real, np.nan) for X in (H, measured.H)
-    )
-    out, exchanged = [], set[int]()
-    for j in range(len(names)):
-        for i in range(j):
-            both = seen[:, i] & seen[:, j]
-            pairs = ((i, i), (j, j)), ((j, i), (i, j))
-            before, after = (
-                DB_PER_NEPER
-                * float(
-                    np.sqrt(np.nanmean([np.square(size[:, a] - size_measured[:, b])[both] for a, b in pair]))
+    sizes = [np.where(seen, log_ratio(X, np.ones_like(X)).real, np.nan) for X in (H, measured.H)]
+    out: dict[tuple[str, str, str], str] = {}
+    for axis, word, names in ((1, "responses", measured.outputs), (2, "forces", measured.inputs)):
+        computed_size, size = (np.moveaxis(x, axis, 0) for x in sizes)
+        for j in range(len(names)):
+            for i in range(j):
+                before, after = (
+                    _rms_db(computed_size[[i, j]] - size[order], computed_size[[j, i]] - size[order])
+                    for order in ([i, j], [j, i])
                 )
-                if both.any()
-                else 0.0
-                for pair in pairs
-            )
-            if after < CLEAR * before:
-                exchanged |= {i, j}
-                out.append(
-                    f"responses '{names[i]}' and '{names[j]}' look exchanged: their error is "
-                    f"{before:.2g} dB, and {after:.2g} dB with each label at the other's place"
-                )
-    for i in set(range(len(names))) - exchanged:
-        cosine = np.cos(np.imag(ratio[:, i]))
-        if np.isfinite(cosine).any() and np.nanmean(cosine) < -CLEAR:
-            share = np.mean(cosine[np.isfinite(cosine)] < 0)
-            out.append(
-                f"response '{names[i]}' looks reversed: its phase is opposite to the model's at "
-                f"{100 * share:.0f} % of its lines; check the sign of its direction"
-            )
-    return tuple(out)
+                if after < CLEAR * before:
+                    out[word, names[i], names[j]] = (
+                        f"{word} '{names[i]}' and '{names[j]}' look exchanged: their error is "
+                        f"{before:.2g} dB, and {after:.2g} dB with each label at the other's place"
+                    )
+    return out
+
+
+def _rms_db(difference: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the root mean square of a difference where another is known, too [dB]; 0 where none is."""
+    both = np.isfinite(difference).all(axis=0) & np.isfinite(other).all(axis=0)
+    return DB_PER_NEPER * float(np.sqrt(np.square(difference[:, both]).mean())) if both.any() else 0.0
 
 
 By = Literal["all", "band", "output", "input", "each"]

@@ -211,6 +211,7 @@ class _Projection:
 
     @classmethod
     def of(cls, problem: FitProblem, result: FitResult, n_lines: int) -> "_Projection":
+        problem = problem.unloaded(result)
         lines = problem.lines_up_to(np.inf, n_lines)
         before = problem.receptance(result, lines)
         keep = problem.data.mask[lines]

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.model import Effect, ParameterRef, parameter_values
+from fem.model import Effect, ParameterRef, dofs_of, parameter_values
 from fem.reduction.deviations import DeviatingFRF, Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.set_ups import SetUp, SetUpsFRF
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
@@ -30,6 +31,7 @@ from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unk
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
+from updating.measurement.measurement import sensor_point
 
 if TYPE_CHECKING:
     from updating.inference.scatter import FormScatter
@@ -180,6 +182,32 @@ class FitProblem:
             viscous=self.viscous,
         )
 
+    def in_set_ups(self, engine: ParametricFRF) -> ParametricFRF | SetUpsFRF:
+        """Return an engine whose responses have the masses of roving sensors, each that at its own place."""
+        masses = self.data.measurement.roving_masses
+        if not masses:
+            return engine
+        basis, mesh = self.reduced.basis, self.reduced.model.mesh
+        places = [dofs_of([sensor_point(mesh, s)])[0, :3] for _, s, _ in masses]
+        return SetUpsFRF(
+            engine,
+            [SetUp(rows, basis.T[at].T, mass) for (rows, _, mass), at in zip(masses, places, strict=True)],
+        )
+
+    def unloaded(self, result: FitResult) -> FitProblem:
+        """Return a problem without masses of roving sensors, its data freed of them by a fitted model.
+
+        For rankings and checks, which take all responses to be of one structure.
+        """
+        m = self.data.measurement
+        if not m.roving_masses:
+            return self
+        sensors = tuple(replace(s, mass=0.0) if s.roving else s for s in m.sensors)
+        free = replace(self, data=replace(self.data, measurement=replace(m, sensors=sensors)))
+        loaded = self.receptance(result)
+        ratio = free.receptance(result) / np.where(loaded != 0, loaded, 1.0)
+        return replace(free, data=replace(free.data, H=self.data.H * ratio))
+
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
         lines = np.flatnonzero((self.data.frequency <= frequency) & ~self.data.held_out)
@@ -264,7 +292,8 @@ class FitProblem:
         there = self.with_forces_of(result)
         engine = there.engine(f, refs, result.effects, channels=result.channels)
         zeta = self.damping.ratio(f, result.zeta)
-        H, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
+        at = np.array([result.values[r] for r in refs])
+        H, _, _ = self.in_set_ups(engine).evaluate(at, zeta, gradient=False)
         return H
 
     def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, ParameterRef
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.set_ups import SetUpsFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.effect_priors import EffectPrior, prior_of
@@ -111,7 +112,7 @@ class FitFunction:
     # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
 
     @cached_property
-    def _engine(self) -> ParametricFRF:
+    def _engine(self) -> ParametricFRF | SetUpsFRF:
         frequency, refs = self.problem.data.frequency[self.lines], self.refs
         none = np.zeros((self.problem.reduced.model.n_dof, 0))
         deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
@@ -119,7 +120,8 @@ class FitFunction:
             n_out = len(self.problem.data.measurement.sensors)
             outputs, inputs = self.scatter.channels.changes(self.problem.misread, n_out)
             deviations = replace(deviations, outputs=outputs, inputs=inputs)
-        return self.problem.engine(frequency, refs, self.effects, deviations=deviations)
+        engine = self.problem.engine(frequency, refs, self.effects, deviations=deviations)
+        return self.problem.in_set_ups(engine)
 
     @cached_property
     def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -313,6 +313,7 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     """
     lines = problem.lines_up_to(np.inf, n_lines)
     nominal = problem.nominal().as_described()
+    problem = problem.unloaded(nominal)
     finer = finer_receptances(problem, nominal, lines)
     ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
     ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
@@ -424,6 +425,7 @@ def direct_responses(
     excluded = {e.name for e in result.effects if e.amplitude_dependent}
     values = {ref: v for ref, v in result.values.items() if ref[0] not in excluded}
     result = replace(result, effects=effects, values=values)
+    problem = problem.unloaded(result)
     model = problem.reduced.model
     system = assemble(fitted_model(model, result), reciprocal=False)
     outputs, inputs = problem.vectors

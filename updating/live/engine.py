@@ -222,7 +222,8 @@ class LiveModel:
         engine: ParametricFRF = self._engines.get(key, lambda: self._engine(problem, result, refs))
         f = self.problem.data.frequency
         values = np.array([result.values[r] for r in engine.refs])
-        return engine.evaluate(values, self.problem.damping.ratio(f, result.zeta), gradient=False)[0]
+        loaded = problem.in_set_ups(engine)
+        return loaded.evaluate(values, self.problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
     def _engine(self, problem: FitProblem, result: FitResult, refs: list[ParameterRef]) -> ParametricFRF:
         # with the forces of where the effects are now, as a crack that moves bends other places

@@ -92,6 +92,7 @@ class _Trial:
     """A hypothesis to which candidates are added one at a time."""
 
     def __init__(self, problem: FitProblem, h: Hypothesis) -> None:
+        problem = problem.unloaded(h.result())
         self.problem, self.h = problem, h
         self.lines = problem.lines_up_to(np.inf, N_LINES)
         self.frequency = problem.data.frequency[self.lines]

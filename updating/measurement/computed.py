@@ -9,7 +9,15 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.model import Model
 from fem.system import assemble
-from updating.measurement.measurement import STRAIN, BaseMotion, Sensor, sensor_rows, with_moving_base
+from updating.measurement.measurement import (
+    STRAIN,
+    BaseMotion,
+    Sensor,
+    roving_masses,
+    sensor_rows,
+    with_mass_of,
+    with_moving_base,
+)
 
 
 def computed_frf(
@@ -21,7 +29,8 @@ def computed_frf(
 ) -> FRF:
     """Return the FRFs of a model; its base moves where an excitation is a motion of the base.
 
-    Of a strain gauge they are strains, whatever the kind.
+    Of a strain gauge they are strains, whatever the kind. The mass of a roving sensor is on the structure for
+    its own responses alone.
 
     Parameters
     ----------
@@ -41,7 +50,11 @@ def computed_frf(
     model = with_moving_base(model, excitations)
     outputs, inputs = (sensor_rows(model, part) for part in (sensors, excitations))
     system = assemble(model, reciprocal=False)
-    H = compute_frf(system, np.asarray(frequency, dtype=float), outputs, inputs, FRFKind.RECEPTANCE).H
+    f = np.asarray(frequency, dtype=float)
+    H = np.array(compute_frf(system, f, outputs, inputs, FRFKind.RECEPTANCE).H)
+    for rows, sensor, mass in roving_masses(sensors):
+        loaded = assemble(with_mass_of(model, sensor, mass), reciprocal=False)
+        H[:, rows] = compute_frf(loaded, f, outputs[rows], inputs, FRFKind.RECEPTANCE).H
     names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
     base = [s.name for s in excitations if isinstance(s, BaseMotion)]
     strain = [s.name for s in sensors if s.quantity == STRAIN]

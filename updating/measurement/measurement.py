@@ -59,6 +59,8 @@ class Sensor:
         point is where the mass is attached. Empty on the structure itself.
     arm : ndarray (3,)
         From its point to where it is, beside the axis: a rigid arm connects the two [m].
+    roving : bool
+        Whether it was moved from place to place: its mass is on the structure only while it reads.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Sensor:
     relative: bool = False
     body: str = ""
     arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    roving: bool = False
 
     quantity: ClassVar[str] = MOTION
     """Readings of a motion have the time derivatives of the FRFs' kind; others have none."""
@@ -349,6 +352,41 @@ class Measurement:
         )
 
     @property
+    def moving_forces(self) -> bool:
+        """Whether forces are at more places than responses, as those of a roving hammer."""
+        return len(self.excitations) > len(self.sensors)
+
+    @property
+    def has_transpose(self) -> bool:
+        """Whether forces and responses may be exchanged by reciprocity: all are of motions of points."""
+        channels = (*self.sensors, *self.excitations)
+        return not any(
+            isinstance(c, BaseMotion) or c.quantity != MOTION or (c.roving and c.mass > 0) for c in channels
+        )
+
+    @property
+    def roving_masses(self) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
+        """Masses of roving sensors, as of :func:`roving_masses`."""
+        return roving_masses(self.sensors)
+
+    def transposed(self) -> "Measurement":
+        """Return the same with forces at the sensors and sensors where forces were (Maxwell: Hᵀ = H)."""
+        frf, errors = self.frf, self.errors
+        turned = FRF.from_arrays(frf.frequency, np.swapaxes(frf.H, 1, 2), frf.kind, frf.inputs, frf.outputs)
+        known = {key: getattr(self, key) for key in ("coherence", "scatter", "compared")}
+        arrays = {key: None if x is None else np.swapaxes(x, 1, 2) for key, x in known.items()}
+        return replace(
+            self,
+            frf=turned,
+            sensors=self.excitations,
+            excitations=self.sensors,
+            other_sensors=self.other_excitations,
+            other_excitations=self.other_sensors,
+            errors=replace(errors, sensors=errors.excitations, excitations=errors.sensors),
+            **arrays,
+        )
+
+    @property
     def channel_errors(self) -> NDArray[np.float64]:
         """Known errors of sensors and excitations behind them, (n_sensors + n_excitations, 5)."""
         none = (0.0,) * N_ERRORS
@@ -434,7 +472,7 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
     """Return a model with the masses of sensors, as point masses where they sit.
 
     A sensor is known by its name: one that also measures where a force acts, or whose mass the model has
-    already, is added once.
+    already, is added once. That of a roving one is left out (:func:`roving_masses`).
 
     Parameters
     ----------
@@ -460,9 +498,25 @@ def with_sensor_masses(model: Model, sensors: Sequence[Sensor]) -> Model:
         if not (np.isfinite(s.mass) and s.mass >= 0):
             msg = f"sensor '{s.name}' has the mass {s.mass} kg; it must be finite and not negative"
             raise MeasurementError(msg)
-        if s.mass > 0 and name not in known:
+        if s.mass > 0 and not s.roving and name not in known:
             masses[name] = AddedMass(name=name, point=sensor_point(model.mesh, s), mass=s.mass, arm=s.arm)
     return replace(model, effects=(*model.effects, *masses.values())) if masses else model
+
+
+def with_mass_of(model: Model, sensor: Sensor, mass: float) -> Model:
+    """Return a model with a mass [kg] where a sensor sits."""
+    point = sensor_point(model.mesh, sensor)
+    return model.with_effect(AddedMass(name=f"mass of sensor {sensor.name}", point=point, mass=mass))
+
+
+def roving_masses(sensors: Sequence[Sensor]) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
+    """Return rows, one of the sensors and the mass [kg] of each place of a roving sensor that has a mass."""
+    places: dict[tuple[float, ...], list[int]] = {}
+    for i, s in enumerate(sensors):
+        if s.roving:
+            places.setdefault(tuple(np.round(s.point, 9).tolist()), []).append(i)
+    masses = [(rows, sum(sensors[i].mass for i in rows)) for rows in places.values()]
+    return tuple((np.array(rows), sensors[rows[0]], mass) for rows, mass in masses if mass > 0)
 
 
 def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
@@ -520,14 +574,15 @@ def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
 def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
     """Return where a test's sensors of motion and its excitations are, as points of a mesh.
 
-    Those whose FRFs are held out are on the structure, too.
+    Those whose FRFs are held out are on the structure, too; a roving sensor is not at all its places.
     """
 
     def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
-    sensors = directed_of((*measurement.sensors, *measurement.other_sensors))
+    every = (*measurement.sensors, *measurement.other_sensors)
+    sensors = tuple(s for s in directed_of(every) if not s.roving)
     forces = directed_of((*measurement.excitations, *measurement.other_excitations))
     return Instruments(*places(sensors), *places(tuple(e for e in forces if not isinstance(e, BaseMotion))))
 

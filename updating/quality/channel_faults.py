@@ -13,7 +13,7 @@ from updating.quality.corrections import Fault
 CORRECTED_KINDS = ("sensor_gain", "sensor_tilt", "excitation_gain")
 """Kinds of these faults that data can be corrected for."""
 
-_SPAN = {"gain": 6.0, "tilt": float(np.radians(160.0)), "shift": 0.0}
+_SPAN = {"gain": 6.0, "tilt": float(np.radians(160.0)), "position": 0.0}
 """Ranges of values that a search for faults looks at, for Occam factors: of ln gain [-], of tilts [rad]."""
 
 _LEAST_LEARNT = 0.01
@@ -79,7 +79,7 @@ def _fault(
             value, std = 1 / value, std / value**2
     else:
         towards = tuple(map(float, along @ channel.axes_across))
-        kind, unit = ("tilt", "rad") if part is DIRECTION else ("shift", "m")
+        kind, unit = ("tilt", "rad") if part is DIRECTION else ("position", "m")
         if part is DIRECTION:  # the direction is d + Σ tᵢ eᵢ, of any length
             value = float(np.arctan(value))
     more = {"direction": towards, "span": _SPAN[kind], "tolerance": tolerance}

@@ -6,11 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_data import FitData
 from updating.measurement.measurement import Measurement, MeasurementError
 
-UNLIKE_EFFECTS = ("sensor_sign", "sensor_delay", "sensor_swap")
+CHANNELS = ("sensor", "excitation")
+FAULTS = ("sign", "gain", "delay", "swap", "tilt", "position")
+"""Faults that a sensor or an excitation may have. Of two that explain its readings equally well, the first in
+this list is reported."""
+
+UNLIKE_EFFECTS = tuple(f"{of}_{fault}" for of in CHANNELS for fault in ("sign", "delay", "swap"))
 """Kinds of faults that no effect on the structure resembles."""
+
+
+def log_odds_against(n_channels: int) -> float:
+    """Return the prior odds, as a logarithm, against one fault of one of so many channels [nats].
+
+    The odds are those against one more change of the structure.
+    """
+    return float(EFFECT_ODDS + np.log(len(FAULTS) * n_channels))
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,9 +34,7 @@ class Fault:
     Attributes
     ----------
     kind : str
-        ``"sensor_sign"``, ``"sensor_gain"``, ``"sensor_delay"``, ``"sensor_swap"``, ``"sensor_tilt"``,
-        ``"sensor_position"``, ``"excitation_sign"``, ``"excitation_gain"`` or ``"excitation_delay"``; of
-        errors of channels also ``"excitation_tilt"``, ``"sensor_shift"`` and ``"excitation_shift"``.
+        One of ``CHANNELS`` and one of ``FAULTS``, such as ``"sensor_gain"`` or ``"excitation_sign"``.
     sensor : str
         The sensor or the excitation.
     value : float
@@ -32,7 +44,8 @@ class Fault:
         Its standard deviation, of the gain or in ``unit``.
     unit : str
     other : str
-        The sensor that it is swapped with, the member that it has moved on.
+        The sensor that it is swapped with, the member or the point that it has moved to; of a sign, channels
+        that explain the same data if they are reversed instead.
     direction : tuple of float
         Of a tilt or a shift: the unit vector, square to the stated direction, towards which it is.
     span : float
@@ -40,6 +53,9 @@ class Fault:
     tolerance : float
         Stated standard deviation of the error, in ``unit``, of a fault that is part of a fitted model of the
         test (:func:`updating.quality.channel_faults.channel_faults`); 0 of one that data are corrected for.
+    shift : tuple of float
+        Of a position: from the stated place to the real one, if that is a point of the test or the mesh [m].
+        Data are corrected by it; without it the channel is left out.
     """
 
     kind: str
@@ -51,6 +67,7 @@ class Fault:
     direction: tuple[float, ...] = ()
     span: float = 0.0
     tolerance: float = 0.0
+    shift: tuple[float, ...] = ()
 
     @property
     def name(self) -> str:
@@ -61,8 +78,9 @@ class Fault:
 def corrected(data: FitData, faults: Sequence[Fault]) -> FitData:
     """Return data that are corrected for faults, in their order.
 
-    Signs, gains, delays and labels are corrected in the FRFs, a tilt in the sensor's direction. A sensor at a
-    wrong place is masked. Faults of sensors and excitations that the data do not have are ignored.
+    Signs, gains, delays and labels are corrected in the FRFs, a tilt in the channel's direction and a
+    position in its place. A channel whose right place is not known is masked. Faults of sensors and
+    excitations that the data do not have are ignored.
     """
     for fault in faults:
         data = _turned(data, fault, undo=False)
@@ -72,12 +90,12 @@ def corrected(data: FitData, faults: Sequence[Fault]) -> FitData:
 def set_right(measurement: Measurement, faults: Sequence[Fault]) -> Measurement:
     """Return a measurement that is corrected for known faults, in their order, as by :func:`corrected`.
 
-    A sensor at a wrong place is left out, as its right place is not known closely enough.
+    A sensor or an excitation whose right place is not known is left out.
 
     Raises
     ------
     MeasurementError
-        If no sensor is left.
+        If no sensor or no excitation is left.
     """
     H, n = measurement.frf.H, len(measurement.frf.frequency)
     # coherence and scatter follow their channel, as weights and noise of a fit's data do
@@ -93,11 +111,20 @@ def set_right(measurement: Measurement, faults: Sequence[Fault]) -> Measurement:
         coherence=None if measurement.coherence is None else right.weight,
         scatter=None if measurement.scatter is None else right.noise,
     )
-    kept = [s.name for k, s in enumerate(new.sensors) if right.mask[:, k].any()]
-    if not kept:
-        msg = f"[[faults]] puts every sensor of '{measurement.name}' at a wrong place; one at least is needed"
-        raise MeasurementError(msg)
-    return new if len(kept) == len(new.sensors) else new.with_frf(new.frf.select(outputs=kept))
+    rows, columns = (
+        [c.name for k, c in enumerate(channels) if right.mask.take(k, axis).any()]
+        for channels, axis in ((new.sensors, 1), (new.excitations, 2))
+    )
+    for word, kept in (("sensor", rows), ("excitation", columns)):
+        if not kept:
+            msg = (
+                f"[[faults]] puts every {word} of '{measurement.name}' at a wrong place; one at least is "
+                "needed"
+            )
+            raise MeasurementError(msg)
+    if len(rows) == len(new.sensors) and len(columns) == len(new.excitations):
+        return new
+    return new.with_frf(new.frf.select(outputs=rows, inputs=columns))
 
 
 def uncorrected(data: FitData, faults: Sequence[Fault]) -> FitData:
@@ -134,13 +161,38 @@ def combined(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     return tuple(f for f in out.values() if not (f.kind.endswith("sign") and f.value == 1))
 
 
+def mirrored(data: FitData) -> FitData:
+    """Return data whose sensors are the excitations and the other way round."""
+    arrays = {key: np.swapaxes(getattr(data, key), 1, 2) for key in ("H", "mask", "weight", "noise")}
+    return replace(data, measurement=data.measurement.transposed(), **arrays)
+
+
+def mirrored_fault(fault: Fault) -> Fault:
+    """Return the fault of an excitation that acts on H as one of a sensor does on its transpose, or reverse.
+
+    A force that is F times the stated one makes FRFs that are 1/F of the true ones.
+    """
+    of, kind = fault.kind.split("_", 1)
+    other = replace(fault, kind=f"{'excitation' if of == 'sensor' else 'sensor'}_{kind}")
+    return inverse(other) if kind in ("gain", "delay") else other
+
+
+def inverse(fault: Fault) -> Fault:
+    """Return the gain or the delay with the opposite effect on the FRFs."""
+    if fault.kind.endswith("delay"):
+        return replace(fault, value=-fault.value)
+    return replace(fault, value=1 / fault.value, std=fault.std / fault.value**2)
+
+
 def _turned(data: FitData, fault: Fault, undo: bool) -> FitData:
     m = data.measurement
     where, kind = fault.kind.split("_", 1)
-    names = [s.name for s in (m.sensors if where == "sensor" else m.excitations)]
+    group, axis = ("sensors", 1) if where == "sensor" else ("excitations", 2)
+    channels = getattr(m, group)
+    names = [s.name for s in channels]
     if fault.sensor not in names:
         return data
-    i, axis = names.index(fault.sensor), 1 if where == "sensor" else 2
+    i = names.index(fault.sensor)
     if kind in ("sign", "gain", "delay"):
         # A force that is F times the stated one makes FRFs that are 1/F of the true ones.
         factor = _factor(fault, data.frequency)
@@ -153,17 +205,23 @@ def _turned(data: FitData, fault: Fault, undo: bool) -> FitData:
         order = np.arange(len(names))
         j = names.index(fault.other)
         order[[i, j]] = j, i
-        rows = {key: getattr(data, key)[:, order] for key in ("H", "mask", "weight", "noise")}
+        rows = {key: getattr(data, key).take(order, axis) for key in ("H", "mask", "weight", "noise")}
         return replace(data, **rows)
-    if kind == "tilt":
-        sensor, towards = m.sensors[i], np.array(fault.direction)
-        c, s = np.cos(fault.value), np.sin(fault.value)
-        d = (sensor.direction - s * towards) / c if undo else c * sensor.direction + s * towards
-        turned = replace(sensor, direction=d / np.linalg.norm(d))
-        sensors = tuple(turned if k == i else other for k, other in enumerate(m.sensors))
-        return replace(data, measurement=replace(m, sensors=sensors))
+    if kind == "tilt" or fault.shift:
+        channel = channels[i]
+        if kind == "tilt":
+            towards = np.array(fault.direction)
+            c, s = np.cos(fault.value), np.sin(fault.value)
+            d = (channel.direction - s * towards) / c if undo else c * channel.direction + s * towards
+            changed = replace(channel, direction=d / np.linalg.norm(d))
+        else:
+            shift = np.array(fault.shift)
+            changed = replace(channel, point=channel.point - shift if undo else channel.point + shift)
+        new = tuple(changed if k == i else other for k, other in enumerate(channels))
+        return replace(data, measurement=replace(m, **{group: new}))
     mask = np.array(data.mask)
-    mask[:, i] = (data.weight[:, i] > 0) if undo else False
+    part = np.moveaxis(mask, axis, 1)
+    part[:, i] = np.moveaxis(data.weight, axis, 1)[:, i] > 0 if undo else False
     return replace(data, mask=mask)
 
 

@@ -83,8 +83,14 @@ class Field:
         return out * np.where(self.loose, loose**2, 1.0)
 
     @classmethod
-    def of(cls, problem: FitProblem, result: FitResult, n_lines: int = N_PREDICTION_LINES) -> "Field":
-        """Return the field of a fitted model."""
+    def of(
+        cls,
+        problem: FitProblem,
+        result: FitResult,
+        n_lines: int = N_PREDICTION_LINES,
+        forces: NDArray[np.float64] | None = None,
+    ) -> "Field":
+        """Return the field of a fitted model, for the problem's excitations or other forces (n_dof, n_in)."""
         data, model, basis = problem.data, problem.reduced.model, problem.reduced.basis
         lines = np.unique(np.linspace(0, len(data.frequency) - 1, n_lines).round().astype(np.int64))
         f = data.frequency[lines]
@@ -108,7 +114,7 @@ class Field:
         by_zeta = np.sqrt(np.maximum(lam, 0.0)) * omega[:, None] if problem.viscous else lam
         diagonal = diagonal + 2j * zeta[:, None] * by_zeta + (1j * omega * d.alpha - omega**2)[:, None]
         shapes = T @ V
-        force = shapes.T @ problem.vectors[1]
+        force = shapes.T @ (problem.vectors[1] if forces is None else forces)
         springs = [e for e in (*fitted.effects, *result.effects) if e.connection]
         G: Any = sum_contributions(tuple(c for e in springs for c in model.parts_of(e)), model.n_dof)[0]
         mean: Any
@@ -147,6 +153,10 @@ class CrossPrediction:
         Of y minus its prediction, the noise of y included.
     prior : (float, float, float, float)
         Share of the field that the model does not know, error of readings, rough and loose parts [-].
+    rows : ndarray (n_out, r)
+        Readings of modal coordinates.
+    inverse : ndarray (n_lines, n_in, n_out, n_out)
+        S⁻¹, of the covariance of readings.
     """
 
     field: Field
@@ -154,22 +164,22 @@ class CrossPrediction:
     seen: NDArray[np.bool_]
     variance: NDArray[np.float64]
     prior: tuple[float, float, float, float]
+    rows: NDArray[np.float64]
+    inverse: NDArray[np.float64]
     _weight: NDArray[np.float64]
-    _rows: NDArray[np.float64]
     _scale: NDArray[np.float64]
-    _inverse: NDArray[np.float64]
     _alpha: NDArray[np.complex128]
 
     @property
     def predicted(self) -> NDArray[np.complex128]:
         """Each sensor's reading from all the others', shape (n_lines, n_out, n_in)."""
-        diagonal = np.einsum("lioo->lio", self._inverse)
+        diagonal = np.einsum("lioo->lio", self.inverse)
         return self.measured - (self._alpha / diagonal).transpose(0, 2, 1)
 
     def without(self, sensors: tuple[int, ...]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Predict some sensors from all others, (n_lines, k, n_in), and the variances, alike."""
         I = list(sensors)
-        block = np.linalg.inv(self._inverse[:, :, I][:, :, :, I])
+        block = np.linalg.inv(self.inverse[:, :, I][:, :, :, I])
         error = np.einsum("liab,lib->lia", block, self._alpha[:, :, I])
         variance = np.einsum("liaa->lai", block).real
         return self.measured[:, I] - error.transpose(0, 2, 1), variance
@@ -181,10 +191,10 @@ class CrossPrediction:
         -------
         ndarray (k, n_lines, n_in)
         """
-        column = self._inverse[:, :, :, sensor]
+        column = self.inverse[:, :, :, sensor]
         alpha = self._alpha - column * (self._alpha[:, :, sensor] / column[:, :, sensor])[:, :, None]
         alpha[:, :, sensor] = 0
-        q = (alpha @ self._rows).transpose(0, 2, 1) * self._scale[:, None, :]
+        q = (alpha @ self.rows).transpose(0, 2, 1) * self._scale[:, None, :]
         q = self.field.mean + q * self._weight[:, :, None]
         return np.moveaxis(rows @ q, 1, 0)
 
@@ -196,11 +206,11 @@ class CrossPrediction:
         motion : ndarray (n_lines, k, n_in)
         variance : ndarray (n_lines, k, n_in)
         """
-        q = (self._alpha @ self._rows).transpose(0, 2, 1) * self._scale[:, None, :]
+        q = (self._alpha @ self.rows).transpose(0, 2, 1) * self._scale[:, None, :]
         motion = rows @ (self.field.mean + q * self._weight[:, :, None])
         weighted = (rows * self._weight[:, None, :])[:, None] * self._scale[:, :, None, None]
-        cross = weighted @ self._rows.T
-        known = np.einsum("likp,lipq,likq->lik", cross, self._inverse, cross, optimize=True)
+        cross = weighted @ self.rows.T
+        known = np.einsum("likp,lipq,likq->lik", cross, self.inverse, cross, optimize=True)
         variance = np.einsum("likr,kr->lik", weighted, rows) - known
         return motion, np.maximum(variance, 0.0).transpose(0, 2, 1)
 
@@ -318,7 +328,7 @@ def _predicted(
     inverse = np.linalg.inv(S)
     alpha = (inverse @ delta[..., None])[..., 0]
     variance = (1 / np.einsum("lioo->lio", inverse)).transpose(0, 2, 1)
-    return CrossPrediction(field, y, seen, variance, prior, weight, rows, share**2 * unit, inverse, alpha)
+    return CrossPrediction(field, y, seen, variance, prior, rows, inverse, weight, share**2 * unit, alpha)
 
 
 def _like_motions(problem: FitProblem, field: Field, rows: NDArray[np.float64]) -> NDArray[np.float64]:

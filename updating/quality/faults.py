@@ -17,7 +17,17 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit, refit
 from updating.measurement.measurement import BaseMotion
-from updating.quality.corrections import UNLIKE_EFFECTS, Fault, combined, corrected, uncorrected
+from updating.quality.corrections import (
+    FAULTS,
+    UNLIKE_EFFECTS,
+    Fault,
+    combined,
+    corrected,
+    inverse,
+    mirrored,
+    mirrored_fault,
+    uncorrected,
+)
 from updating.quality.cross_prediction import (
     CrossPrediction,
     Field,
@@ -26,7 +36,9 @@ from updating.quality.cross_prediction import (
     rival_predictions,
 )
 from updating.quality.fault_hypotheses import FaultHypothesis, Series, factor_hypotheses
+from updating.quality.misplaced import misplaced_force
 from updating.quality.sensor_faults import sensor_hypotheses, swap_hypotheses
+from updating.quality.signs import reversed_channels
 
 EXCITATION_GAIN_LEAST = 0.07
 """Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
@@ -44,12 +56,11 @@ CLEAR_MISFIT_RATIO = 6.0
 MODEL_SIGMA = 0.1
 """Assumed relative error of the model's FRFs, where only these can be compared [-]."""
 
+LEAST_CHANNELS = 3
+"""Fewer channels cannot check one another."""
+
 _MOST = 12
 """Largest number of faults that are searched for."""
-
-_SIMPLER = ("sensor_sign", "sensor_gain", "sensor_delay", "sensor_swap", "sensor_tilt", "sensor_position")
-"""Of faults that explain a sensor's readings equally well, the first in this list is reported."""
-
 
 Score = Callable[[FitProblem, Sequence[Fault]], float]
 """How probable a model and faults are, as a logarithm, by data that are corrected for them."""
@@ -81,7 +92,7 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     if not start.phase:  # amplitudes do not say what other sensors imply: their motions do not add up
         return problem, null, ()
     while len(faults) < _MOST:
-        more = _turned_excitations(problem, null) or _most_convincing(problem, null)
+        more = _reversed(problem, null) or _most_convincing(problem, null)
         same = {f.name for f in faults}
         if not more or any(f.name in same for f in more):
             break
@@ -110,19 +121,28 @@ def confirm_faults(problem: FitProblem, faults: Sequence[Fault], result: FitResu
         The fit with the effects that were found.
     """
     kept = []
-    names = [s.name for s in problem.data.measurement.sensors]
     for k, fault in enumerate(faults):
-        if not fault.kind.startswith("sensor") or fault.kind.endswith(("sign", "swap")):
+        if fault.kind.endswith(("sign", "swap")) or fault.shift:
             kept.append(fault)
             continue
         data = uncorrected(problem.data, faults)
         as_found = replace(problem, data=corrected(data, [*faults[:k], *faults[k + 1 :]]))
-        X = cross_predict(as_found, Field.of(as_found, result))
-        found = sensor_hypotheses(as_found, X, names.index(fault.sensor))
-        again = [h for h in found if h.fault.kind == fault.kind and h.large]
-        if again:
-            kept.append(max(again, key=lambda h: h.gain).fault)
+        again = _same_kind(as_found, result, fault)
+        kept += [fault] if again is None else again
     return tuple(kept)
+
+
+def _same_kind(problem: FitProblem, result: FitResult, fault: Fault) -> list[Fault] | None:
+    """Return the same fault as it is found now; None where no other channels check this one."""
+    for view, fitted, as_here in _views(problem, result):
+        if as_here(fault).kind.startswith("excitation"):
+            continue  # there the channel is no sensor
+        X = cross_predict(view, Field.of(view, fitted))
+        names = [s.name for s in view.data.measurement.sensors]
+        found = [h for h in sensor_hypotheses(view, X, names.index(fault.sensor)) if h.large]
+        again = [h for h in found if as_here(h.fault).kind == fault.kind]
+        return [as_here(max(again, key=lambda h: h.gain).fault)] if again else []
+    return None
 
 
 def settle_faults(
@@ -176,19 +196,69 @@ def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...
     A fault of an excitation can resemble one of a sensor beside it, and the other way round. The one whose
     correction brings the FRFs nearer to the model's is returned.
     """
-    X = cross_predict(problem, Field.of(problem, result))
-    best = _best(problem, result, X)
-    options = [_excitation_faults(problem, result, X)]
-    if best is not None and best.believed:
-        options.append((best.fault,))
-    options = [faults for faults in options if faults]
+    options = []
+    for view, fitted, as_here in _views(problem, result):
+        X = cross_predict(view, Field.of(view, fitted))
+        best = _best(view, fitted, X)
+        found = [_excitation_faults(view, fitted, X), _misplaced(view, fitted, X)]
+        if best is not None and best.believed:
+            found.append((best.fault,))
+        options += [tuple(map(as_here, faults)) for faults in found if faults]
     return _likeliest(problem, result, options) if options else ()
+
+
+def _misplaced(problem: FitProblem, result: FitResult, X: CrossPrediction) -> tuple[Fault, ...]:
+    """Return the force that is most certainly at another place of the test, if forces are few."""
+    m = problem.data.measurement
+    if len(m.sensors) < LEAST_CHANNELS or len(m.excitations) >= LEAST_CHANNELS:
+        return ()
+    found = [misplaced_force(problem, result, X, j) for j in range(len(m.excitations))]
+    return tuple(fault for _, fault in sorted((f for f in found if f), key=lambda f: -f[0])[:1])
+
+
+View = tuple[FitProblem, FitResult, Callable[[Fault], Fault]]
+"""A problem, a result of it, and how its faults are those of another problem."""
+
+
+def _transpose(problem: FitProblem, result: FitResult) -> View | None:
+    """Return the problem with forces in the place of sensors; None where H is not symmetric.
+
+    By reciprocity the FRFs of a roving hammer are the motions of its places for a force at the sensor.
+    """
+    m, model = problem.data.measurement, problem.reduced.model
+    if not (m.has_transpose and all(e.reciprocal for e in model.effects)):
+        return None
+    return replace(problem, data=mirrored(problem.data)), _transposed(result, len(m.sensors)), mirrored_fault
+
+
+def _transposed(result: FitResult, n_sensors: int) -> FitResult:
+    """Return a result with the errors of the channels in the order of the transpose."""
+    c, std = result.channels, result.channels_std
+    n = n_sensors
+    return replace(
+        result,
+        channels=np.concatenate([c[n:], c[:n]]),
+        channels_std=np.concatenate([std[n:], std[:n]]),
+    )
+
+
+def _views(problem: FitProblem, result: FitResult) -> list[View]:
+    """Return a problem, and its transpose where there are enough forces to check one another.
+
+    Where sensors are too few for that, the transpose alone tells.
+    """
+    problem = problem.unloaded(result)
+    m, direct = problem.data.measurement, (problem, result, lambda fault: fault)
+    turned = _transpose(problem, result) if len(m.excitations) >= LEAST_CHANNELS else None
+    if turned is None:
+        return [direct]
+    return [turned] if len(m.sensors) < LEAST_CHANNELS else [direct, turned]
 
 
 def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> FaultHypothesis | None:
     """Return the most convincing fault of a sensor, believed or not."""
     n = len(problem.data.measurement.sensors)
-    if n < 3:
+    if n < LEAST_CHANNELS:
         return None
     found: list[FaultHypothesis] = []
     suspects = []
@@ -222,7 +292,7 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> FaultHy
         and h.before - h.after > 0.97 * (best.before - best.after)
         and h.after < 1.1 * best.after
     ]
-    return min(alike, key=lambda h: _SIMPLER.index(h.fault.kind))
+    return min(alike, key=lambda h: FAULTS.index(h.fault.kind.partition("_")[2]))
 
 
 def _levels_of_others(problem: FitProblem, result: FitResult, names: Collection[str]) -> dict[str, float]:
@@ -255,15 +325,15 @@ def _needed(problem: FitProblem, X: CrossPrediction, best: FaultHypothesis) -> b
     return True
 
 
-def _turned_excitations(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
-    """Return the excitations whose FRFs have the opposite phase of the model's at most sensors and lines."""
-    cosine = np.cos(problem.log_ratio(result).imag)
-    out = []
-    for j, excitation in enumerate(problem.data.measurement.excitations):
-        seen = cosine[:, :, j][np.isfinite(cosine[:, :, j])]
-        if seen.size and np.median(seen) < -0.5 and (seen < 0).mean() > 0.75:
-            out.append(Fault("excitation_sign", excitation.name, -1.0, 0.0))
-    return tuple(out)
+def _reversed(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
+    """Return the reversed channels by the fit, or by the nominal model: a fit to wrong signs leads away."""
+    found = reversed_channels(problem, result).faults
+    if not found and not result.effects:
+        found = reversed_channels(problem, problem.nominal()).faults
+        if found:
+            mended = replace(problem, data=corrected(problem.data, found))
+            found = found if _again(mended, result).level < result.level else ()
+    return found
 
 
 def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPrediction) -> tuple[Fault, ...]:
@@ -288,7 +358,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
             seen: Any = X.seen.any(axis=1)
             series = Series.of(field.frequency, y, p, sigma, seen[:, j] & seen[:, k])
             for h in _of_excitation(series):
-                other = _inverse(replace(h.fault, sensor=excitations[j].name))
+                other = inverse(replace(h.fault, sensor=excitations[j].name))
                 options = (replace(h.fault, sensor=excitations[k].name),), (other,)
                 found.append((h, options))
     if not any(h.believed for h, _ in found):
@@ -309,13 +379,6 @@ def _of_excitation(series: Series) -> list[FaultHypothesis]:
     return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), EXCITATION_GAIN_LEAST)
 
 
-def _inverse(fault: Fault) -> Fault:
-    """Return the fault of the other excitation with the same consequence."""
-    if fault.kind == "excitation_delay":
-        return replace(fault, value=-fault.value)
-    return replace(fault, value=1 / fault.value, std=fault.std / fault.value**2)
-
-
 def _likeliest(
     problem: FitProblem, result: FitResult, options: Sequence[tuple[Fault, ...]]
 ) -> tuple[Fault, ...]:
@@ -330,8 +393,15 @@ def _likeliest(
 
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
-    """Fit again after a correction: from the nominal start, or from the last values of the effects."""
-    again = [refit(problem, result)]
+    """Fit again after a correction: from the nominal start, or from the last values of the effects.
+
+    Of few responses to many forces the transpose is fitted: the FRFs are the same, and need fewer solutions.
+    """
+    m = problem.data.measurement
+    turned = _transpose(problem, result) if m.moving_forces else None
+    fitted, start = (problem, result) if turned is None else turned[:2]
+    again = [refit(fitted, start)]
     if not result.effects:
-        again.append(fit(problem))
-    return problem.assessed(min(again, key=lambda r: r.solution.cost))
+        again.append(fit(fitted))
+    best = min(again, key=lambda r: r.solution.cost)
+    return problem.assessed(best if turned is None else _transposed(best, len(m.excitations)))

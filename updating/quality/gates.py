@@ -198,7 +198,8 @@ def check_gates(
             misfit[i] = problem.level(alone, every)
     cross = np.full(n, np.nan)
     if problem.data.phase:
-        X = cross_predict(problem, Field.of(problem, result))
+        free = problem.unloaded(result)
+        X = cross_predict(free, Field.of(free, result))
         z = np.abs(X.measured - X.predicted) / np.sqrt(X.variance)
         known = [i for i in range(n) if X.seen[:, i].any()]
         cross[known] = [np.median(z[:, i][X.seen[:, i]]) for i in known]

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from fem.elements.frame import Frame
 from fem.mesh import Mesh
-from fem.model import Model
+from fem.model import Model, dofs_of
 from updating.inference.fit import FitProblem
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 from updating.quality.cross_prediction import CrossPrediction
 from updating.quality.fault_hypotheses import FaultHypothesis, Series, factor_hypotheses, judge, valued
+from updating.quality.misplaced import moved, other_places
 
 GAIN_LEAST = 0.06
 """Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]."""
@@ -86,23 +87,34 @@ def _tilt_hypotheses(
 def _position_hypotheses(
     problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
 ) -> list[FaultHypothesis]:
-    """Return the best other place of sensor i on its member; none for a sensor on no member."""
+    """Return the best other place of sensor i: on its member or, if it is on none, of the test."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
     mesh, frames = model.mesh, model.of_kind(Frame)
+    count = int(series.seen.sum())
     if not frames or not _on_member(mesh, sensor):
-        return []
+        places = other_places(problem, sensor)
+        if not places:
+            return []
+        motion = np.einsum("d,pdr->pr", sensor.direction, X.field.shapes[dofs_of([*places])[:, :3]])
+        predicted = X.elsewhere(i, motion)
+        each = series.losses(predicted)
+        best = int(np.argmin(each.sum(axis=1)))
+        point, name = list(places.items())[best]
+        fault = moved(problem, sensor, "sensor_position", point, name)
+        change = series.change(predicted[best])
+        return [judge(fault, fault.value / mesh.size, SHIFT_LEAST, before, each[best], count, change)]
     member, position = _stated_place(mesh, sensor)
     length = mesh.member_length(member)
 
-    def moved(s: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def at(s: NDArray[np.float64]) -> NDArray[np.complex128]:
         dofs, N = frames[0].interpolate(mesh, [mesh.locate(member, float(x)) for x in s])
         motion = np.einsum("d,ndk->nk", sensor.direction, N[:, :3])
         return X.elsewhere(i, np.einsum("nk,nkr->nr", motion, X.field.shapes[dofs]))
 
-    x, std, after = valued(np.linspace(0, length, 41), lambda s: series.losses(moved(s)))
+    x, std, after = valued(np.linspace(0, length, 41), lambda s: series.losses(at(s)))
     fault = Fault("sensor_position", sensor.name, x - position, std, "m", member, span=length)
-    size, change = (x - position) / length, series.change(moved(np.array([x]))[0])
-    return [judge(fault, size, SHIFT_LEAST, before, after, int(series.seen.sum()), change)]
+    size, change = (x - position) / length, series.change(at(np.array([x]))[0])
+    return [judge(fault, size, SHIFT_LEAST, before, after, count, change)]
 
 
 def swap_hypotheses(

@@ -9,12 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_data import FitData
-from updating.quality.corrections import UNLIKE_EFFECTS, Fault, corrected
-
-N_KINDS = {"sensor": 6, "excitation": 3}
-"""Number of kinds of faults that a sensor or an excitation may have."""
+from updating.quality.corrections import UNLIKE_EFFECTS, Fault, corrected, log_odds_against
 
 
 def doubtful(faults: Sequence[Fault]) -> tuple[Fault, ...]:
@@ -52,5 +48,5 @@ def log_prior(faults: Sequence[Fault], data: FitData) -> float:
         of, kind = f.kind.split("_", 1)
         std = np.hypot(f.std / f.value if kind == "gain" else f.std, tolerances.get(kind, 0.0))
         occam = np.log(min(1.0, np.sqrt(2 * np.pi) * std / f.span)) if std > 0 and f.span > 0 else 0.0
-        total += float(occam - EFFECT_ODDS - np.log(N_KINDS[of] * len(channels[of])))
+        total += float(occam) - log_odds_against(len(channels[of]))
     return total

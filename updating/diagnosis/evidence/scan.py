@@ -66,6 +66,7 @@ class Scan:
     @classmethod
     def of(cls, problem: FitProblem, current: FitResult, n_lines: int = SCAN_LINES) -> "Scan":
         """Prepare the misfit of a fit."""
+        problem = problem.unloaded(current)
         lines, data = problem.lines_up_to(np.inf, n_lines), problem.data
         starts = [parameter_values(e) for e in current.effects]
         function = problem.function(current.effects, starts, lines)

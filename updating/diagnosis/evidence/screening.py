@@ -351,6 +351,7 @@ class Look:
         Data that are still to come will leave noise and ``besides`` [nepers], and their uncertain parameters
         are not at bounds yet; some may be ``stretched``: factors on the widths of their priors.
         """
+        problem = problem.unloaded(base)
         full = problem.lines_up_to(np.inf, n_full)
         low = problem.lines_up_to(problem.stages[0], n_low)
         function = problem.function(base.effects, [parameter_values(e) for e in base.effects], full)

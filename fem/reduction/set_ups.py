@@ -1,0 +1,64 @@
+"""Receptances of a test in set-ups: each has a mass at another place, as a roving accelerometer does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.reduction.parametric_frf import ParametricFRF
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetUp:
+    """A mass that is on the structure while some responses are measured.
+
+    Attributes
+    ----------
+    rows : ndarray of int (k,)
+        The responses.
+    motions : ndarray (r + p, 3)
+        The translations of its place as combinations of the basis's columns.
+    mass : float
+        [kg].
+    """
+
+    rows: NDArray[np.int64]
+    motions: NDArray[np.float64]
+    mass: float
+
+
+class SetUpsFRF:
+    """Receptances as a function of parameter values, each response with the mass of its set-up.
+
+    Z of a set-up is Z - ω² m E Eᵀ, with the translations E of its place: solved on the basis, which has the
+    response to a force at each sensor.
+
+    Parameters
+    ----------
+    engine : ParametricFRF
+        Without the masses. Responses in no set-up are those of it.
+    set_ups : sequence of SetUp
+    """
+
+    def __init__(self, engine: ParametricFRF, set_ups: Sequence[SetUp]) -> None:
+        self.engine = engine
+        self._loaded = [(s.rows, engine.with_mass(s.motions, s.mass)) for s in set_ups]
+
+    def evaluate(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None, NDArray[np.complex128] | None]:
+        """Compute receptances and derivatives, as of :meth:`ParametricFRF.evaluate`."""
+        H, dH, by_zeta = self.engine.evaluate(values, zeta, gradient)
+        H = np.array(H)
+        dH, by_zeta = (None if x is None else np.array(x) for x in (dH, by_zeta))
+        for rows, engine in self._loaded:
+            for whole, part in zip((H, dH, by_zeta), engine.evaluate(values, zeta, gradient), strict=True):
+                if whole is not None and part is not None:
+                    whole[..., rows, :] = part[..., rows, :]
+        return H, dH, by_zeta
+
+    def anchor(self, values: NDArray[np.float64]) -> None:
+        """Keep the sums of all matrices at some values, as :meth:`ParametricFRF.anchor`."""
+        for engine in (self.engine, *(e for _, e in self._loaded)):
+            engine.anchor(values)
