@@ -13,7 +13,6 @@ from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
 from fem.summary import counted
 
-HELP = "list probable faults of the model, such as loose parts, and what 'run' would refuse"
 EXAMPLE = "dovetail check study.toml --picture faults.png"
 RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True)
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from dovetail.study import Study
     from updating.correlation.frf_correlation import Comparison
 
-HELP = "compare the model's FRFs, or natural frequencies, with the measured ones"
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
 NULLS = {

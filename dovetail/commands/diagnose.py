@@ -9,7 +9,6 @@ from dovetail.commands.diagnosis_words import found_lines, staircase, table_of_c
 from dovetail.disk.output import Progress
 from dovetail.report.table import Table
 
-HELP = "find which effect the model lacks, without a report"
 EXAMPLE = "dovetail diagnose study.toml"
 
 

@@ -16,7 +16,6 @@ from dovetail.report.table import Column, Table
 from fem.io import UFF_SUFFIXES, read_uff
 from fem.io.atomic import replacing
 
-HELP = "find where the points of a test's geometry lie on the model, with units and axes"
 EXAMPLE = "dovetail match study.toml geometry.unv --tolerance 0.005 --picture match.png"
 
 RESULTS = Results(picture="the points on the model", read={"geometry": "the geometry"})

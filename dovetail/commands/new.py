@@ -13,7 +13,6 @@ from dovetail.disk.output import OutputError, Progress, result_folder
 if TYPE_CHECKING:
     from fem.io.uff_types import Points
 
-HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
 
 _MESHES = (".bdf", ".nas", ".dat", ".fem", ".inp", ".cdb", ".msh", ".vtu", ".vtk", ".xdmf", ".med")

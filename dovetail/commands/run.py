@@ -9,7 +9,6 @@ from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import found_lines, staircase
 from dovetail.disk.output import Output, Progress
 
-HELP = "compare, locate, diagnose and write a report"
 EXAMPLE = "dovetail run study.toml --out out/report"
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 

@@ -14,10 +14,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from fem.io.array_types import Bools, Floats, Ints
 from fem.io.faults import error_at, refuse
@@ -227,7 +227,7 @@ def _distinct(rows: ArrayLike) -> list[int]:
 def _pairs(points: Floats, reach: float) -> Ints | None:
     """Return the pairs of points within a distance, (n_pairs, 2); None for more than ``MOST_PAIRS``."""
     some = np.flatnonzero(_near(points))
-    tree = cKDTree(points[some], balanced_tree=False, compact_nodes=False)
+    tree = scipy.spatial.cKDTree(points[some], balanced_tree=False, compact_nodes=False)
     if tree.count_neighbors(tree, reach) - some.size > 2 * MOST_PAIRS:
         return None
     return some[tree.query_pairs(reach, output_type="ndarray")]
