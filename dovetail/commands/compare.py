@@ -10,6 +10,7 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
 from dovetail.commands.common import Options, check_places, columns_of_bands, loaded, noted
 from dovetail.disk.output import Progress
+from dovetail.file.contents import has_modes_alone
 from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ def run(options: Options, progress: Progress) -> Answer:
     """Return how far the model's FRFs, or natural frequencies, are from the measured ones."""
     from dovetail import pipeline, result
     from dovetail.commands.compared_modes import compare_modes
-    from dovetail.modes_pipeline import has_modes_alone
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
     from updating.correlation.frf_correlation import suspected_labels
