@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
+from dovetail.file.contents import has_modes_alone
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
 from dovetail.file.faults import tilted
 from dovetail.file.paths import input_files
@@ -228,7 +229,7 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
-        from dovetail.modes_pipeline import has_modes_alone, mode_problem
+        from dovetail.modes_pipeline import mode_problem
         from dovetail.notebook.modes import ModeComparison
 
         if has_modes_alone(self):
@@ -302,7 +303,7 @@ class Study(config.Study):
         StudyError
             If the study has no measurement, or there is no such budget.
         """
-        from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
+        from dovetail.modes_pipeline import diagnose_study_modes
         from dovetail.notebook.diagnosis import Diagnosis
         from dovetail.notebook.modes import ModeDiagnosis
         from dovetail.pipeline import diagnose_study
@@ -440,7 +441,7 @@ class Study(config.Study):
             If the study has no measurement.
         """
         from dovetail.found import test_of
-        from dovetail.modes_pipeline import has_modes_alone, mode_problem_and_model
+        from dovetail.modes_pipeline import mode_problem_and_model
         from dovetail.pipeline import formed_problem_and_model
         from updating.diagnosis.begin import calibrated
         from updating.inference.fit import FitProblem
@@ -543,7 +544,7 @@ class Study(config.Study):
 
         By FRFs; by measured modes where the study has nothing else.
         """
-        from dovetail.modes_pipeline import has_modes_alone, run_modes
+        from dovetail.modes_pipeline import run_modes
         from dovetail.pipeline import run
 
         if has_modes_alone(self):
