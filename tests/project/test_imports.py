@@ -99,6 +99,30 @@ def room_of(module):
     return ".".join(module.split(".")[:depth])
 
 
+def test_numerics_import_without_what_takes_long_and_few_need(root):
+    heavy = {
+        "pyvista",
+        "vtkmodules",
+        "matplotlib",
+        "plotly",
+        "meshio",
+        "pyuff",
+        "scipy.signal",
+        "scipy.stats",
+    }
+    code = f"""
+import sys
+from fem import *
+from fem.effects import *
+from fem.io import *
+from updating import *
+from joint import *
+print(*sorted({heavy} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 @pytest.mark.parametrize(
     "package", [dovetail, fem, fem.effects, fem.io, joint, updating, updating.correlation], ids=str
 )
