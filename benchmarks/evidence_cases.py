@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.validation.evidence import at_truth, decibels
 from dovetail.file.config import load_study
-from dovetail.pipeline import measured, without_held_out
+from dovetail.file.contents import measured, without_held_out
 from tests.independent.by_evidence import stated
 from tests.independent.convert import convert
 from tests.independent.table import CASES, hidden_effects, hidden_in_words

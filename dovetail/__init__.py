@@ -7,7 +7,14 @@
 command line does the same: ``dovetail run study.toml``.
 """
 
-from dovetail.file.table import StudyError
-from dovetail.study import Study, load_study
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from dovetail.file.table import StudyError
+    from dovetail.study import Study, load_study
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = ["Study", "StudyError", "load_study"]

@@ -8,84 +8,52 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import metadata
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from dovetail.commands import (
-    base,
-    buckling,
-    campbell,
-    candidates,
-    check,
-    compare,
-    diagnose,
-    ensemble,
-    export,
-    fleet,
-    frf,
-    frf_estimate,
-    history,
-    identify_joint,
-    identify_modes,
-    locate,
-    match,
-    modes,
-    new,
-    plan,
-    psd,
-    report,
-    run,
-    spectrum,
-    static,
-    transient,
-    unbalance,
-    update,
-)
-from dovetail.commands import complex as complex_modes
-from dovetail.commands import open as open_desk
-from dovetail.disk.output import Progress
 from viz.offscreen import DrawingError
 
-COMMANDS = (
-    new,
-    check,
-    plan,
-    modes,
-    complex_modes,
-    campbell,
-    unbalance,
-    frf,
-    frf_estimate,
-    ensemble,
-    base,
-    static,
-    buckling,
-    transient,
-    spectrum,
-    psd,
-    open_desk,
-    run,
-    report,
-    export,
-    compare,
-    candidates,
-    locate,
-    diagnose,
-    history,
-    identify_modes,
-    match,
-    update,
-    identify_joint,
-    fleet,
-)
-"""In the order of the help; each has HELP, EXAMPLE and run, which returns an `Answer`; RESULTS are its
-files and add_arguments adds its other options, if there are some."""
+COMMANDS = {
+    "new": "write a commented study to start from",
+    "check": "list probable faults of the model, such as loose parts, and what 'run' would refuse",
+    "plan": "say which missing effects a test could see and name, before it is made",
+    "modes": "compute natural frequencies and mode shapes",
+    "complex": "compute complex modes: frequencies and damping ratios with all damping",
+    "campbell": "compute natural frequencies and damping of a rotor over its speed, and critical speeds",
+    "unbalance": "compute responses of a rotor to its unbalance over its speed",
+    "frf": "compute FRFs from the excitations to the sensors",
+    "frf-estimate": "estimate FRFs from time data, with coherence",
+    "ensemble": "compute bands of natural frequencies and FRFs from uncertain parameters",
+    "base": "compute FRFs from a motion of the base to the sensors",
+    "static": "compute displacements, reactions and section forces under loads",
+    "buckling": "compute load factors and shapes of linear buckling",
+    "transient": "compute responses in time to forces, motions of the base, or the release of a load",
+    "spectrum": "combine the largest responses of modes to a response spectrum of the base",
+    "psd": "compute root mean squares and densities under random forces and motions of the base",
+    "open": "open the desk in a browser: compare, add effects, fit and save by hand",
+    "run": "compare, locate, diagnose and write a report",
+    "report": "write the report of a run or an update as a Word document or as PowerPoint slides",
+    "export": "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS",
+    "compare": "compare the model's FRFs, or natural frequencies, with the measured ones",
+    "candidates": "list the effects that may be added, with places, parameters and units",
+    "locate": "find the sensors, bands and places that carry the misfit",
+    "diagnose": "find which effect the model lacks, without a report",
+    "history": "find what has changed in each of several states since the first one",
+    "identify-modes": "identify natural modes from measured FRFs or ambient responses, with uncertainty",
+    "match": "find where the points of a test's geometry lie on the model, with units and axes",
+    "update": "update uncertain parameters to measured modes or FRFs, with their uncertainty",
+    "identify-joint": "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model",
+    "fleet": "compare many units of one structure: their population, and which units are not of it",
+}
+"""What each does, in the order of the help. Its module in `dovetail.commands` is imported when it is chosen:
+EXAMPLE and run, which returns an `Answer`; RESULTS are its files and add_arguments adds its other options,
+if there are some."""
 
-WITHOUT_STUDY = (new, frf_estimate, report)
-WITHOUT_TABLES = (*WITHOUT_STUDY, open_desk, run, export, identify_joint)
+WITHOUT_STUDY = ("new", "frf-estimate", "report")
+WITHOUT_TABLES = (*WITHOUT_STUDY, "open", "run", "export", "identify-joint")
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that the user's input has not caused: a full disk, a reader that has gone."""
@@ -122,7 +90,7 @@ def _ending(options: Any) -> Iterator[None]:
     The desk has a server that takes signals itself.
     """
     numbers = [n for name in ("SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None]
-    of_desk = options.run is open_desk.run
+    of_desk = options.command == "open"
     if of_desk or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -147,9 +115,13 @@ def _ending(options: Any) -> Iterator[None]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return its exit code: 0, 2 for bad input, 1 for anything else."""
     try:
-        options = build_parser().parse_args(argv)
+        words = sys.argv[1:] if argv is None else argv
+        # the first word that names a command is the command: no option before it takes a value
+        options = build_parser([word for word in words if word in COMMANDS][:1]).parse_args(words)
     except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
+    from dovetail.disk.output import Progress  # --help and --version need no more than the parser
+
     progress = Progress(getattr(options, "quiet", False))
     try:
         with warnings.catch_warnings(), _ending(options):
@@ -227,43 +199,54 @@ def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -
         sys.stderr.write(f"dovetail: warning: {' '.join(str(message).split())}\n")
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def build_parser(commands: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+    """Return the parser of all commands, with the arguments of some; only these are imported."""
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         "dovetail", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
     )
-    parser.add_argument("--version", action="version", version=f"dovetail {_version()}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     parser.set_defaults(debug=False)
     sub = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        p = sub.add_parser(
-            command.__name__.rpartition(".")[2].replace("_", "-"),
-            help=command.HELP,
-            description=f"{command.HELP[0].upper()}{command.HELP[1:]}.",
-            epilog=f"example:\n  {command.EXAMPLE}",
-            formatter_class=plain,
-        )
-        results = getattr(command, "RESULTS", None)
-        p.set_defaults(run=command.run, results=results)
-        if command not in WITHOUT_STUDY:
-            p.add_argument("study", type=Path, help="the study file (TOML)")
-            p.add_argument(
-                "--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output"
-            )
-        if command not in WITHOUT_TABLES:
-            p.add_argument("--xlsx", type=Path, metavar="FILE", help="also write the tables for Excel: .xlsx")
-        p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
-        p.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        if hasattr(command, "add_arguments"):
-            command.add_arguments(p)
-        if results is not None:
-            results.add_arguments(p)
+    for name, words in COMMANDS.items():
+        description = f"{words[0].upper()}{words[1:]}."
+        p = sub.add_parser(name, help=words, description=description, formatter_class=plain)
+        if name in commands:
+            _add_arguments(p, name)
     return parser
 
 
-def _version() -> str:
-    try:
-        return metadata.version("dovetail")
-    except metadata.PackageNotFoundError:
-        return "(not installed)"
+def _add_arguments(p: argparse.ArgumentParser, name: str) -> None:
+    """Add the arguments of a command to its parser."""
+    command = import_module(f"dovetail.commands.{name.replace('-', '_')}")
+    results = getattr(command, "RESULTS", None)
+    p.epilog = f"example:\n  {command.EXAMPLE}"
+    p.set_defaults(command=name, run=command.run, results=results)
+    if name not in WITHOUT_STUDY:
+        p.add_argument("study", type=Path, help="the study file (TOML)")
+        p.add_argument(
+            "--json", type=Path, metavar="FILE", help="write the result as JSON; - for standard output"
+        )
+    if name not in WITHOUT_TABLES:
+        p.add_argument("--xlsx", type=Path, metavar="FILE", help="also write the tables for Excel: .xlsx")
+    p.add_argument("--quiet", action="store_true", help="no table and no progress bar")
+    p.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    if hasattr(command, "add_arguments"):
+        command.add_arguments(p)
+    if results is not None:
+        results.add_arguments(p)
+
+
+class _Version(argparse.Action):
+    """Prints the version; reading it for every command would take as long as NumPy's import."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print the version and exit."""
+        from importlib import metadata
+
+        try:
+            version = metadata.version("dovetail")
+        except metadata.PackageNotFoundError:
+            version = "(not installed)"
+        sys.stdout.write(f"dovetail {version}\n")
+        parser.exit()

@@ -40,13 +40,6 @@ MOST_PRINTED = 12
 """Explanations that are printed."""
 
 
-def has_modes_alone(study: Study) -> bool:
-    """Whether a study is diagnosed by modes: it has no FRFs, or its baseline has modes."""
-    if study.baseline is not None:
-        return study.modes is not None or bool(study.measurements)
-    return study.modes is not None and not study.measurements and not study.amplitudes
-
-
 def by_modes(study: Study) -> Study:
     """Return a study whose states all have modes: of a state with FRFs they are identified in these.
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
-from dovetail.file.contents import Study
+from dovetail.file.contents import Study, measured, without_held_out
 from dovetail.file.paths import input_files
-from dovetail.file.table import StudyError
+from dovetail.file.settings import N_BANDS
 from dovetail.found import found_text
 from dovetail.mode_partners import mode_partners
 from dovetail.modes_pipeline import first_state, targets_of
@@ -51,9 +51,6 @@ from updating.quality.faults import corrected
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
-
-N_BANDS = 8
-"""Bands of the comparison."""
 
 
 def run(
@@ -239,41 +236,6 @@ def fit_settings(study: Study) -> dict[str, Any]:
         "n_lines": study.n_lines or N_FIT_LINES,
         "model_error": study.model_error,
     }
-
-
-def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
-    """Return the measurements of a study; those without ``phases`` where they may do, and it has no others.
-
-    Raises
-    ------
-    StudyError
-        If it has none, or holds all of its excitations or sensors out.
-    """
-    given = study.measurements or (() if phases else study.amplitudes)
-    if not given:
-        msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
-        raise StudyError(msg)
-    frf = given[0].frf
-    for what, names, every in (
-        ("excitation", study.held_out, frf.inputs),
-        ("sensor", study.held_out_sensors, frf.outputs),
-    ):
-        if names and set(names) >= set(every):
-            msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
-            raise StudyError(msg)
-    return given
-
-
-def without_held_out(study: Study, measurement: Measurement) -> Measurement:
-    """Return a measurement without excitations and sensors that are kept from the fit, its bands marked."""
-    frf = measurement.frf
-    outputs = [name for name in frf.outputs if name not in study.held_out_sensors]
-    inputs = [name for name in frf.inputs if name not in study.held_out]
-    if study.held_out_bands:
-        measurement = replace(measurement, held_out=study.held_out_bands)
-    if len(outputs) == len(frf.outputs) and len(inputs) == len(frf.inputs):
-        return measurement
-    return measurement.with_frf(frf.select(outputs, inputs))
 
 
 def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import Study, measured, without_held_out
 from dovetail.file.table import StudyError
-from dovetail.pipeline import Progress, fit_settings, measured, without_held_out
+from dovetail.pipeline import Progress, fit_settings
 from fem.effects.places import members_mass
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.candidates import situated

@@ -7,42 +7,28 @@ print(study.compare().total_db, better.compare().total_db)
 better.save("better.toml")
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
+from dovetail.file.contents import has_modes_alone
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
 from dovetail.file.faults import as_mounted
 from dovetail.file.paths import input_files
+from dovetail.file.settings import N_BANDS
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
-from dovetail.found import test_of, text_with_model, with_test
-from dovetail.mode_result import ModeRunResult
-from dovetail.modes_pipeline import (
-    diagnose_study_modes,
-    has_modes_alone,
-    mode_problem,
-    mode_problem_and_model,
-    run_modes,
-)
-from dovetail.notebook.candidates import Candidates
-from dovetail.notebook.comparison import Comparison, Misfit
-from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.notebook.html import inner, table
-from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
-from dovetail.notebook.planned import Planned
 from dovetail.notebook.responses import FRF
-from dovetail.pipeline import N_BANDS, Progress, diagnose_study, fit_problem, formed_problem_and_model, run
-from dovetail.plan import plan_study
-from dovetail.report import words
-from dovetail.result import RunResult
 from fem.analysis.frf import FRFKind
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
@@ -57,17 +43,21 @@ from fem.mesh import merge_names
 from fem.model import Effect, Model, ModelError, parameter_values
 from fem.summary import counted, listed
 from fem.system import assemble
-from updating.diagnosis.begin import calibrated
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.evidence.budget import BUDGETS
-from updating.diagnosis.findings import Finding
-from updating.inference.fit import FitProblem
-from updating.inference.fit_result import FitResult
-from updating.inference.fitted_damping import with_fitted_damping
-from updating.inference.fitting import fit_given
-from updating.inference.preparation import fitted_model
 from updating.measurement.computed import computed_frf
-from updating.quality.corrections import Fault, set_right
+
+# Methods that compare, fit and diagnose import what they need: modes and static responses need none of it.
+if TYPE_CHECKING:
+    from dovetail.mode_result import ModeRunResult
+    from dovetail.notebook.candidates import Candidates
+    from dovetail.notebook.comparison import Comparison, Misfit
+    from dovetail.notebook.diagnosis import Diagnosis
+    from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
+    from dovetail.notebook.planned import Planned
+    from dovetail.pipeline import Progress
+    from dovetail.result import RunResult
+    from updating.diagnosis.findings import Finding
+    from updating.inference.fit_result import FitResult
+    from updating.quality.corrections import Fault
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -109,6 +99,8 @@ class Study(config.Study):
 
     def _repr_html_(self) -> str:
         """Return a table of the model, the test, the uncertain parameters, and the added effects."""
+        from dovetail.report import words
+
         rows = [
             ("model", inner(self.model.mesh)),
             ("sensors", listed(s.name for s in self.sensors)),
@@ -237,12 +229,18 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
+        from dovetail.modes_pipeline import mode_problem
+        from dovetail.notebook.modes import ModeComparison
+
         if has_modes_alone(self):
             by_modes = mode_problem(self)
             return ModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
         return self._frfs_compared(n_bands)
 
     def _frfs_compared(self, n_bands: int = N_BANDS) -> Comparison:
+        from dovetail.notebook.comparison import Comparison
+        from dovetail.pipeline import fit_problem
+
         problem = fit_problem(self)
         return Comparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
 
@@ -305,6 +303,12 @@ class Study(config.Study):
         StudyError
             If the study has no measurement, or there is no such budget.
         """
+        from dovetail.modes_pipeline import diagnose_study_modes
+        from dovetail.notebook.diagnosis import Diagnosis
+        from dovetail.notebook.modes import ModeDiagnosis
+        from dovetail.pipeline import diagnose_study
+        from updating.diagnosis.evidence.budget import BUDGETS
+
         if budget not in BUDGETS:
             message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
             raise StudyError(message)
@@ -341,10 +345,13 @@ class Study(config.Study):
         ModelError
             For a kind that does not exist.
         """
+        from dovetail.notebook.planned import Planned
+        from dovetail.plan import plan_study
+
         study = self if kinds is None else self._of_kinds(kinds)
         return Planned(plan_study(study, noise, left_db, progress))
 
-    def _of_kinds(self, kinds: Sequence[str] | str) -> "Study":
+    def _of_kinds(self, kinds: Sequence[str] | str) -> Study:
         """Return the study with candidates of some kinds alone."""
         kinds = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         for kind in kinds:
@@ -370,12 +377,15 @@ class Study(config.Study):
         ModelError
             For a kind that does not exist, and a place where no candidate is.
         """
+        from dovetail.notebook.candidates import Candidates
+        from updating.diagnosis.candidates import propose
+
         test = next(iter(self.measurements or self.amplitudes), None)
         study = replace(self, kinds=None) if kinds is None else self._of_kinds(kinds)
         every = Candidates(propose(study.model, study.kinds, study.exclude, test))
         return every if at is None else every.at(*((at,) if isinstance(at, str) else at))
 
-    def add(self, *effects: Effect | Finding | str, **values: float) -> "Study":
+    def add(self, *effects: Effect | Finding | str, **values: float) -> Study:
         """Return the study with more effects in its model.
 
         ``study.add("point_mass:beam", mass=0.45, position=0.12)`` adds a mass of 0.45 kg at 0.12 m.
@@ -395,6 +405,8 @@ class Study(config.Study):
             If there is no such candidate or parameter, a value is beyond its bounds, values are given for
             several effects, or the model has an effect of the same name.
         """
+        from updating.diagnosis.findings import Finding
+
         if values and len(effects) != 1:
             msg = f"values are given with {len(effects)} effects; add one effect at a time to give it values"
             raise ModelError(msg)
@@ -410,7 +422,7 @@ class Study(config.Study):
         came = tuple(e.name for e in new) if self.has_baseline else ()
         return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
 
-    def fit(self, *, faults: bool = False) -> "Study":
+    def fit(self, *, faults: bool = False) -> Study:
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
 
         To FRFs; to measured modes where the study has nothing else. As in a diagnosis the form of the frame
@@ -428,6 +440,16 @@ class Study(config.Study):
         StudyError
             If the study has no measurement.
         """
+        from dovetail.found import test_of
+        from dovetail.modes_pipeline import mode_problem_and_model
+        from dovetail.pipeline import formed_problem_and_model
+        from updating.diagnosis.begin import calibrated
+        from updating.inference.fit import FitProblem
+        from updating.inference.fitted_damping import with_fitted_damping
+        from updating.inference.fitting import fit_given
+        from updating.inference.preparation import fitted_model
+        from updating.quality.corrections import set_right
+
         start = self.start or self.model.without_effect(*(e.name for e in self.added))
         effects = tuple(self._on(start, self.model.effect(e.name)) for e in self.added)
         names = {e.name for e in self.added}
@@ -471,6 +493,8 @@ class Study(config.Study):
         OutputError
             If ``path`` is one of the files that the study reads.
         """
+        from dovetail.found import text_with_model, with_test
+
         path = Path(path)
         check_outputs(input_files(self.path), Output("path", path))
         values, damping = {}, None
@@ -521,6 +545,9 @@ class Study(config.Study):
 
         By FRFs; by measured modes where the study has nothing else.
         """
+        from dovetail.modes_pipeline import run_modes
+        from dovetail.pipeline import run
+
         if has_modes_alone(self):
             return run_modes(self, Path(out), progress)
         return run(self, Path(out), progress, processes=processes)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.config import Study, read_study
+from dovetail.file.contents import measured, without_held_out
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
 from dovetail.found import test_of, text_with_model, values_in, with_test
@@ -16,7 +17,7 @@ from dovetail.modes_pipeline import (
     targets_of,
     with_more_sensors,
 )
-from dovetail.pipeline import formed_problem_and_model, measured, without_held_out
+from dovetail.pipeline import formed_problem_and_model
 from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble

@@ -21,48 +21,55 @@ units, frequencies in Hz, e^{+iωt}; axes and signs are in `docs/conventions.md`
     checks                check_mesh, check_model
 """
 
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.buckling import BucklingModes, solve_buckling
-from fem.analysis.campbell import Campbell, solve_campbell
-from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
-from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind
-from fem.analysis.frf_solver import compute_frf, frf_blocks
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import (
-    InitialStrain,
-    LineLoad,
-    LoadCase,
-    MemberForce,
-)
-from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
-from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
-from fem.analysis.second_order import SecondOrder, solve_second_order
-from fem.analysis.statics import StaticSolution, solve_static
-from fem.checks import Defect, check_mesh, check_model
-from fem.effects import (
-    AddedMass,
-    Attachment,
-    Frame,
-    Joint,
-    MemberProperties,
-    MultiPointConstraint,
-    PointMass,
-    RigidLink,
-    Superelement,
-    Support,
-    TabulatedStiffness,
-    Viscoelastic,
-)
-from fem.materials import Material, PropertyError
-from fem.matrices import Matrices
-from fem.mesh import Location, Mesh, MeshError
-from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
-from fem.reduction.condensation import Reduction
-from fem.reduction.expansion import Expansion
-from fem.sections.section import Section
-from fem.sensitivity.frf import FRFSensitivity, differentiate_frf
-from fem.sensitivity.modes import ModeSensitivity, differentiate_modes
-from fem.system import System, assemble, reassemble
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from fem.analysis.base_excitation import compute_base_frf
+    from fem.analysis.buckling import BucklingModes, solve_buckling
+    from fem.analysis.campbell import Campbell, solve_campbell
+    from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
+    from fem.analysis.frf import FRF, Accuracy, FRFError, FRFKind
+    from fem.analysis.frf_solver import compute_frf, frf_blocks
+    from fem.analysis.initial_stress import prestressed
+    from fem.analysis.loads import (
+        InitialStrain,
+        LineLoad,
+        LoadCase,
+        MemberForce,
+    )
+    from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
+    from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
+    from fem.analysis.second_order import SecondOrder, solve_second_order
+    from fem.analysis.statics import StaticSolution, solve_static
+    from fem.checks import Defect, check_mesh, check_model
+    from fem.effects import (
+        AddedMass,
+        Attachment,
+        Frame,
+        Joint,
+        MemberProperties,
+        MultiPointConstraint,
+        PointMass,
+        RigidLink,
+        Superelement,
+        Support,
+        TabulatedStiffness,
+        Viscoelastic,
+    )
+    from fem.materials import Material, PropertyError
+    from fem.matrices import Matrices
+    from fem.mesh import Location, Mesh, MeshError
+    from fem.model import Constraint, Contribution, Damping, Effect, Model, ModelError, Parameter
+    from fem.reduction.condensation import Reduction
+    from fem.reduction.expansion import Expansion
+    from fem.sections.section import Section
+    from fem.sensitivity.frf import FRFSensitivity, differentiate_frf
+    from fem.sensitivity.modes import ModeSensitivity, differentiate_modes
+    from fem.system import System, assemble, reassemble
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
     "FRF",

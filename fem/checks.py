@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from fem.analysis.modes import MechanismError, solve_modes
 from fem.elements.frame import Frame
@@ -163,7 +163,7 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]
         rows = np.flatnonzero(of_line == k)
         rest = np.isin(np.arange(mesh.n_points), mesh.lines[of_line != k])
         in_part = np.unique(mesh.lines[rows])
-        gap, at = cKDTree(mesh.points[rest]).query(mesh.points[in_part])
+        gap, at = scipy.spatial.cKDTree(mesh.points[rest]).query(mesh.points[in_part])
         a, b = in_part[int(np.argmin(gap))], np.flatnonzero(rest)[at[int(np.argmin(gap))]]
         yield Defect(
             "loose part",
@@ -176,7 +176,7 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]
 
 
 def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
-    pairs = cKDTree(mesh.points).query_pairs(near, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(mesh.points).query_pairs(near, output_type="ndarray")
     on = np.isin(pairs, mesh.lines).all(axis=1)
     pairs = pairs[on & ~tied.any(pairs[:, 0], pairs[:, 1])] if len(pairs) else pairs
     gap = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
@@ -218,7 +218,7 @@ def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.
     middle, radius = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2 + near
     if not mesh.n_lines:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    found = cKDTree(mesh.points).query_ball_point(middle, radius)
+    found = scipy.spatial.cKDTree(mesh.points).query_ball_point(middle, radius)
     row = np.repeat(np.arange(mesh.n_lines), [len(f) for f in found])
     p = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
     keep = (p != mesh.lines[row, 0]) & (p != mesh.lines[row, 1])
@@ -233,7 +233,7 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     order = np.argsort(-half)  # each line looks for those that are not longer
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    tree = cKDTree(middle)
+    tree = scipy.spatial.cKDTree(middle)
     found = tree.query_ball_point(middle, 2 * half + near)
     first = np.repeat(np.arange(mesh.n_lines), [len(f) for f in found])
     second = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])

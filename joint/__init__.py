@@ -18,50 +18,57 @@ other, internal ones are `a` and `n`.
 The equations are derived, with their sources, in `docs/theory-joint.md`.
 """
 
-from joint.average import AverageIdentification, identify_average
-from joint.expansion import (
-    ExpandedFRF,
-    ExpansionError,
-    expand_semm,
-    expand_serep,
-    rigid_rows,
-    virtual_point,
-)
-from joint.form import FormError, JointForm, full_form, relative_form, with_masses
-from joint.identification import (
-    IdentificationError,
-    JointIdentification,
-    characteristic_length,
-    identify_joint,
-)
-from joint.interface import (
-    CoordinateSet,
-    Interface,
-    SubstructureFRF,
-    coordinates_of,
-    partition_frf,
-    stack_joints,
-    stack_substructures,
-)
-from joint.joint_fit import JointFit
-from joint.output_error import fit_joint
-from joint.parts import FixedParts, ModelParts, Uncertain
-from joint.physics import LawFit, StiffnessLaw, effects_of, explain_stiffness
-from joint.relative import RelativeJoint, relative_coordinates, relative_joint
-from joint.released import ReleasedParts
-from joint.substructuring import (
-    LCurve,
-    Regularisation,
-    Substructured,
-    SubstructuringError,
-    couple_frf,
-    decouple_frf,
-    interface_problem,
-    invert_substructure,
-    l_curve,
-)
-from joint.synthesis import AssemblyFRF, couple, decouple, joint_impedance
-from joint.uncertainty import Identifiability
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from joint.average import AverageIdentification, identify_average
+    from joint.expansion import (
+        ExpandedFRF,
+        ExpansionError,
+        expand_semm,
+        expand_serep,
+        rigid_rows,
+        virtual_point,
+    )
+    from joint.form import FormError, JointForm, full_form, relative_form, with_masses
+    from joint.identification import (
+        IdentificationError,
+        JointIdentification,
+        characteristic_length,
+        identify_joint,
+    )
+    from joint.interface import (
+        CoordinateSet,
+        Interface,
+        SubstructureFRF,
+        coordinates_of,
+        partition_frf,
+        stack_joints,
+        stack_substructures,
+    )
+    from joint.joint_fit import JointFit
+    from joint.output_error import fit_joint
+    from joint.parts import FixedParts, ModelParts, Uncertain
+    from joint.physics import LawFit, StiffnessLaw, effects_of, explain_stiffness
+    from joint.relative import RelativeJoint, relative_coordinates, relative_joint
+    from joint.released import ReleasedParts
+    from joint.substructuring import (
+        LCurve,
+        Regularisation,
+        Substructured,
+        SubstructuringError,
+        couple_frf,
+        decouple_frf,
+        interface_problem,
+        invert_substructure,
+        l_curve,
+    )
+    from joint.synthesis import AssemblyFRF, couple, decouple, joint_impedance
+    from joint.uncertainty import Identifiability
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
     "AssemblyFRF",

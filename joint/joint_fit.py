@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
+import scipy
 
 from fem.summary import fields_summary
 from joint._checks import BoolArray, ComplexArray, FloatArray, frozen_copy
@@ -110,7 +110,7 @@ class JointFit:
         if not 0 < level < 1:
             msg = f"the level is {level}; a probability between 0 and 1 is needed, such as 0.95"
             raise ValueError(msg)
-        half = float(ndtri(0.5 + level / 2)) * self.std
+        half = float(scipy.special.ndtri(0.5 + level / 2)) * self.std
         return np.stack([self.values - half, self.values + half], axis=1)
 
     def words(self, index: int) -> str:
@@ -120,7 +120,7 @@ class JointFit:
             return f"{value:.4g}, at its bound"
         if self.identifiability.determined[index]:
             return f"{value:.4g} ± {std:.2g}"
-        most = value + float(ndtri(0.95)) * std
+        most = value + float(scipy.special.ndtri(0.95)) * std
         limited = self.open_end[index] == "released" and np.isfinite(most)
         below = f" below {most:.2g} (95 %)," if limited else ""
         end = OPEN_ENDS.get(self.open_end[index], "")

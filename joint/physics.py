@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
+import scipy
 
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
@@ -322,7 +322,7 @@ def _rising(kind: str, frequency: FloatArray, Z: ComplexArray, weight: FloatArra
     high = [np.inf, *(1.0 if n == "alpha" else np.log(1e4 if n == "ratio" else 1e3) for n in names)]
     for tau in 1 / np.geomspace(omega[0], omega[-1], 3):
         start = [np.log(k0), *({"ratio": 0.0, "tau": np.log(tau), "alpha": 0.5}[n] for n in names)]
-        found = least_squares(residual, start, bounds=(low, high), loss="soft_l1", f_scale=1.5)
+        found = scipy.optimize.least_squares(residual, start, bounds=(low, high), loss="soft_l1", f_scale=1.5)
         if best is None or found.cost < best.cost:
             best = found
     r = -best.fun * level

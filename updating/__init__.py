@@ -13,95 +13,102 @@ Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pa
 `docs/mathematics.md` has its equations; the other steps have pages of their own beside them.
 """
 
-from updating.ambient.ambient_modes import AmbientModes
-from updating.ambient.identification import identify_ambient
-from updating.ambient.record import AmbientError
-from updating.ambient.set_ups import MergedModes, merge_set_ups
-from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
-from updating.correlation.complexity import (
-    mean_phase,
-    mean_phase_deviation,
-    modal_complexity_factor,
-    modal_phase_collinearity,
-    real_shapes,
-)
-from updating.correlation.frf_correlation import (
-    BandError,
-    band_error,
-    cross_signature_assurance,
-    cross_signature_scale,
-    fdac,
-    signature_assurance,
-)
-from updating.correlation.pairing import ModePair, pair_modes, track_modes
-from updating.correlation.shape_correlation import (
-    auto_mac,
-    comac,
-    cross_orthogonality,
-    ecomac,
-    eliminate_coordinates,
-    mac_without,
-    modal_scale_factor,
-    orthogonality,
-    principal_angles,
-    subspace_mac,
-)
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
-from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
-from updating.diagnosis.localisation import Localisation, locate
-from updating.inference.arrays import frf_data, mode_data
-from updating.inference.fit import FitProblem
-from updating.inference.fit_result import FitResult
-from updating.inference.parameters import Nuisance
-from updating.inference.preparation import build_problem
-from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
-from updating.inference.sampling import MissingExtraError, Samples
-from updating.inference.unknowns import Unknown
-from updating.inference.update import update
-from updating.inference.update_settings import UpdateSettings
-from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
-from updating.measurement.frf_estimation import (
-    EstimatedFRF,
-    EstimationError,
-    estimate_frf,
-    estimate_roving,
-    split_hits,
-)
-from updating.measurement.matching import (
-    GeometryMatch,
-    GeometryMatchError,
-    align_points,
-    match_geometry,
-    match_members,
-)
-from updating.measurement.measurement import (
-    Measurement,
-    MeasurementError,
-    Sensor,
-    place_sensors,
-    with_sensor_masses,
-)
-from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
-from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
-from updating.measurement.strain_gauge import StrainGauge
-from updating.measurement.tables import (
-    frf_from_labelled,
-    labelled_from_frf,
-    labelled_from_modes,
-    modes_from_labelled,
-    sensors_from_table,
-    table_from_sensors,
-)
-from updating.modal.damping import damping_matrix
-from updating.modal.identification import identify_modes
-from updating.modal.identified_modes import IdentifiedModes
-from updating.modal.peaks import Candidate
-from updating.modal.poles import IdentificationError, Stabilisation
-from updating.quality.corrections import Fault
-from updating.quality.faults import confirm_faults, find_faults, settle_faults
-from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from updating.ambient.ambient_modes import AmbientModes
+    from updating.ambient.identification import identify_ambient
+    from updating.ambient.record import AmbientError
+    from updating.ambient.set_ups import MergedModes, merge_set_ups
+    from updating.correlation import Comparison, ModeComparison, compare, compare_modes, frac, mac
+    from updating.correlation.complexity import (
+        mean_phase,
+        mean_phase_deviation,
+        modal_complexity_factor,
+        modal_phase_collinearity,
+        real_shapes,
+    )
+    from updating.correlation.frf_correlation import (
+        BandError,
+        band_error,
+        cross_signature_assurance,
+        cross_signature_scale,
+        fdac,
+        signature_assurance,
+    )
+    from updating.correlation.pairing import ModePair, pair_modes, track_modes
+    from updating.correlation.shape_correlation import (
+        auto_mac,
+        comac,
+        cross_orthogonality,
+        ecomac,
+        eliminate_coordinates,
+        mac_without,
+        modal_scale_factor,
+        orthogonality,
+        principal_angles,
+        subspace_mac,
+    )
+    from updating.diagnosis.candidates import propose
+    from updating.diagnosis.diagnose import diagnose
+    from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+    from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
+    from updating.diagnosis.localisation import Localisation, locate
+    from updating.inference.arrays import frf_data, mode_data
+    from updating.inference.fit import FitProblem
+    from updating.inference.fit_result import FitResult
+    from updating.inference.parameters import Nuisance
+    from updating.inference.preparation import build_problem
+    from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
+    from updating.inference.sampling import MissingExtraError, Samples
+    from updating.inference.unknowns import Unknown
+    from updating.inference.update import update
+    from updating.inference.update_settings import UpdateSettings
+    from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
+    from updating.measurement.frf_estimation import (
+        EstimatedFRF,
+        EstimationError,
+        estimate_frf,
+        estimate_roving,
+        split_hits,
+    )
+    from updating.measurement.matching import (
+        GeometryMatch,
+        GeometryMatchError,
+        align_points,
+        match_geometry,
+        match_members,
+    )
+    from updating.measurement.measurement import (
+        Measurement,
+        MeasurementError,
+        Sensor,
+        place_sensors,
+        with_sensor_masses,
+    )
+    from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
+    from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+    from updating.measurement.strain_gauge import StrainGauge
+    from updating.measurement.tables import (
+        frf_from_labelled,
+        labelled_from_frf,
+        labelled_from_modes,
+        modes_from_labelled,
+        sensors_from_table,
+        table_from_sensors,
+    )
+    from updating.modal.damping import damping_matrix
+    from updating.modal.identification import identify_modes
+    from updating.modal.identified_modes import IdentifiedModes
+    from updating.modal.peaks import Candidate
+    from updating.modal.poles import IdentificationError, Stabilisation
+    from updating.quality.corrections import Fault
+    from updating.quality.faults import confirm_faults, find_faults, settle_faults
+    from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
     "EFFECT",

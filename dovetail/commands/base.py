@@ -22,7 +22,6 @@ from fem.io import write_csv, write_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
-HELP = "compute FRFs from a motion of the base to the sensors"
 EXAMPLE = "dovetail base study.toml --motion z --out transmissibility.npz --picture base.png"
 KINDS = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 WRITERS = {".npz": write_npz, ".csv": write_csv}

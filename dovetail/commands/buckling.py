@@ -16,7 +16,6 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from fem.system import assemble
 
-HELP = "compute load factors and shapes of linear buckling"
 EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --pictures out/buckling"
 RESULTS = Results(motions="the shapes", pictures=("each shape", "buckling-01.png"))
 

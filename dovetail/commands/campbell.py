@@ -16,7 +16,6 @@ from dovetail.report.table import Column, Table, columns_of
 from fem.analysis.campbell import Campbell, solve_campbell
 from fem.analysis.whirl import whirl_name
 
-HELP = "compute natural frequencies and damping of a rotor over its speed, and critical speeds"
 EXAMPLE = "dovetail campbell study.toml --speeds 0:6000:61 --order 1 --order 2 --picture campbell.png"
 RESULTS = Results(
     table="frequencies and damping",

@@ -7,7 +7,6 @@ from dovetail.commands.common import Options, check_places, loaded
 from dovetail.disk.output import Progress
 from dovetail.report.table import Column, Table
 
-HELP = "list the effects that may be added, with places, parameters and units"
 EXAMPLE = "dovetail candidates study.toml --at joint:J"
 
 

@@ -6,14 +6,15 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
+from dovetail.file.contents import has_modes_alone, measured, without_held_out
 from dovetail.file.table import StudyError
 from dovetail.report.table import Column, Table
 from dovetail.study import Study, load_study
 from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
 from fem.summary import counted
+from updating.measurement.measurement import usable_lines
 
-HELP = "list probable faults of the model, such as loose parts, and what 'run' would refuse"
 EXAMPLE = "dovetail check study.toml --picture faults.png"
 RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True)
 
@@ -56,10 +57,6 @@ def run(options: Options, progress: Progress) -> Answer:
 
 def _read(path: Path) -> tuple[Study, tuple[str, ...]]:
     """Return a study, and why ``dovetail run`` would refuse it; without the parts that cannot be read."""
-    from dovetail.modes_pipeline import has_modes_alone
-    from dovetail.pipeline import measured, without_held_out
-    from updating.inference.preparation import usable_lines
-
     try:
         study = load_study(path)
         if study.has_data and not has_modes_alone(study):

@@ -10,13 +10,13 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
 from dovetail.commands.common import Options, check_places, columns_of_bands, loaded, noted
 from dovetail.disk.output import Progress
+from dovetail.file.contents import has_modes_alone
 from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
     from dovetail.study import Study
     from updating.correlation.frf_correlation import Comparison
 
-HELP = "compare the model's FRFs, or natural frequencies, with the measured ones"
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
 NULLS = {
@@ -60,7 +60,6 @@ def run(options: Options, progress: Progress) -> Answer:
     """Return how far the model's FRFs, or natural frequencies, are from the measured ones."""
     from dovetail import pipeline, result
     from dovetail.commands.compared_modes import compare_modes
-    from dovetail.modes_pipeline import has_modes_alone
     from dovetail.report import words
     from updating.correlation import compare as compare_frfs
     from updating.correlation.frf_correlation import exchanged_labels

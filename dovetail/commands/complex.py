@@ -17,7 +17,6 @@ from fem.io import write_modes
 from fem.system import assemble
 from updating.correlation.complexity import modal_phase_collinearity
 
-HELP = "compute complex modes: frequencies and damping ratios with all damping"
 EXAMPLE = "dovetail complex study.toml --number 8 --out modes.uff"
 RESULTS = Results(
     table="the oscillating modes",

@@ -7,9 +7,9 @@ from dovetail.commands.argument_types import add_processes, count
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import found_lines, staircase, table_of_candidates
 from dovetail.disk.output import Progress
+from dovetail.file.contents import has_modes_alone
 from dovetail.report.table import Table
 
-HELP = "find which effect the model lacks, without a report"
 EXAMPLE = "dovetail diagnose study.toml"
 
 
@@ -30,7 +30,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail import pipeline, result
     from dovetail.mode_partners import mode_partners, partner_lines, partners_dict
     from dovetail.mode_result import mode_diagnosis_dict
-    from dovetail.modes_pipeline import by_modes, diagnose_study_modes, has_modes_alone, mode_lines
+    from dovetail.modes_pipeline import by_modes, diagnose_study_modes, mode_lines
     from dovetail.report import planning
     from updating.inference.workers import cores
 

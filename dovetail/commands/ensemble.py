@@ -13,7 +13,6 @@ from dovetail.disk.output import Output, OutputError, Progress
 from dovetail.units.pool import pool_of
 from fem.analysis.frf import FRFKind
 
-HELP = "compute bands of natural frequencies and FRFs from uncertain parameters"
 EXAMPLE = "dovetail ensemble study.toml --samples 10000 --processes 4 --out out/ensemble"
 
 

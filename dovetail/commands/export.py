@@ -13,7 +13,6 @@ from fem.io.atomic import replacing
 from fem.matrices import UNITS
 from fem.system import assemble
 
-HELP = "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS"
 EXAMPLE = "dovetail export out/found.toml --nastran found.bdf --units mm-t-s"
 MODES = 20
 """Modes that a deck asks for, and that a universal file has."""

@@ -11,7 +11,6 @@ from dovetail.disk.output import Output, Progress
 from dovetail.file.paths import InputFile
 from dovetail.units.pool import pool_of
 
-HELP = "compare many units of one structure: their population, and which units are not of it"
 EXAMPLE = "dovetail fleet study.toml units/*.uff --diagnose 5 --out out/fleet"
 
 

@@ -18,7 +18,6 @@ from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz
 from updating.measurement.measurement import STRAIN, BaseMotion
 
-HELP = "compute FRFs from the excitations to the sensors"
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
 WRITERS = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
 RESULTS = Results(more=(Written("--out", "file to write", tuple(WRITERS), required=True),))

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from fem.io.time_data import TimeData
     from updating.measurement.frf_estimation import EstimatedFRF
 
-HELP = "estimate FRFs from time data, with coherence"
 EXAMPLE = "dovetail frf-estimate hits.wav --force ch1 --scale ch1=230,ch2=98.1 --hits 0.8 --out frf.npz"
 
 RESULTS = Results(

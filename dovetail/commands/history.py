@@ -7,7 +7,6 @@ from dovetail.disk.output import Progress
 from fem.io.atomic import replacing
 from fem.model import Effect
 
-HELP = "find what has changed in each of several states since the first one"
 EXAMPLE = "dovetail history study.toml --picture history.png"
 RESULTS = Results(picture="what changed when")
 

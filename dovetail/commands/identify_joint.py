@@ -13,7 +13,6 @@ from dovetail.commands.results import Results, Written
 from dovetail.disk.output import Progress
 from fem.io.atomic import replacing
 
-HELP = "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model"
 EXAMPLE = "dovetail identify-joint study.toml --joint J --directions rx --propose new.toml --picture Z.png"
 
 RESULTS = Results(

@@ -17,7 +17,6 @@ from fem.io.atomic import replacing
 from updating.measurement.measurement import motions_of
 from updating.modal.peaks import peak_words
 
-HELP = "identify natural modes from measured FRFs or ambient responses, with their uncertainty"
 EXAMPLE = "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff"
 
 RESULTS = Results(

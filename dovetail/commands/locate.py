@@ -10,7 +10,6 @@ from dovetail.commands.common import Options, check_places, columns_of_bands, lo
 from dovetail.disk.output import Progress
 from dovetail.report.table import Column, Table
 
-HELP = "find the sensors, bands and places that carry the misfit"
 EXAMPLE = "dovetail locate study.toml"
 SHARE = "share of the misfit that a small change would explain"
 

@@ -12,7 +12,6 @@ from dovetail.file.named_points import read_named_points, unit_of
 from dovetail.report.table import Column, Table
 from fem.io.atomic import replacing
 
-HELP = "find where the points of a test's geometry lie on the model, with units and axes"
 EXAMPLE = "dovetail match study.toml geometry.unv --tolerance 0.005 --picture match.png"
 
 RESULTS = Results(picture="the points on the model", read={"geometry": "the geometry"})

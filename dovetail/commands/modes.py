@@ -15,7 +15,6 @@ from fem.analysis.warping import warped_modes
 from fem.io import write_modes
 from fem.system import assemble
 
-HELP = "compute natural frequencies and mode shapes"
 EXAMPLE = "dovetail modes study.toml --number 12 --pictures out/modes"
 RESULTS = Results(motions="the mode shapes", pictures=("each elastic mode", "mode-01.png"))
 

@@ -13,7 +13,6 @@ from dovetail.disk.output import OutputError, Progress, result_folder
 if TYPE_CHECKING:
     from dovetail.file.named_points import NamedPoints
 
-HELP = "write a commented study to start from"
 EXAMPLE = "dovetail new my-frame --from measurements.uff mesh.msh"
 
 _MESHES = (".msh", ".vtu", ".vtk", ".xdmf", ".med")

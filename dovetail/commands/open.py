@@ -8,7 +8,6 @@ from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, check_places, warn
 from dovetail.disk.output import Progress
 
-HELP = "open the desk in a browser: compare, add effects, fit and save by hand"
 EXAMPLE = "dovetail open study.toml"
 
 

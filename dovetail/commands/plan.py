@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from updating.plan.check import FailedTrial, Trial
     from updating.plan.plan import Plan
 
-HELP = "say which missing effects a test could see and name, before it is made"
 EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
 
 RESULTS = Results(picture="where effects are named")

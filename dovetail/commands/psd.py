@@ -21,7 +21,6 @@ from fem.analysis.tabulated import Tabulated
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
-HELP = "compute root mean squares and densities under random forces and motions of the base"
 EXAMPLE = "dovetail psd study.toml --psd vibration.csv --response acceleration --picture psd.png"
 RESULTS = Results(
     table="the densities",

@@ -8,7 +8,6 @@ from dovetail.commands.common import Options
 from dovetail.disk.output import Output, OutputError, Progress, check_outputs
 from dovetail.file.paths import InputFile
 
-HELP = "write the report of a run or an update as a Word document or as PowerPoint slides"
 EXAMPLE = "dovetail report out/report --docx report.docx"
 
 

@@ -8,8 +8,8 @@ from dovetail.commands.argument_types import add_processes
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import found_lines, staircase
 from dovetail.disk.output import Output, Progress
+from dovetail.file.contents import has_modes_alone
 
-HELP = "compare, locate, diagnose and write a report"
 EXAMPLE = "dovetail run study.toml --out out/report"
 
 
@@ -31,7 +31,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail import pipeline
     from dovetail.mode_partners import partner_lines
     from dovetail.mode_result import mode_result_dict
-    from dovetail.modes_pipeline import has_modes_alone, mode_lines, run_modes
+    from dovetail.modes_pipeline import mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
     from updating.inference.workers import cores

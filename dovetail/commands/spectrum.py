@@ -27,7 +27,6 @@ from fem.model import DIRECTIONS
 from fem.system import assemble
 from updating.measurement.measurement import Sensor, motions_of, sensor_rows
 
-HELP = "combine the largest responses of modes to a response spectrum of the base"
 FREQUENCY, PERIOD, TIME = "frequency", "period", "time"
 PER_OCTAVE = 24
 """Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to

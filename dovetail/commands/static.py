@@ -24,7 +24,6 @@ from fem.analysis.section_stress import SectionStresses
 from fem.analysis.stations import LargestDisplacement
 from fem.model import DIRECTIONS
 
-HELP = "compute displacements, reactions and section forces under loads"
 EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/static --vtu out/static.vtu"
 
 RESULTS = Results(

@@ -27,7 +27,6 @@ from fem.io.atomic import replacing
 from fem.system import System, assemble
 from updating.measurement.measurement import sensor_rows
 
-HELP = "compute responses in time to forces, motions of the base, or the release of a load"
 EXAMPLE = "dovetail transient study.toml --excitation quake.csv --picture quake.png --out quake-out.csv"
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 RESULTS = Results(

@@ -16,7 +16,6 @@ from dovetail.report.table import Column, Table
 from fem.analysis.unbalance import solve_unbalance
 from updating.measurement.measurement import sensor_rows
 
-HELP = "compute responses of a rotor to its unbalance over its speed"
 EXAMPLE = "dovetail unbalance study.toml --speeds 0:6000:601 --picture unbalance.png"
 RESULTS = Results(table="amplitudes and phases", picture="the amplitudes")
 

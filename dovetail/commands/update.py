@@ -17,7 +17,6 @@ from dovetail.units.pool import pool_of
 from dovetail.update import StudyUpdate, update_study, updated_text
 from updating.inference.updated import Updated
 
-HELP = "update uncertain parameters to measured modes or FRFs, with their uncertainty"
 EXAMPLE = "dovetail update study.toml --out out/updated"
 STUDY, JSON = "study.toml", "update.json"
 REFITS = "bootstrap.csv"

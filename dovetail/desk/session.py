@@ -20,7 +20,8 @@ from dovetail.desk.saving import (
 )
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import History, Stair, State
-from dovetail.pipeline import Progress, diagnose_study, measured
+from dovetail.file.contents import measured
+from dovetail.pipeline import Progress, diagnose_study
 from dovetail.plan import plan_study
 from dovetail.report.words import effect_label
 from dovetail.study import Study, load_study

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from fem.model import Damping, Model, ParameterRef
 from updating.inference.parameters import Nuisance
@@ -92,7 +92,7 @@ class Uncertainty:
         u = np.random.default_rng((seed, k)).random(len(self.unknowns) + len(self.knots) + 3)
         n = len(self.unknowns)
         values = np.array([_within(v, p) for v, p in zip(self.unknowns, u[:n], strict=True)])
-        factors = np.exp(self.damping_std * ndtri(u[n:]))
+        factors = np.exp(self.damping_std * scipy.special.ndtri(u[n:]))
         loss, alpha, beta = (float(f) for f in factors[-3:])
         return Draw(values, factors[:-3], (loss, alpha, beta))
 
@@ -116,7 +116,7 @@ class Uncertainty:
 def _within(unknown: ScaledUnknown, u: float) -> float:
     """Return the value of an unknown at a probability, of a normal x within the bounds of the parameter."""
     if unknown.log:
-        return unknown.to_value(unknown.mean + unknown.std * float(ndtri(u)))
+        return unknown.to_value(unknown.mean + unknown.std * float(scipy.special.ndtri(u)))
     low, high = ((x - unknown.mean) / unknown.std for x in (unknown.low, unknown.high))
-    share = ndtr(low) + u * (ndtr(high) - ndtr(low))
-    return unknown.to_value(unknown.mean + unknown.std * float(ndtri(share)))
+    share = scipy.special.ndtr(low) + u * (scipy.special.ndtr(high) - scipy.special.ndtr(low))
+    return unknown.to_value(unknown.mean + unknown.std * float(scipy.special.ndtri(share)))

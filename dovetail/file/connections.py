@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import fem.io
 from dovetail.file.condensed import WORTH_KEEPING, fingerprint, store, stored
 from dovetail.file.geometry import Geometry
 from dovetail.file.parts import read_axes
@@ -22,9 +23,6 @@ from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
 from fem.elements.part_faces import PartFaces
 from fem.elements.part_ties import TIES, Attachment
-from fem.io.abaqus import read_node_sets
-from fem.io.matrices import read_matrices
-from fem.io.part_mesh import read_part_faces
 from fem.matrices import Matrices
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Effect
@@ -310,9 +308,9 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
                 t.refuse(key, f"there is no file '{folder / other}'")
         with t.at("file"):
             places = folder / deck if deck else None
-            part = read_matrices(path, units, deck=places)
+            part = fem.io.read_matrices(path, units, deck=places)
         with t.at("node_sets"):
-            known = read_node_sets(folder / sets) if sets else {}
+            known = fem.io.read_node_sets(folder / sets) if sets else {}
         attachments: list[Attachment] = []
         joints: list[Joint] = []
         for k, a in enumerate(t.tables("attach"), start=1):
@@ -325,7 +323,7 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
         mesh, faces = t.text("mesh", ""), None
         if mesh:
             with t.at("mesh"):
-                faces = read_part_faces(folder / mesh, part, units, held=held)
+                faces = fem.io.read_part_faces(folder / mesh, part, units, held=held)
         t.finish()
         found = (tuple(attachments), tuple(joints), n_modes, max_frequency, held, eta, folder, faces)
         out.append(ForeignPart(t, name, part, *found))

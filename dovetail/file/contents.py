@@ -182,3 +182,45 @@ class Study:
             if not getattr(self, part):
                 msg = f"{self.path}: it has no [[{part}]]; a test has both sensors and excitations"
                 raise StudyError(msg)
+
+
+def has_modes_alone(study: Study) -> bool:
+    """Whether a study is diagnosed by modes: it has no FRFs, or its baseline has modes."""
+    if study.baseline is not None:
+        return study.modes is not None or bool(study.measurements)
+    return study.modes is not None and not study.measurements and not study.amplitudes
+
+
+def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
+    """Return the measurements of a study; those without ``phases`` where they may do, and it has no others.
+
+    Raises
+    ------
+    StudyError
+        If it has none, or holds all of its excitations or sensors out.
+    """
+    given = study.measurements or (() if phases else study.amplitudes)
+    if not given:
+        msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
+        raise StudyError(msg)
+    frf = given[0].frf
+    for what, names, every in (
+        ("excitation", study.held_out, frf.inputs),
+        ("sensor", study.held_out_sensors, frf.outputs),
+    ):
+        if names and set(names) >= set(every):
+            msg = f"{study.path}: [fit] held_out names every measured {what}; leave at least one for the fit"
+            raise StudyError(msg)
+    return given
+
+
+def without_held_out(study: Study, measurement: Measurement) -> Measurement:
+    """Return a measurement without excitations and sensors that are kept from the fit, its bands marked."""
+    frf = measurement.frf
+    outputs = [name for name in frf.outputs if name not in study.held_out_sensors]
+    inputs = [name for name in frf.inputs if name not in study.held_out]
+    if study.held_out_bands:
+        measurement = replace(measurement, held_out=study.held_out_bands)
+    if len(outputs) == len(frf.outputs) and len(inputs) == len(frf.inputs):
+        return measurement
+    return measurement.with_frf(frf.select(outputs, inputs))

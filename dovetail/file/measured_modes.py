@@ -18,11 +18,11 @@ from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
 from fem.io.arrays import MODE_STD
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
+from updating.correlation.complexity import LARGEST_MPD, LEAST_MPC
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import Unknown, checked_unknowns
 from updating.inference.update_settings import UpdateSettings
 from updating.measurement.measurement import Sensor, shapes_like_motions
-from updating.modal.identification import LARGEST_MPD, LEAST_MPC
 
 TARGETS: tuple[str, ...] = ("frf", "modes", "frequencies")
 """Data that a model may be updated to: FRFs, natural frequencies with shapes, natural frequencies alone."""

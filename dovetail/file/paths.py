@@ -12,7 +12,7 @@ from typing import Any
 
 from dovetail.file.table import StudyError
 from dovetail.file.toml import with_values
-from fem.io.part_files import matrix_files
+from fem.io.matrix_names import matrix_files
 from fem.io.programs import ABAQUS, NASTRAN, program_of
 from fem.matrices import MatricesError
 

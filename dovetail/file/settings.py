@@ -7,13 +7,16 @@ import numpy as np
 from dovetail.file.table import Table, suggest
 from fem.declarations import Environment, Relevant
 from fem.effects import candidate_kinds
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 
 DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
 
 MOST_LINES = 1_000_000
 """Largest number of frequency lines; a larger one is taken for a mistake."""
+
+N_BANDS = 8
+"""Equal bands in which FRFs are compared, unless the caller says otherwise."""
 
 
 def read_model_error(fit: Table) -> float:

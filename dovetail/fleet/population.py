@@ -13,8 +13,8 @@ normal are estimated together by expectation and maximisation (Dempster, Laird a
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
 
 Floats = NDArray[np.float64]
 
@@ -207,9 +207,9 @@ def _log_densities(
     """
     a, b = regular
     log_distance = np.log(np.maximum(distance, 1e-300))
-    regular_rest = norm.logpdf(log_rest, a, b)
-    regular_distance = chi2.logpdf(distance, n) + log_distance  # of the logarithm
-    far = float(np.log(chi2.median(n)))
+    regular_rest = scipy.stats.norm.logpdf(log_rest, a, b)
+    regular_distance = scipy.stats.chi2.logpdf(distance, n) + log_distance  # of the logarithm
+    far = float(np.log(scipy.stats.chi2.median(n)))
     wide_rest = _log_uniform(log_rest, a, most[0])
     wide_distance = _log_uniform(log_distance, far, most[1])
     return np.stack(

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.config import read_study_of
-from dovetail.file.contents import Study
-from dovetail.pipeline import fit_problem, measured, without_held_out
+from dovetail.file.contents import Study, measured, without_held_out
+from dovetail.pipeline import fit_problem
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import Study, without_held_out
 from dovetail.fleet.population import GAUSSIAN, Population
 from dovetail.fleet.run import Triaged
 from dovetail.fleet.triage import PILOT, WIDER, Fleet
-from dovetail.pipeline import fit_settings, without_held_out
+from dovetail.pipeline import fit_settings
 from fem.analysis.frf import FRF
 from updating.diagnosis.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.diagnose import diagnose

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
@@ -263,7 +263,7 @@ def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[NDArray[np.int64],
     found: list[NDArray[np.float64]] = [np.full(max(n - 1, 0), np.nan) for _ in branches]
     for i in range(1, n):
         alike = each[i - 1].likeness(each[i], shaft.K, shaft.base.M)
-        pairs = {int(a): int(b) for a, b in zip(*linear_sum_assignment(-alike), strict=True)}
+        pairs = {int(a): int(b) for a, b in zip(*scipy.optimize.linear_sum_assignment(-alike), strict=True)}
         taken = set()
         for column, values in zip(branches, found, strict=True):
             last = int(column[i - 1])

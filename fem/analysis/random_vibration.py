@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.complex_modes import solve_complex_modes
@@ -179,4 +179,6 @@ def _arsinh_steps(ratio: float) -> Floats:
 
 def _integral(x: Floats, values: Floats) -> Floats:
     """Return the integrals of columns by monotone cubics, which follow resonances closer than lines do."""
-    return np.asarray(PchipInterpolator(x, values, axis=0).integrate(x[0], x[-1]), dtype=float)
+    return np.asarray(
+        scipy.interpolate.PchipInterpolator(x, values, axis=0).integrate(x[0], x[-1]), dtype=float
+    )

@@ -7,24 +7,30 @@ diagnosis; no other code has to be changed. `CONTRIBUTING.md` shows one.
 import importlib
 import pkgutil
 from functools import cache
+from typing import TYPE_CHECKING
 
-from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.joint import Joint, PointPair
-from fem.effects.joint_damping import JointStructuralDamping, JointViscousDamping
-from fem.effects.joint_stiffness import JointStiffness
-from fem.effects.member_change import MemberDensity, MemberStiffness
-from fem.effects.preload import Preload
-from fem.effects.prestress import Prestress
-from fem.effects.rigid_link import MultiPointConstraint, RigidLink
-from fem.effects.stiffness_loss import StiffnessLoss
-from fem.effects.superelement import Superelement
-from fem.effects.support import Support
-from fem.effects.support_flexibility import SupportFlexibility
-from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame
-from fem.elements.part_ties import Attachment
-from fem.elements.properties import MemberProperties
+from fem.lazy import names_on_use
 from fem.model import Effect
+
+if TYPE_CHECKING:
+    from fem.effects.added_mass import AddedMass, PointMass
+    from fem.effects.joint import Joint, PointPair
+    from fem.effects.joint_damping import JointStructuralDamping, JointViscousDamping
+    from fem.effects.joint_stiffness import JointStiffness
+    from fem.effects.member_change import MemberDensity, MemberStiffness
+    from fem.effects.preload import Preload
+    from fem.effects.prestress import Prestress
+    from fem.effects.rigid_link import MultiPointConstraint, RigidLink
+    from fem.effects.stiffness_loss import StiffnessLoss
+    from fem.effects.superelement import Superelement
+    from fem.effects.support import Support
+    from fem.effects.support_flexibility import SupportFlexibility
+    from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
+    from fem.elements.frame import Frame
+    from fem.elements.part_ties import Attachment
+    from fem.elements.properties import MemberProperties
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
     "AddedMass",

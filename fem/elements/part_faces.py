@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from fem.matrices import Matrices, MatricesError
 from fem.summary import fields_summary
@@ -182,7 +182,7 @@ def _rows(part: Matrices, xyz: NDArray[np.float64], held: bool) -> NDArray[np.in
         msg = "the places of the part's nodes are not known, so that no mesh can be matched to them"
         raise MatricesError(msg)
     size = float(np.ptp(xyz, axis=0).max())
-    away, at = cKDTree(part.points).query(xyz)
+    away, at = scipy.spatial.cKDTree(part.points).query(xyz)
     lost = away > SAME_PLACE * size
     if lost.any():
         k = int(np.argmax(away))

@@ -4,28 +4,30 @@ All readers refuse what they cannot read with a MeshError (meshes and decks), Ta
 MatricesError, each a ValueError, whose message has the file, its line, and what is allowed there.
 """
 
-import os
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
-from fem.analysis.modes import Modes
-from fem.io.abaqus import read_node_sets
-from fem.io.arrays import TableError, read_npz, read_npz_mode_std, read_npz_modes, write_csv, write_npz
-from fem.io.column_frf import read_csv
-from fem.io.faults import error_at
-from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
-from fem.io.frame_model import model_of, read_model
-from fem.io.frf_files import READERS, read_frfs, reader_of
-from fem.io.frf_reading import Asked
-from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
-from fem.io.meshfile import read_mesh, write_mesh
-from fem.io.part_mesh import read_part_faces
-from fem.io.uff import UffFile, read_uff, write_uff
-from fem.io.uff_format import UffError, label_of, parse_label
-from fem.matrices import Matrices, MatricesError
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from fem.io.abaqus import read_node_sets
+    from fem.io.arrays import TableError, read_npz, read_npz_mode_std, read_npz_modes, write_csv, write_npz
+    from fem.io.column_frf import read_csv
+    from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
+    from fem.io.frame_model import model_of, read_model
+    from fem.io.frf_files import read_frfs
+    from fem.io.frf_reading import Asked
+    from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
+    from fem.io.meshfile import read_mesh, write_mesh
+    from fem.io.part_mesh import read_part_faces
+    from fem.io.reading import UFF_SUFFIXES, read_frf, read_modes
+    from fem.io.uff import UffFile, read_uff, write_uff
+    from fem.io.uff_format import UffError, label_of, parse_label
+    from fem.matrices import Matrices, MatricesError
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
+    "UFF_SUFFIXES",
     "Asked",
     "Matrices",
     "MatricesError",
@@ -60,54 +62,3 @@ __all__ = [
     "write_npz",
     "write_uff",
 ]
-
-UFF_SUFFIXES = (".uff", ".unv", ".uf", ".ufb")
-"""Suffixes of universal files."""
-
-
-def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **options: Any) -> FRF:
-    """Read the FRFs of a file; its content, or else its ending, says how.
-
-    Universal files, ``.npz``, text in columns, MATLAB files and HDF5: the table ``READERS`` of
-    :mod:`fem.io.frf_files`. Options are the fields of :class:`fem.io.frf_reading.Asked`, such as
-    ``outputs``, ``inputs``, ``form``, ``arrays`` and ``axes``.
-
-    Raises
-    ------
-    UffError, TableError
-        If the file cannot be read as what it is, has amplitudes without phase, or has no FRFs or several
-        groups of them.
-    """
-    file = Path(path)
-    reader = reader_of(file)
-    allowed = ("outputs", "inputs", "unit_labels", *reader.options)
-    if reader.words in ("universal file", "NumPy archive"):
-        allowed = ("unit_labels",) if reader.words == "universal file" else ()
-    wrong = [key for key in options if key not in allowed]
-    if wrong:
-        other = "; ".join(f"{', '.join(r.options)} for {r.words}" for r in READERS if r.options)
-        msg = f"{file.name}: the options {', '.join(wrong)} are not for a {reader.words}; there are {other}"
-        raise TypeError(msg)
-    if reader.words == "universal file":
-        return read_uff(path, kind=kind, **options).frf()
-    reading = read_frfs(file, Asked(kind, **options))
-    if not reading.phase:
-        raise error_at(file.name, WITHOUT_PHASE, TableError)
-    return reading.frfs[0]
-
-
-def read_modes(path: str | os.PathLike[str]) -> Modes:
-    """Read the modes of a universal file (dataset 55) or an ``.npz`` file.
-
-    Raises
-    ------
-    UffError, TableError
-        If the file has no modes, several groups of them, or cannot be read.
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix == ".npz":
-        return read_npz_modes(path)
-    if suffix not in UFF_SUFFIXES:
-        msg = f"{Path(path).name}: modes are read from .uff, .unv and .npz files, not '{suffix}'"
-        raise TableError(msg)
-    return read_uff(path).one_set_of_modes()

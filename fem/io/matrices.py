@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
@@ -29,7 +29,8 @@ from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of
 from fem.io.faults import error_at, refuse
 from fem.io.matrix_market import MOST_ROWS
-from fem.io.part_files import ENDINGS, matrix_files, read_part
+from fem.io.matrix_names import matrix_files
+from fem.io.part_files import ENDINGS, read_part
 from fem.matrices import Matrices, MatricesError
 from fem.model import lever_matrix
 from fem.system import System, sum_contributions

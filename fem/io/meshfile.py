@@ -1,7 +1,7 @@
 """Line meshes from files and to files; the suffix says the format, but for decks the text.
 
 Universal files, Gmsh, Abaqus, Nastran and ANSYS decks are read by Dovetail; everything else, such as
-``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio.
+``.vtu``, ``.vtk``, ``.xdmf``, ``.med``, through meshio. A format is imported when a file of it is met.
 """
 
 import os
@@ -13,18 +13,13 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.io.abaqus import abaqus_text, read_abaqus
-from fem.io.ansys import read_ansys
 from fem.io.atomic import replacing
 from fem.io.faults import error_at
-from fem.io.gmsh import gmsh_text, read_gmsh
 from fem.io.meshio_mesh import SET_PREFIX, quiet, read_by_meshio
-from fem.io.nastran import read_nastran
 from fem.io.programs import ABAQUS, ANSYS, NASTRAN, program_of
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError
 
-_OF_PROGRAM = {NASTRAN: read_nastran, ABAQUS: read_abaqus, ANSYS: read_ansys}
 _OTHER_MESHES = (".msh", ".vtu", ".vtk", ".xdmf", ".med")
 _UNIVERSAL = (".uff", ".unv")
 
@@ -75,9 +70,21 @@ def read_mesh(
         return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
     program = None if suffix in _OTHER_MESHES else program_of(file)
     if suffix == ".msh":
+        from fem.io.gmsh import read_gmsh
+
         raw = read_gmsh(file)
-    elif program is not None:
-        raw = _OF_PROGRAM[program](file)
+    elif program == ABAQUS:
+        from fem.io.abaqus import read_abaqus
+
+        raw = read_abaqus(file)
+    elif program == NASTRAN:
+        from fem.io.nastran import read_nastran
+
+        raw = read_nastran(file)
+    elif program == ANSYS:
+        from fem.io.ansys import read_ansys
+
+        raw = read_ansys(file)
     else:
         raw = read_by_meshio(file, sets)
     return mesh_of(raw, file.name, scale, merge_tolerance, free_points)
@@ -129,7 +136,11 @@ def write_mesh(
         raise MeshError(msg)
     if suffix in (".inp", ".msh"):
         check_names([*mesh.members, *mesh.groups, *mesh.point_names], file.name)
-        text = abaqus_text(mesh) if suffix == ".inp" else gmsh_text(mesh)
+        if suffix == ".inp":
+            from fem.io.abaqus import abaqus_text as text_of
+        else:
+            from fem.io.gmsh import gmsh_text as text_of
+        text = text_of(mesh)
         with replacing(file) as scratch:
             scratch.write_text(text, encoding="utf-8", newline="\n")
     elif suffix in _UNIVERSAL:

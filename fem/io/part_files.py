@@ -1,7 +1,6 @@
 """Files with matrices of parts, by their endings and contents, and the files next to them.
 
-Formats with one file for each matrix are named after one path: ``part.mtx`` stands for ``part.K.mtx`` and
-``part.M.mtx``, and so do ``job_STIF2.mtx`` and ``job_MASS2.mtx`` of Abaqus. Places of nodes come from a deck.
+Places of nodes come from a deck.
 """
 
 import re
@@ -19,6 +18,7 @@ from fem.io.arrays import TableError
 from fem.io.harwell_boeing import read_harwell_boeing, read_mapping
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
 from fem.io.matrix_market import read_matrix_market
+from fem.io.matrix_names import matrix_files
 from fem.io.nastran import read_grids
 from fem.io.nastran_cards import BulkData
 from fem.io.nastran_matrices import DECKS, read_dmig, read_output4
@@ -31,42 +31,8 @@ DMIG = (".pch", ".bdf", ".nas", ".dat", ".fem")
 ENDINGS = (".mtx", *DMIG, ".op4", *HARWELL_BOEING, ".mat")
 """Endings of files that :func:`read_part` reads."""
 
-_WORDS = {
-    "K": ("K", "STIF", "STIFF", "STIFFNESS"),
-    "M": ("M", "MASS"),
-    "C": ("C", "DMPV", "DAMP", "DAMPING"),
-    "D": ("D", "DMPS"),
-    "Q": ("Q",),
-}
-"""Words at the end of a file's name that say which matrix it has."""
 _NUMBER = frozenset("-0123456789")
 """How an entry of ``*MATRIX OUTPUT`` begins; internal nodes of Abaqus have negative numbers."""
-_KEY_OF = {word: key for key, words in _WORDS.items() for word in words}
-
-
-def matrix_files(path: Path) -> tuple[str, dict[str, Path]]:
-    """Return the name that the files of a part share, and the file of each matrix.
-
-    Raises
-    ------
-    MatricesError
-        If two files could have the same matrix.
-    """
-    words, base, number = "|".join(_KEY_OF), path.stem, r"\d*"
-    given = re.fullmatch(rf"(.+?)[._-]({words})(\d*)", path.stem, re.IGNORECASE) if path.is_file() else None
-    if given:
-        base, number = given[1], given[3]
-    pattern = re.compile(rf"{re.escape(base)}[._-]({words}){number}", re.IGNORECASE)
-    found: dict[str, Path] = {}
-    for file in sorted(path.parent.iterdir()) if path.parent.is_dir() else ():
-        match = pattern.fullmatch(file.stem) if file.suffix.lower() == path.suffix.lower() else None
-        if match:
-            key = _KEY_OF[match[1].upper()]
-            if key in found:
-                msg = f"{found[key].name} and {file.name} could both be {key}; name the file of K"
-                raise MatricesError(msg)
-            found[key] = file
-    return base, found
 
 
 def read_part(path: Path, deck: Path | None = None, *, ordered: bool = True) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from dovetail.cli import main
 from dovetail.desk.guard import Guard
 from dovetail.desk.scale import Scale
 from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
-from dovetail.pipeline import measured
+from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem.model import Parameter

@@ -1,7 +1,6 @@
 """The facade: load, compare, diagnose, add, fit, save."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +12,22 @@ from dovetail.update import update_study
 from fem.model import ModelError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-DEMO = EXAMPLES / "cross-beam" / "study.toml"
+FIRST = EXAMPLES / "first-frame" / "study.toml"
+SOFT = "support_flexibility:left foot.ry"
+"""What its simulated test has and its model lacks."""
 
 
 @pytest.fixture(scope="module")
 def study():
-    return replace(dovetail.load_study(DEMO), n_lines=60)
+    return dovetail.load_study(FIRST)
 
 
 @pytest.fixture(scope="module")
 def with_effect(study):
-    """The demo's hidden effect, a joint that is soft about x, added by hand and fitted."""
-    (effect,) = [e for e in study.candidates(["joint_stiffness"]) if e.name.endswith("J.rx")]
-    return study.add(effect), study.add(effect).fit()
+    """The hidden effect, a foot that is soft about y, added by hand and fitted."""
+    (effect,) = [e for e in study.candidates(["support_flexibility"]) if e.name == SOFT]
+    added = study.add(effect)
+    return added, added.fit()
 
 
 def test_the_error_falls_when_the_missing_effect_is_added_and_fitted(study, with_effect):
@@ -39,10 +41,9 @@ def test_a_saved_study_is_the_fitted_one(tmp_path, with_effect):
     _, fitted = with_effect
     fitted.save(tmp_path / "better.toml")
     again = dovetail.load_study(tmp_path / "better.toml")
-    assert again.compare().total_db == pytest.approx(fitted.compare().total_db, rel=1e-3)
+    assert again.compare().total_db == pytest.approx(fitted.compare().total_db, abs=5e-4)  # dB
 
 
-@pytest.mark.slow
 def test_a_second_fit_starts_where_the_first_did(with_effect):
     _, fitted = with_effect
     once, twice = fitted.model.values(), fitted.fit().model.values()
@@ -62,13 +63,13 @@ def test_frfs_are_those_of_the_measurement_unless_others_are_asked_for(study):
 
 def test_an_effect_cannot_be_added_twice(with_effect):
     added, _ = with_effect
-    with pytest.raises(ModelError, match="joint_stiffness"):
+    with pytest.raises(ModelError, match="support_flexibility"):
         added.add(*added.added)
 
 
 def test_a_study_is_never_saved_over_what_it_reads(study):
     with pytest.raises(OutputError, match=r"study\.toml"):
-        study.save(DEMO)
+        study.save(FIRST)
 
 
 def test_printing_a_study_takes_one_line(study):
@@ -92,12 +93,12 @@ def test_the_form_may_be_said_to_be_right(tmp_path):
     assert study("form = true").model_error > 0
     with pytest.raises(dovetail.StudyError, match="beams may then err"):
         study("form = false\nmodel_error = 0.2")
-    soft = "support_flexibility:left foot.ry"
-    free, held = (study(f"form = {form}").add(soft, stiffness=2e4).fit() for form in ("true", "false"))
+    free, held = (study(f"form = {form}").add(SOFT, stiffness=2e4).fit() for form in ("true", "false"))
     assert not any(e.is_form for e in held.model.effects)
     assert held.fitted.std["frame", "E:steel"] < 0.5 * free.fitted.std["frame", "E:steel"]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_a_fit_and_an_update_give_one_answer(tmp_path):
     """Values within a tenth of a standard deviation; equal deviations to 10 %.
 

@@ -7,7 +7,8 @@ import pytest
 
 from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.modes_pipeline import by_modes, has_modes_alone, mode_problem
+from dovetail.file.contents import has_modes_alone
+from dovetail.modes_pipeline import by_modes, mode_problem
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import first_modes

@@ -12,7 +12,7 @@ from dovetail.desk.saving import by_hand, held_out_of, live_model, save_study
 from dovetail.pipeline import fit_problem
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
-from fem.effects import candidate_kinds
+from fem.effects import candidate_kinds, effect_classes
 from fem.effects.crack import EndRelease
 from fem.io import write_npz
 from fem.system import assemble
@@ -91,7 +91,16 @@ FORMS = {"section_form", "zone_form", "clamp_form", "solid_corner", "sensor_form
 KINDS = sorted(set(candidate_kinds()) - OTHERWISE - FORMS)
 
 
-@pytest.mark.parametrize("kind", ["end_release", *KINDS])
+def one_of_each_role(kinds):
+    """Yield kinds of effect; all but the first of each role for `make long`."""
+    roles = set()
+    for kind in kinds:
+        role = effect_classes()[kind].role
+        yield pytest.param(kind, marks=pytest.mark.long if role in roles else ())
+        roles.add(role)
+
+
+@pytest.mark.parametrize("kind", ["end_release", *one_of_each_role(KINDS)])
 def test_all_who_compute_the_frfs_of_a_study_agree(tmp_path, study, live, found, kind, request):
     """Beside a release at a welded end, with the form, whose corner is softer there, and a fault."""
     plain = request.node.name.endswith("end_release0]")

@@ -160,20 +160,21 @@ OPEN = beam(
 
 
 def some(effects):
-    """Return the first, the middle and the last of the candidates of a kind."""
+    """Yield the middle one of the candidates of a kind; the first and the last for `make long`."""
     n = len(effects)
-    return [effects[i] for i in sorted({0, n // 2, n - 1})] if n else []
+    for i in sorted({0, n // 2, n - 1}) if n else ():
+        yield effects[i], () if i == n // 2 else pytest.mark.long
 
 
 CASES = [
-    pytest.param(model, effect, id=f"{name}-{effect.name}")
+    pytest.param(model, effect, id=f"{name}-{effect.name}", marks=marks)
     for name, model in MODELS.items()
     for kind in candidate_kinds()
     # beside the mast's own softness a support of 1e9 N/m cannot be seen; "loaded" is a prestressed "portal"
     if name != "options" or kind not in ("support_flexibility", "foundation", "foundation_dashpot")
     if name != "loaded"
     if kind != "joint_patch"  # adds nothing by itself: see test_effects_patch.py
-    for effect in some(candidates(model, kind))
+    for effect, marks in some(candidates(model, kind))
 ]
 CASES += [pytest.param(MODELS["cross"], effect, id=f"cross-{effect.name}") for effect in NOT_PROPOSED]
 SPIN = Spin(name="spin", speed=40.0)
@@ -572,7 +573,8 @@ def first_of_each_kind(cases):
     for case in cases:
         _, effect = case.values
         if effect.parameters() and effect.reciprocal:
-            out.setdefault((case.id.partition("-")[0], effect.kind), case)
+            key = case.id.partition("-")[0], effect.kind
+            out.setdefault(key, pytest.param(*case.values, id=case.id))
     return list(out.values())
 
 

@@ -17,8 +17,9 @@ import numpy as np
 from benchmarks.validation.evidence import Stated, assess
 from dovetail.disk.output import write_json
 from dovetail.file.config import load_study
+from dovetail.file.contents import has_modes_alone
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
-from dovetail.modes_pipeline import diagnose_study_modes, has_modes_alone
+from dovetail.modes_pipeline import diagnose_study_modes
 from dovetail.pipeline import analyse
 from dovetail.result import result_dict
 from tests.independent import table

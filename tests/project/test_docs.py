@@ -104,6 +104,7 @@ def test_a_study_from_python_is_saved_with_the_effect(monkeypatch, tmp_path):
     assert better.compare().total_db < 0.5 * before.total_db
 
 
+@pytest.mark.slow
 def test_an_effect_is_added_by_hand_from_python(monkeypatch, tmp_path, capsys):
     """The second block of docs/python.md."""
     _, code, _ = blocks("python", "docs/python.md")

@@ -124,6 +124,7 @@ def soft(problem):
     return search, search.full((), ()), hidden
 
 
+@pytest.mark.slow
 def test_far_from_the_data_the_soft_connection_is_found(soft):
     search, base, hidden = soft
     assert search.fits.is_far(base)

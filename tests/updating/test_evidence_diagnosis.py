@@ -3,7 +3,7 @@
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import measured, without_held_out
+from dovetail.file.contents import measured, without_held_out
 from tests.frames import write_study
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.diagnose import diagnose

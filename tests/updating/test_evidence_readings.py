@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import measured, without_held_out
+from dovetail.file.contents import measured, without_held_out
 from dovetail.report.probable import label_of
 from tests.frames import write_study
 from updating.diagnosis import begin

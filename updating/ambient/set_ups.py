@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.modes import Modes
 from fem.summary import fields_summary
@@ -234,7 +234,7 @@ def _grouped(
             raise AmbientError(msg)
         every = range(modes.n_modes)
         cost = np.array([[_unlike(set_ups, g, s, k, channels, shared) for k in every] for g in groups])
-        rows, columns = linear_sum_assignment(cost) if cost.size else ((), ())
+        rows, columns = scipy.optimize.linear_sum_assignment(cost) if cost.size else ((), ())
         taken = set()
         for row, k in zip(rows, columns, strict=True):
             if cost[row, k] < _APART:

@@ -3,6 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LEAST_MPC, LARGEST_MPD = 0.3, 45.0
+"""Shapes that are identified are no less collinear [-], and no farther from real ones [degrees], unless the
+caller says so."""
+
 
 def modal_phase_collinearity(shapes: ArrayLike) -> NDArray[np.float64]:
     """Compute the modal phase collinearity |φᵀφ|² / (φᴴφ)² of each shape: 1 for real ones.

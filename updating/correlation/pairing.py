@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.modes import Modes
 from fem.summary import fields_summary
@@ -208,7 +208,7 @@ def pair_modes(
         distance = np.log(fa[usable][None] / fx[:, None]) / frequency_spread
         # far apart is unlikely, not impossible: the least weight keeps a pair above none
         score[:, usable] *= np.maximum(np.exp(-0.5 * distance**2), 1e-6)
-    of = {i: j for i, j in zip(*linear_sum_assignment(-score), strict=True) if score[i, j] > 0}
+    of = {i: j for i, j in zip(*scipy.optimize.linear_sum_assignment(-score), strict=True) if score[i, j] > 0}
     why_not: dict[int, str] = {}
     groups = []
     for members in sets:
@@ -363,7 +363,7 @@ def track_modes(sets: Sequence[Modes], mass: Any = None, least: float = 0.5) -> 
         else:
             sizes = [np.sqrt(np.abs(np.einsum("ij,ij->j", x.conj(), mass @ x))) for x in (a, b)]
             alike = np.abs(a.conj().T @ (mass @ b)) ** 2 / np.outer(sizes[0] ** 2, sizes[1] ** 2)
-        rows, columns = linear_sum_assignment(-alike)
+        rows, columns = scipy.optimize.linear_sum_assignment(-alike)
         for i, j in zip(rows, columns, strict=True):
             if alike[i, j] >= least:
                 out[step, kept[i]] = j + new.n_rigid

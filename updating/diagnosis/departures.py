@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import near_to
@@ -72,7 +72,7 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
         std = result.std.get(u.ref, 0.0)
         if abs(off) > limit:
             fitted = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
-            p = float(ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
+            p = float(scipy.special.ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
             out.append(Departure(effect.with_values(**fitted), u.ref[1], u.unit, off, std, prior, p))
     return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.modes import Modes, solve_eigenpairs
 from fem.model import Model
@@ -90,7 +90,7 @@ def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[FittedMode
         if a.size and b.size
         else np.zeros((a.size, b.size))
     )
-    rows, columns = linear_sum_assignment(-alike)
+    rows, columns = scipy.optimize.linear_sum_assignment(-alike)
     partner = {int(j): int(i) for i, j in zip(rows, columns, strict=True) if alike[i, j] >= SAME_SHAPE}
     out = []
     for j, k in enumerate(b):

@@ -19,8 +19,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.model import Effect, Model
 from fem.summary import percent
@@ -111,7 +111,7 @@ def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
     cost = LIKENESS * off
     if same_sensors(before, after):
         cost = cost - mac_of(after.shapes, np.nan_to_num(before.shapes))
-    rows, columns = linear_sum_assignment(np.where(off < FAR, cost, 1e3))
+    rows, columns = scipy.optimize.linear_sum_assignment(np.where(off < FAR, cost, 1e3))
     out = np.full(after.n, -1)
     ok = off[rows, columns] < FAR
     out[rows[ok]] = columns[ok]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from fem.model import Effect
 from updating.inference.unknowns import ScaledUnknown
@@ -44,7 +44,7 @@ class EffectPrior:
         """Return the probability of values between two."""
         x = np.array([low, high])
         if not self.range:
-            F = ndtr((x - self.mean) / self.std)
+            F = scipy.special.ndtr((x - self.mean) / self.std)
         else:
             size = np.abs(x) / self.least
             F = np.sign(x) * np.where(size < 1, size, 1 + np.log(np.maximum(size, 1.0))) / self.range

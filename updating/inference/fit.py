@@ -21,6 +21,7 @@ from fem.reduction.set_ups import SetUp, SetUpsFRF
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
@@ -35,12 +36,6 @@ from updating.measurement.measurement import sensor_point
 
 if TYPE_CHECKING:
     from updating.inference.scatter import FormScatter
-
-EXPLAINED_LEVEL = 0.3
-"""Residual level up to which a model of beams counts as right, unless the caller says otherwise [nepers]."""
-
-FULL_LINES = 100
-"""Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

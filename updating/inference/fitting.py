@@ -12,7 +12,8 @@ from fem.model import Effect, parameter_values
 from updating.correlation import log_ratio
 from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.damped import continuation_of, damped
-from updating.inference.fit import FULL_LINES, FitProblem
+from updating.inference.defaults import FULL_LINES
+from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.joint_fit import with_modes

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.summary import fields_summary
 from updating.measurement.measurement import Sensor, shapes_like_motions
@@ -213,7 +213,7 @@ def match(
         mac = mac_of(targets.shapes, shapes[:, allowed])
         off = np.abs(np.log(targets.frequency[:, None] / np.maximum(frequency[allowed], 1e-300)))
         possible = (off < FAR) & (mac >= LEAST_MAC)
-        rows, columns = linear_sum_assignment(np.where(possible, LIKENESS * off - mac, 1e3))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(possible, LIKENESS * off - mac, 1e3))
         partner = np.full(n, -1)
         ok = possible[rows, columns]
         partner[rows[ok]] = allowed[columns[ok]]

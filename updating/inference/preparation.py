@@ -19,7 +19,8 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from fem.system import assemble, connection_stiffness
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.defaults import EXPLAINED_LEVEL, MOST_SPLITS
+from updating.inference.fit import FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve
@@ -29,6 +30,7 @@ from updating.measurement.measurement import (
     MeasurementError,
     Sensor,
     directed_of,
+    usable_lines,
     with_instruments,
 )
 
@@ -36,8 +38,6 @@ MODE_MARGIN = 2.5
 """The reduced basis holds the modes up to this multiple of the highest frequency."""
 MESH_SHARE = 0.03
 """Elements are cut where the level that the mesh leaves is more than this share of the noise's."""
-MOST_SPLITS = 4
-"""Largest number of pieces of an element."""
 NOMINAL_RATIO = 5e-3
 """Damping ratio of a model that has none [-]."""
 LEAST_DAMPING_STD = 1e-6
@@ -50,8 +50,6 @@ N_FIT_LINES = 160
 """At most this many lines are fitted."""
 LEVEL_FLOOR = 0.01
 """Residual level below which finer elements gain nothing [nepers]."""
-LEAST_LINES = 10
-"""Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
 
 
 class FitOptions(TypedDict, total=False):
@@ -318,25 +316,6 @@ def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float
     ratio: Any = log_ratio(problem.receptance(nominal, lines), finer) * 4 / 3
     ratio = np.where(problem.data.mask[lines], ratio, complex("nan"))
     return rms_db(ratio), problem.level(ratio, lines)
-
-
-def usable_lines(measurement: Measurement, band: tuple[float, float] | None) -> FRF:
-    """Return the FRFs of a measurement in a band [Hz].
-
-    Raises
-    ------
-    MeasurementError
-        If there are fewer than ``LEAST_LINES`` lines above 0 Hz.
-    """
-    frf = measurement.frf.select(band=band) if band else measurement.frf
-    n_usable = int((frf.frequency > 0).sum())
-    if n_usable < LEAST_LINES:
-        msg = (
-            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
-            "needed to compare a model with it"
-        )
-        raise MeasurementError(msg)
-    return frf
 
 
 def build_fine(

@@ -18,7 +18,8 @@ from fem.model import Contribution, Effect, Model
 from fem.reduction.deviations import Deviations, EndChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fit import FULL_LINES, FitProblem
+from updating.inference.defaults import FULL_LINES
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
 

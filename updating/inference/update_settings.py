@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.fitting import FULL_LINES
+from updating.inference.defaults import FULL_LINES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from fem.model import Model, ParameterRef
 from fem.summary import fields_summary
@@ -100,7 +100,7 @@ class UpdatedParameter:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the truth with a probability; symmetric in ln θ where ``log``."""
-        half = float(ndtri(0.5 + level / 2)) * self.std
+        half = float(scipy.special.ndtri(0.5 + level / 2)) * self.std
         if self.log:
             factor = float(np.exp(min(half / self.value, 700.0)))  # beyond is without bounds, as floats go
             return self.value / factor, self.value * factor

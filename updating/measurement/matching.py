@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 
 from fem.mesh import Mesh
 from fem.summary import fields_summary
@@ -199,7 +198,7 @@ def match_geometry(
             raise ValueError(msg)
     scale = _scale(test, mesh, unit)
     scaled = scale * test
-    tree = cKDTree(mesh)
+    tree = scipy.spatial.cKDTree(mesh)
     if axes == "same":
         return _finish(test, mesh, tree, tolerance, scale, np.eye(3), np.zeros(3), labels)
     if len(labels) >= 3 and _spread(scaled[list(labels)]) > _COLLINEAR:
@@ -543,7 +542,9 @@ def _scale(test: Floats, mesh: Floats, unit: str | None) -> float:
     return SCALES[fits[0]]
 
 
-def _assign(points: Floats, mesh: Floats, tree: cKDTree, tolerance: float) -> tuple[Ints, Floats]:
+def _assign(
+    points: Floats, mesh: Floats, tree: "scipy.spatial.cKDTree", tolerance: float
+) -> tuple[Ints, Floats]:
     """Return mesh points of test points (-1 for none), each once, and the distances; most pairs first."""
     distance, nearest = tree.query(points, distance_upper_bound=tolerance)
     near = np.isfinite(distance)
@@ -555,7 +556,7 @@ def _assign(points: Floats, mesh: Floats, tree: cKDTree, tolerance: float) -> tu
     d = np.linalg.norm(points[rows][:, None] - mesh[columns][None], axis=2)
     cost = np.where(d <= tolerance, d, 1e3 * tolerance * len(rows))
     index, distance = np.full(len(points), -1, dtype=np.int64), np.full(len(points), np.inf)
-    for a, b in zip(*linear_sum_assignment(cost), strict=True):
+    for a, b in zip(*scipy.optimize.linear_sum_assignment(cost), strict=True):
         if d[a, b] <= tolerance:
             index[rows[a]], distance[rows[a]] = columns[b], d[a, b]
     return index, distance
@@ -564,7 +565,7 @@ def _assign(points: Floats, mesh: Floats, tree: cKDTree, tolerance: float) -> tu
 def _finish(
     test: Floats,
     mesh: Floats,
-    tree: cKDTree,
+    tree: "scipy.spatial.cKDTree",
     tolerance: float,
     scale: float,
     R: Floats,
@@ -593,7 +594,7 @@ def _search(
     test: Floats,
     scaled: Floats,
     mesh: Floats,
-    tree: cKDTree,
+    tree: "scipy.spatial.cKDTree",
     tolerance: float,
     scale: float,
     labels: Mapping[int, int],

@@ -27,6 +27,10 @@ MOTION, STRAIN = "motion", "strain"
 """Quantities that a channel may read."""
 
 
+LEAST_LINES = 10
+"""Data of fewer lines are not compared: blocks of them are held out and compared with one another."""
+
+
 class MeasurementError(ValueError):
     """Measured data that do not fit the sensors, the units or one another."""
 
@@ -426,6 +430,25 @@ class Measurement:
         if self.coherence is not None and self.averages is not None:
             return f"the coherence over {self.averages} averages"
         return "the scatter between neighbouring lines"
+
+
+def usable_lines(measurement: Measurement, band: tuple[float, float] | None) -> FRF:
+    """Return the FRFs of a measurement in a band [Hz].
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer than ``LEAST_LINES`` lines above 0 Hz.
+    """
+    frf = measurement.frf.select(band=band) if band else measurement.frf
+    n_usable = int((frf.frequency > 0).sum())
+    if n_usable < LEAST_LINES:
+        msg = (
+            f"'{measurement.name}' has {n_usable} line(s) above 0 Hz in the band; at least {LEAST_LINES} are "
+            "needed to compare a model with it"
+        )
+        raise MeasurementError(msg)
+    return frf
 
 
 def at_values_of(values: NDArray[np.float64], have: FRF, want: FRF) -> NDArray[np.float64]:

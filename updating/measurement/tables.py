@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
@@ -73,7 +73,9 @@ def sensors_from_table(table: Any, scale: float = 1.0) -> tuple[Sensor, ...]:
         msg = f"sensor '{names[k]}' is turned by {d[k].tolist()} degrees; finite numbers are needed"
         raise MeasurementError(msg)
     if turned and len(names):
-        axes_of = Rotation.from_euler("xyz", d, degrees=True).as_matrix().transpose(0, 2, 1)
+        axes_of = (
+            scipy.spatial.transform.Rotation.from_euler("xyz", d, degrees=True).as_matrix().transpose(0, 2, 1)
+        )
     out: list[Sensor] = []
     for name, point, axes in zip(names, xyz, axes_of, strict=True):
         for axis, word in zip(axes, ("",) if len(axes) == 1 else "xyz", strict=True):

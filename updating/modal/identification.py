@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from updating.correlation.complexity import (
+    LARGEST_MPD,
+    LEAST_MPC,
     mean_phase_deviation,
     modal_complexity_factor,
     modal_phase_collinearity,
@@ -36,9 +38,6 @@ from updating.modal.poles import (
 )
 from updating.modal.refinement import scatter_near, synthesise
 from updating.modal.selection import SelectionState, Task, search_modes, unreported
-
-LEAST_MPC, LARGEST_MPD = 0.3, 45.0
-"""Shapes are no less collinear [-], and no farther from real ones [degrees], unless the caller says so."""
 
 _MISSED = 3.0
 """Standard deviations that the fit exceeds by this factor, root mean square, are not the data's own [-]."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 import scipy.linalg as sla
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from fem.analysis.frf import FRF
 from fem.summary import fields_summary
@@ -203,7 +203,7 @@ def track_poles(stabilisation: Stabilisation) -> tuple[Track, ...]:
                 s.poles[rows],
                 s.participation[rows],
             )
-            pairs = linear_sum_assignment(np.minimum(apart, REACH))
+            pairs = scipy.optimize.linear_sum_assignment(np.minimum(apart, REACH))
             joined = [(t, r) for t, r in zip(*pairs, strict=True) if apart[t, r] < REACH]
         else:
             joined = []

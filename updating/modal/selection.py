@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from updating.correlation import mac
 from updating.correlation.complexity import (
@@ -273,7 +273,9 @@ def _reweighted(data: ModalFitData, fit: ModalFit) -> ModalFitData:
 
 def _running_median(values: Floats, width: int) -> Floats:
     """Return running medians of columns: each by itself, as SciPy is fast in one dimension alone."""
-    return np.stack([median_filter(column, width, mode="nearest") for column in values.T], axis=1)
+    return np.stack(
+        [scipy.ndimage.median_filter(column, width, mode="nearest") for column in values.T], axis=1
+    )
 
 
 def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:

@@ -14,8 +14,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from fem.model import Effect, Model, ParameterRef, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
@@ -74,7 +74,7 @@ def needed(odds: Floats) -> Floats:
     odds : ndarray
         Logarithms of the rivals' prior probabilities over the effects'.
     """
-    b, z = odds + np.log(SURE / (1 - SURE)), float(ndtri(POWER))
+    b, z = odds + np.log(SURE / (1 - SURE)), float(scipy.special.ndtri(POWER))
     return 0.5 * (z + np.sqrt(z**2 + 2 * np.maximum(b, 0.0))) ** 2
 
 
@@ -156,8 +156,11 @@ class Visible:
         """Return the probabilities with which an amplitude is seen, and named."""
         out = []
         for enough, g in zip((self.enough[0], self.enough[2]), self.nats, strict=True):
-            there, barrier = g * (amplitude / enough) ** 2, g - float(ndtri(POWER)) * np.sqrt(2 * g)
-            out.append(float(ndtr((there - barrier) / np.sqrt(2 * there))))
+            there, barrier = (
+                g * (amplitude / enough) ** 2,
+                g - float(scipy.special.ndtri(POWER)) * np.sqrt(2 * g),
+            )
+            out.append(float(scipy.special.ndtr((there - barrier) / np.sqrt(2 * there))))
         return out[0], min(out)
 
     def _of(self, size: float) -> Effect:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
@@ -75,7 +75,7 @@ def _block(look: Look, parts: Sequence[SmallChange]) -> Block:
     A = np.stack(columns, axis=1)
     size = np.linalg.norm(A, axis=0)
     size[size == 0] = 1.0
-    factors = lsq_linear(A / size, -now, (least * size, most * size)).x / size
+    factors = scipy.optimize.lsq_linear(A / size, -now, (least * size, most * size)).x / size
     cost = float(look.costs((every[0] + factors @ every[1:])[None])[0])
     factors = np.where(np.abs(factors) < LEAST_MULTIPLE, LEAST_MULTIPLE, factors)
     values = tuple(p.values(0, float(f)) for p, f in zip(parts, factors, strict=True))
