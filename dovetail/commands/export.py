@@ -1,22 +1,39 @@
 """``dovetail export``: the model, or what was found of it, as decks of other programs."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.disk.output import Output, OutputError, Progress
-from dovetail.export import WRITERS, exported_deck
+from dovetail.export import PROGRAMS, WRITERS, exported_deck, exported_edit, program_of
+from dovetail.file.contents import SourceDeck, Study
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
 from fem.io.atomic import replacing
+from fem.io.deck_units import Units
 from fem.matrices import UNITS
 from fem.system import assemble
 
 HELP = "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS"
-EXAMPLE = "dovetail export out/found.toml --nastran found.bdf --units mm-t-s"
+EXAMPLE = "dovetail export out/found.toml --nastran found.bdf --merge merged.bdf"
 MODES = 20
 """Modes that a deck asks for, and that a universal file has."""
+
+
+INSERT: Mapping[str, tuple[str, ...]] = {
+    "nastran": (r"\s*ENDDATA", r"\s*BEGIN\b"),
+    "abaqus": (r"\s*\*\s*STEP\b",),
+    "ansys": (r"\s*(/SOLU|FINISH|/EOF)\b",),
+}
+"""Patterns of the lines of a deck before which cards, and lines of case control, go."""
+PLACE: Mapping[str, str] = {
+    "nastran": "put these cards into {} before ENDDATA, and delete the cards that they replace",
+    "abaqus": "put these keywords into {} before *STEP, and delete the lines that they replace",
+    "ansys": "read these commands after {}: they redefine what they replace, so nothing is to be deleted",
+}
+NUMBERED = "its cards have numbers from 900001 (ANSYS: tables from 9001), not those of the deck"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -30,44 +47,112 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         action="store_true",
         help="the whole model, with a request of its modes (default: what was found)",
     )
-    p.add_argument("--units", choices=tuple(UNITS), default="SI", help="units of the decks (default SI)")
+    p.add_argument(
+        "--into",
+        type=Path,
+        metavar="DECK",
+        help="the deck that the cards are for, whose numbers they keep (default: that of [source] in the study)",
+    )
+    p.add_argument(
+        "--merge",
+        type=Path,
+        metavar="FILE",
+        help="write that deck with the cards in it, too: a complete deck",
+    )
+    p.add_argument(
+        "--units", choices=tuple(UNITS), help="units of the decks (default: those of the source deck, or SI)"
+    )
+
+
+def _source(options: Options, study: Study, notes: list[str]) -> SourceDeck | None:
+    """Return the deck that the cards are for, None with a note where it cannot be read."""
+    known = study.source
+    if options.into is not None:
+        units = options.units or (known.units if known is not None else "SI")
+        known = SourceDeck(options.into, units)
+        if not options.into.is_file() or not program_of(options.into):
+            msg = f"--into {options.into}: a deck that is there is needed: {', '.join(PROGRAMS)}"
+            raise OutputError(msg)
+    if known is None:
+        return None
+    if options.units is not None and Units.of(options.units) != Units.of(known.units):
+        msg = f"--units {options.units}: the cards have the units of {known.file.name}, {known.units}"
+        raise OutputError(msg)
+    if not known.file.is_file():
+        notes.append(
+            f"{known.file}, the deck of [source], is not there: {NUMBERED}; --into gives its new place"
+        )
+        return None
+    return known
 
 
 def run(options: Options, progress: Progress) -> Answer:
     """Write the files that are asked for."""
     paths = {name: path for name in WRITERS if (path := getattr(options, name)) is not None}
-    if not paths and options.uff is None:
+    if not paths and options.uff is None and options.merge is None:
         msg = f"no file is asked for; give {', '.join(f'--{name} FILE' for name in WRITERS)} or --uff FILE"
         raise OutputError(msg)
     if options.uff is not None and options.uff.suffix.lower() not in (".uff", ".unv"):
         msg = f"--uff {options.uff} is written as .uff or .unv, not '{options.uff.suffix}'"
         raise OutputError(msg)
     check_places(
-        options, *(Output(f"--{name}", path) for name, path in (*paths.items(), ("uff", options.uff)))
+        options,
+        *(
+            Output(f"--{name}", path)
+            for name, path in (*paths.items(), ("merge", options.merge), ("uff", options.uff))
+        ),
     )
     study = loaded(options, ())
     lines: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    if paths:
+    notes: list[str] = []
+    units = options.units or "SI"
+    source = None if options.whole else _source(options, study, notes)
+    if options.merge is not None and source is None:
+        reason = "; ".join(notes) or f"{study.path.name} has no [source]: give the deck by --into"
+        msg = f"--merge {options.merge} needs the source deck: {reason}"
+        raise OutputError(msg)
+    texts: dict[Path, str] = {}
+    if source is not None:
+        program, into = program_of(source.file), source.file
+        if program in paths or options.merge is not None:
+            progress("comparing with the deck")
+            edit, lines = exported_edit(study, source)
+            units = source.units if isinstance(source.units, str) else ",".join(map(str, source.units))
+            heading = (*lines, f"units {units}", PLACE[program].format(into.name))
+            notes += [f"case control needs {line}" for line in edit.control]
+            notes += [f"replaces {card}" for card in edit.replaced] + edit.notes
+            if program in paths:
+                texts[paths[program]] = edit.text(heading)
+            if options.merge is not None:
+                old = into.read_text("utf-8", errors="replace")
+                texts[options.merge] = edit.merged(old, into.name, heading, *INSERT[program])
+        others = [name for name in paths if name != program]
+        if others:
+            notes.append(f"{into.name} is no deck of {' or '.join(others)}: {NUMBERED}")
+    else:
+        others = list(paths)
+    if others:
         progress("making the deck")
         deck, lines = exported_deck(study, whole=options.whole)
-        heading, notes = (*lines, f"units {options.units}"), deck.notes
-        texts = {name: WRITERS[name](deck, options.units, heading, MODES) for name in paths}
-        for name, text in texts.items():
-            with replacing(paths[name]) as scratch:
-                scratch.write_text(text, "utf-8")
+        heading = (*lines, f"units {options.units or 'SI'}")
+        texts |= {paths[name]: WRITERS[name](deck, options.units or "SI", heading, MODES) for name in others}
+        notes += deck.notes
+    for path, text in texts.items():
+        with replacing(path) as scratch:
+            scratch.write_text(text, "utf-8")
     if options.uff is not None:
         progress("solving for modes")
         write_modes(
             first_modes(assemble(study.model, reciprocal=False), MODES), study.model.mesh, options.uff
         )
-    files = {name: str(path) for name, path in (*paths.items(), ("uff", options.uff)) if path is not None}
+    named = (*paths.items(), ("merge", options.merge), ("uff", options.uff))
+    files = {name: str(path) for name, path in named if path is not None}
     return Answer(
         study,
         [*lines, *(f"{name}: {path}" for name, path in files.items()), *noted(notes)],
         {
             "files": files,
-            "units": options.units,
+            "units": units,
             "whole": options.whole,
             "exported": lines,
             "notes": notes,

@@ -16,6 +16,7 @@ from fem.io.part_files import matrix_files
 from fem.matrices import MatricesError
 
 FILES: dict[tuple[str, ...], str] = {
+    ("source", "file"): "the source deck",
     ("mesh", "file"): "the mesh",
     ("measurements", "file"): "a measurement",
     ("measurements", "repeats"): "a repeated measurement",
