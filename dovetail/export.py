@@ -15,6 +15,7 @@ from dovetail.result import program_version
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
 from fem.io.abaqus_write import abaqus_text
+from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_units import Units
@@ -30,7 +31,10 @@ WRITERS: Mapping[str, Callable[..., str]] = {
     "abaqus": abaqus_text,
     "ansys": ansys_text,
 }
-CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {"nastran": nastran_changes}
+CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {
+    "nastran": nastran_changes,
+    "ansys": ansys_changes,
+}
 """Writers of cards that change a deck."""
 PROGRAMS = {
     **dict.fromkeys((".bdf", ".nas", ".dat", ".fem"), "nastran"),

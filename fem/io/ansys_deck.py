@@ -166,6 +166,7 @@ class _Reader:
     label: int = 0
     csys: int = 0
     pending: list[int] = field(default_factory=list)
+    row_of: dict[int, int] = field(default_factory=dict)
     commands: dict[str, Callable[[list[str]], None]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -182,6 +183,9 @@ class _Reader:
             "MPDATA": self._mpdata,
             "SECTYPE": self._sectype,
             "D": self._d,
+            "DDELE": self._ddele,
+            "EDELE": self._edele,
+            "CEDELE": self._cedele,
             "CE": self._ce,
             "CP": self._cp,
             **dict.fromkeys(("SECDATA", "SECOFFSET", "SECCONTROL"), self._of_section),
@@ -329,7 +333,13 @@ class _Reader:
 
     def _add(self, number: int, kind: int, mat: int, constants: int, section: int, nodes: list[int]) -> None:
         ends = tuple(n for n in nodes if n)
-        self.deck.elements.append(Element(number, kind, mat, constants, section, ends, self.at))
+        element = Element(number, kind, mat, constants, section, ends, self.at)
+        at = self.row_of.get(number)
+        if at is None:
+            self.row_of[number] = len(self.deck.elements)
+            self.deck.elements.append(element)
+        else:  # as ANSYS: a second definition takes the place of the first
+            self.deck.elements[at] = element
 
     def _rlblock(self, fields: list[str]) -> None:
         sets = self._int(fields, 0)
@@ -401,7 +411,7 @@ class _Reader:
             if self._named_number:
                 number, nodes = nodes[0], nodes[1:]
             else:
-                number = 1 + max((e.number for e in self.deck.elements), default=0)
+                number = 1 + max(self.row_of, default=0)
             self._add(number, now["TYPE"], now["MAT"], now["REAL"], now["SECNUM"], nodes)
         elif fields[1].upper() == "ATTR":
             self.pending = self._ints(fields, 2)
@@ -461,7 +471,10 @@ class _Reader:
             self.deck.notes.append(
                 f"line {self.at}: MPDATA,{label} depends on temperature: its first value is taken"
             )
-        table.setdefault(label, self._real(fields, 3))
+        if self._int(fields, 2) > 1:  # further temperatures
+            table.setdefault(label, self._real(fields, 3))
+        else:
+            table[label] = self._real(fields, 3)
 
     def _sectype(self, fields: list[str]) -> None:
         number = self._int(fields, 0) or 1 + max(self.deck.sections, default=0)
@@ -494,6 +507,33 @@ class _Reader:
         for label in (f.upper() for f in [*fields[1:2], *fields[6:11]] if f):
             dofs = range(6) if label == "ALL" else [LABELS[label]] if label in LABELS else []
             self.deck.supports += [(n, k, value, self.at) for n in nodes for k in dofs]
+
+    def _range(self, fields: list[str], k: int) -> range:
+        """Return the numbers of three fields: first, last and step."""
+        first, last, step = (self._int(fields, k + i) for i in range(3))
+        return range(first, max(first, last) + 1, step or 1)
+
+    def _ddele(self, fields: list[str]) -> None:
+        label = fields[1].upper()
+        every = fields[0].upper() == "ALL"
+        nodes = self.deck.nodes.keys() if every else set(self._range([fields[0], *fields[2:]], 0))
+        self.deck.supports = [
+            row
+            for row in self.deck.supports
+            if not (row[0] in nodes and (label == "ALL" or LABELS.get(label) == row[1]))
+        ]
+
+    def _edele(self, fields: list[str]) -> None:
+        gone = set(self.row_of) if fields[0].upper() == "ALL" else set(self._range(fields, 0))
+        self.deck.elements = [e for e in self.deck.elements if e.number not in gone]
+        self.row_of = {e.number: k for k, e in enumerate(self.deck.elements)}
+
+    def _cedele(self, fields: list[str]) -> None:
+        every = fields[0].upper() == "ALL"
+        names = set[str]() if every else {f"CE {n}" for n in self._range(fields, 0)}
+        self.deck.equations = [
+            row for row in self.deck.equations if not (row[0] in names or (every and row[0].startswith("CE ")))
+        ]
 
     def _terms(self, fields: list[str]) -> list[tuple[int, int, float]]:
         out = []

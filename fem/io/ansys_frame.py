@@ -6,7 +6,7 @@ an orientation node has its y parallel to the global X-Y plane, or along global 
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -220,13 +220,7 @@ class _Frame(Found):
         return np.array(self.source.nodes[node][:3])
 
     def _axes(self, node: int) -> Floats:
-        """Return a node's axes as rows: THXY about z, then THYZ about x, then THZX about y."""
-        a, b, c = np.deg2rad(self.source.nodes[node][3:])
-        Z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-        X = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
-        Y = np.array([[np.cos(c), 0, np.sin(c)], [0, 1, 0], [-np.sin(c), 0, np.cos(c)]])
-        axes = (Z @ X @ Y).T
-        return np.where(np.abs(axes) < 1e-12, 0.0, axes)
+        return node_axes(self.source.nodes[node][3:])
 
     # Bars --------------------------------------------------------------------------------------------------
 
@@ -541,3 +535,13 @@ class _Frame(Found):
         if any(k == 10 for k, _ in kinds):
             self.notes.append("LINK10 carries tension and compression here")
         return tuple(dict.fromkeys([*self.source.notes, *self.notes, *ignored_notes(self.source)]))
+
+
+def node_axes(angles: Sequence[float]) -> Floats:
+    """Return a node's axes as rows: THXY about z, then THYZ about x, then THZX about y [deg]."""
+    a, b, c = np.deg2rad(angles)
+    Z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    X = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    Y = np.array([[np.cos(c), 0, np.sin(c)], [0, 1, 0], [-np.sin(c), 0, np.cos(c)]])
+    axes = (Z @ X @ Y).T
+    return np.where(np.abs(axes) < 1e-12, 0.0, axes)

@@ -161,7 +161,7 @@ def with_nodes(
         connections = [replace(c, K=zero, C=zero, D=zero) if c in coupled else c for c in connections]
         connections, matrices = [*connections, *more.springs], ()
     masses = [_at_centre(b, more) for b in deck.bodies] if bodies else deck.bodies
-    first = deck.first.get("node", max(int(deck.nodes.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1))
+    first = max(int(deck.nodes.max(initial=0)) + 1, first_number(deck, "node"))
     numbers = np.concatenate([deck.nodes, np.arange(first, first + len(more.points) - len(deck.nodes))])
     return replace(
         deck,

@@ -188,6 +188,7 @@ class _Writer:
             if new is not None and len(cards) == 1 and cards[0].name != "MPC":
                 free.remove(new)
                 numbers.setdefault(new.name, cards[0].integer(0))
+                self._own_table(cards[0], new.name, numbers)
         more: dict[str, tuple[Any, ...]] = {}
         for key in ("bodies", "connections", "links", "equations"):
             kept = [
@@ -199,6 +200,14 @@ class _Writer:
             ]
             more[key] = (*getattr(deck, key), *kept)
         return replace(deck, numbers=numbers, **more)
+
+    def _own_table(self, element: Card, name: str, numbers: dict[str, int]) -> None:
+        """Replace the PBUSH of a CBUSH that no other one has."""
+        users = [c for c in self.deck.of("CBUSH") if c.integer(1, c.integer(0)) == element.integer(1, 0)]
+        table = next((c for c in self.deck.of("PBUSH") if c.integer(0) == element.integer(1, 0)), None)
+        if element.name == "CBUSH" and len(users) == 1 and table is not None:
+            self._replace(table)
+            numbers[f"{name}: property"] = table.integer(0)
 
     def _cards_of(self, item: Any) -> list[Card]:
         """Return the cards that an item's name names."""

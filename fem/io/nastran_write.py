@@ -206,7 +206,9 @@ def others(deck: ModelDeck, u: Units) -> Iterator[str]:
         if plain(c) and any(X.any() for X in (c.K, c.C, c.D)):
             yield from wrapped("$", c.name)
             element = number_of(c.name)
-            yield from _bush(deck, c, element, next(tables) if deck.part else element, u)
+            free_table = next(tables) if deck.part else element
+            table = deck.numbers.get(f"{c.name}: property", free_table)
+            yield from _bush(deck, c, element, table, free_table, u)
     for link in deck.links:
         yield from wrapped("$", link.name)
         led = [deck.nodes[n] for n in link.dependents]
@@ -228,12 +230,12 @@ def _body(deck: ModelDeck, b: Body, number: int, u: Units) -> list[str]:
     return card("CONM2", number, deck.nodes[b.node], 0, float(b.mass / u.mass), *arm, None, *inertia)
 
 
-def _bush(deck: ModelDeck, c: Connection, element: int, n: int, u: Units) -> Iterator[str]:
-    """Yield a CBUSH with its PBUSH and its axes, which have the number n."""
+def _bush(deck: ModelDeck, c: Connection, element: int, n: int, free_system: int, u: Units) -> Iterator[str]:
+    """Yield a CBUSH with its PBUSH, which has the number n, and its axes."""
     one, two = c.nodes
-    system = 0 if np.array_equal(c.axes, np.eye(3)) else n
+    system = 0 if np.array_equal(c.axes, np.eye(3)) else free_system
     if system:
-        yield from card("CORD2R", n, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
+        yield from card("CORD2R", system, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
     nodes = deck.nodes[one], None if two is None else deck.nodes[two]
     yield from card("CBUSH", element, n, *nodes, None, None, None, system)
     K, C, D = (np.diag(X) for X in (c.K, c.C, c.D))

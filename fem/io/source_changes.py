@@ -192,7 +192,7 @@ class SourceChanges:
         Of the bars of ``deck``, row by row.
     variants : tuple of Variant
     materials : mapping of str to Material
-        Changed materials, by name in the source, that all bars of the material have.
+        New values of the source's materials that no bar has as they were, by name in the source.
     removed : tuple
         Items of the source that the model does not have any longer.
     freed : mapping of int to tuple of str
@@ -240,7 +240,7 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     after = _in_source(model_deck, source)
     old = _pieces_by_bar(before, source, _used(before))
     before = replace(
-        before, bars=_taken(before.bars, [old[k][0] if old[k] else (0, False) for k in range(len(old))])
+        before, bars=taken(before.bars, [old[k][0] if old[k] else (0, False) for k in range(len(old))])
     )
     after_used = _used(after)
     rows, pieces, variants, lost = _changed_bars(after, before, source, after_used)
@@ -255,6 +255,8 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
         if (less := _without(f, now.get(_key(before, n), ())))
     }
     bars = _spanned(after.bars, rows)
+    names = [source.bars.numbers[p.source] if p.source >= 0 else 0 for p in pieces]
+    bars = replace(bars, numbers=np.array(names, dtype=np.int64))
     needed = {*bars.ends.ravel().tolist(), *supports, *_used(replace(after, supports=supports, **new))}
     bound = {(n, d) for n, f in after.supports.items() for d in f}
     bound |= {
@@ -390,7 +392,7 @@ Oriented = tuple[int, bool]
 """Row of a bar, and whether it runs from its second end to its first."""
 
 
-def _taken(bars: Bars, rows: Sequence[Oriented]) -> Bars:
+def taken(bars: Bars, rows: Sequence[Oriented]) -> Bars:
     """Return some bars, turned where that is asked for."""
     at = np.array([k for k, _ in rows], dtype=np.int64)
     turn = np.array([t for _, t in rows], dtype=bool)
@@ -402,7 +404,7 @@ def _taken(bars: Bars, rows: Sequence[Oriented]) -> Bars:
 
 def _spanned(bars: Bars, pairs: Sequence[tuple[Oriented, Oriented]]) -> Bars:
     """Return bars from the first end of one bar to the second end of another."""
-    one, other = (_taken(bars, [pair[k] for pair in pairs]) for k in (0, 1))
+    one, other = (taken(bars, [pair[k] for pair in pairs]) for k in (0, 1))
     return replace(
         one,
         **{
@@ -476,10 +478,10 @@ def _changed_bars(
     rows: list[tuple[Oriented, Oriented]] = []
     pieces: list[Piece] = []
     lost: list[int] = []
-    taken: set[int] = set()
+    seen: set[int] = set()
     touching = Counter(after.bars.ends.ravel().tolist())
     for s, run in enumerate(by_bar):
-        taken |= {k for k, _ in run}
+        seen |= {k for k, _ in run}
         if not run:
             lost.append(s)
             continue
@@ -490,7 +492,7 @@ def _changed_bars(
             new = _property_of(after, part)
             same = _same(new, old) and not _turned_taper(part, new)
             which.append(-1 if same else _kind(kinds, int(source.bars.properties[s]), new, s))
-        b = _taken(after.bars, [parts[0][0], parts[-1][-1]])
+        b = taken(after.bars, [parts[0][0], parts[-1][-1]])
         joined = len(parts) > 1 or not _same_ends(b, before.bars, s, axes, parts[0][0][0], old)
         if not joined and which == [-1]:
             continue
@@ -498,7 +500,7 @@ def _changed_bars(
             rows.append((part[0], part[-1]))
             pieces.append(Piece(s, i == 0, len(parts) == 1, joined, which[i]))
     for k in range(len(after.bars.numbers)):
-        if k not in taken:
+        if k not in seen:
             new = after.properties[after.bars.properties[k]]
             rows.append(((k, False), (k, False)))
             pieces.append(Piece(-1, True, True, True, _kind(kinds, -1, new, -1)))
@@ -523,7 +525,7 @@ def _changed_bars(
             Variant(
                 kind,
                 new,
-                old is None or not _same_material(new.material, old.material),
+                old is None or not same_material(new.material, old.material),
                 old is None or not _same(replace(new, material=old.material), old),
                 whole,
             )
@@ -585,7 +587,7 @@ def _close(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=SAME_VALUE, abs_tol=1e-300)
 
 
-def _same_material(a: Material, b: Material) -> bool:
+def same_material(a: Material, b: Material) -> bool:
     return all(_close(getattr(a, k), getattr(b, k)) for k in ("E", "rho", "nu", "loss_factor"))
 
 
@@ -599,7 +601,7 @@ def _same(a: BarProperty, b: BarProperty) -> bool:
     """Whether two properties have the same values."""
     return (
         a.theory == b.theory
-        and _same_material(a.material, b.material)
+        and same_material(a.material, b.material)
         and _close(a.mass_per_length, b.mass_per_length)
         and _same_section(a.section, b.section)
         and _same_section(a.section2, b.section2)
@@ -609,7 +611,7 @@ def _same(a: BarProperty, b: BarProperty) -> bool:
 def _materials(
     source: FrameDeck, before: ModelDeck, variants: Sequence[Variant], pieces: Sequence[Piece]
 ) -> dict[str, Material]:
-    """Return the changed materials that all bars of one of the source's materials have."""
+    """Return the values that most bars of a material have, where no bar has the source's any longer."""
     of_bar: dict[int, list[Material | None]] = defaultdict(list)
     for p in pieces:
         if p.source >= 0:
@@ -618,12 +620,19 @@ def _materials(
     for s, k in enumerate(source.bars.properties.tolist()):
         found[source.properties[k].material.name] += of_bar.get(s, [None])
     old = {p.material.name: p.material for p in source.properties}
-    out = {}
+    out: dict[str, Material] = {}
     for name, each in found.items():
-        if each[0] is None or any(m is None or not _same_material(m, each[0]) for m in each):
+        if any(m is None or same_material(m, old[name]) or not _close(m.nu, old[name].nu) for m in each):
             continue
-        if not _same_material(each[0], old[name]) and _close(each[0].nu, old[name].nu):
-            out[name] = each[0]
+        kinds: list[list[Material]] = []
+        for m in each:
+            assert m is not None
+            like = next((kind for kind in kinds if same_material(kind[0], m)), None)
+            if like is None:
+                kinds.append([m])
+            else:
+                like.append(m)
+        out[name] = max(kinds, key=len)[0]
     return out
 
 
