@@ -14,6 +14,7 @@ from dovetail.report import words
 from dovetail.result import program_version
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
+from fem.io.abaqus_changes import abaqus_changes
 from fem.io.abaqus_write import abaqus_text
 from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
@@ -33,6 +34,7 @@ WRITERS: Mapping[str, Callable[..., str]] = {
 }
 CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {
     "nastran": nastran_changes,
+    "abaqus": abaqus_changes,
     "ansys": ansys_changes,
 }
 """Writers of cards that change a deck."""

@@ -34,6 +34,10 @@ CONSTANTS = ("A", "Iy", "Iz", "J", "ky", "kz", "Ip")
 ITEMS = ("bodies", "connections", "links", "equations", "matrices")
 
 
+class SourceError(MeshError):
+    """A source deck whose numbers cards cannot keep."""
+
+
 @dataclass(frozen=True, slots=True)
 class SourceCard:
     """A card of the source deck.
