@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dovetail.file.contents import SourceDeck, Study
 from dovetail.file.table import StudyError
 from dovetail.report import words
 from dovetail.result import program_version
+from fem.analysis.modes import first_modes
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
 from fem.io.abaqus_changes import abaqus_changes
@@ -20,11 +23,13 @@ from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_units import Units
-from fem.io.frame_of_model import ModelDeck, deck_of
+from fem.io.frame_model import model_of, read_deck
+from fem.io.frame_of_model import ModelDeck, deck_of, with_places
 from fem.io.nastran_changes import nastran_changes
 from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
 from fem.model import Model, ParameterRef, parameter_values
+from fem.system import assemble
 from updating.diagnosis.findings import EffectParameter
 
 WRITERS: Mapping[str, Callable[..., str]] = {
@@ -43,6 +48,8 @@ PROGRAMS = {
     ".inp": "abaqus",
     ".cdb": "ansys",
 }
+CHECKED_MODES = 10
+"""Modes by which a merged deck is compared with its model."""
 RESULT = "result.json"
 OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
 """Effects of instruments, which the structure does not have."""
@@ -114,8 +121,8 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
 
 
-def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, tuple[str, ...]]:
-    """Return the cards that make a study's source deck the study's model, and sentences on what they are.
+def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]:
+    """Return the cards that make a study's source deck the study's model, and that model.
 
     Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments.
 
@@ -125,6 +132,8 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, tuple[str
         If the model is that of the deck.
     MeshError
         If the deck cannot be read.
+    SourceError
+        If cards cannot keep its numbers.
     """
     one = exported(study)
     deck = _titled(deck_of(one.model, study.name), one.found)
@@ -132,7 +141,26 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, tuple[str
     if not edit.lines and not edit.notes:
         msg = f"{study.path}: its model is that of {source.file.name}: there is nothing to export"
         raise StudyError(msg)
-    return replace(edit, notes=[*one.notes, *deck.notes, *edit.notes]), one.lines
+    return replace(edit, notes=[*one.notes, *deck.notes, *edit.notes]), one
+
+
+def difference(deck: Path, source: SourceDeck, model: Model) -> float:
+    """Return the largest relative difference of a deck's first natural frequencies from those of a model [-].
+
+    The model has nodes where members carry masses or crack, as the deck has.
+
+    Raises
+    ------
+    MeshError
+        If the deck cannot be read.
+    """
+    one, other = (
+        first_modes(assemble(m, reciprocal=False), CHECKED_MODES).frequency
+        for m in (model_of(read_deck(deck, source.units)), with_places(model)[0])
+    )
+    n = min(len(one), len(other))
+    moving = other[:n] > 1e-3 * other[:n].max(initial=0.0)  # rigid motions have no frequency to compare
+    return float(np.abs(one[:n][moving] / other[:n][moving] - 1).max(initial=0.0))
 
 
 def program_of(deck: Path) -> str:

@@ -1,19 +1,31 @@
 """``dovetail export``: the model, or what was found of it, as decks of other programs."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.disk.output import Output, OutputError, Progress
-from dovetail.export import PROGRAMS, WRITERS, exported_deck, exported_edit, program_of
+from dovetail.export import (
+    PROGRAMS,
+    WRITERS,
+    Exported,
+    difference,
+    exported_deck,
+    exported_edit,
+    program_of,
+)
 from dovetail.file.contents import SourceDeck, Study
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
 from fem.io.atomic import replacing
 from fem.io.deck_units import Units
+from fem.io.source_changes import DeckEdit, SourceError
 from fem.matrices import UNITS
+from fem.mesh import MeshError
+from fem.model import Model
+from fem.summary import listed
 from fem.system import assemble
 
 HELP = "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS"
@@ -33,7 +45,11 @@ PLACE: Mapping[str, str] = {
     "abaqus": "put these keywords into {} before *STEP, and delete the lines that they replace",
     "ansys": "read these commands after {}: they redefine what they replace, so nothing is to be deleted",
 }
-NUMBERED = "its cards have numbers from 900001 (ANSYS: tables from 9001), not those of the deck"
+AGREEMENT = 1e-4
+"""Difference of natural frequencies up to which a deck is its model: nodes within elements add some [-]."""
+NUMBERED = (
+    "new cards have numbers from 900001 (ANSYS: tables from 9001), and bars those of the study's lines, from 1"
+)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -51,7 +67,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--into",
         type=Path,
         metavar="DECK",
-        help="the deck that the cards are for, whose numbers they keep (default: that of [source] in the study)",
+        help="the deck that the cards are for, whose numbers they keep (default: [source] of the study)",
     )
     p.add_argument(
         "--merge",
@@ -70,20 +86,55 @@ def _source(options: Options, study: Study, notes: list[str]) -> SourceDeck | No
     if options.into is not None:
         units = options.units or (known.units if known is not None else "SI")
         known = SourceDeck(options.into, units)
+        places = (options.nastran, options.abaqus, options.ansys, options.merge)
+        if any(path is not None and path.resolve() == options.into.resolve() for path in places):
+            msg = f"--into {options.into} would be overwritten; give the cards another name"
+            raise OutputError(msg)
         if not options.into.is_file() or not program_of(options.into):
             msg = f"--into {options.into}: a deck that is there is needed: {', '.join(PROGRAMS)}"
             raise OutputError(msg)
     if known is None:
         return None
-    if options.units is not None and Units.of(options.units) != Units.of(known.units):
-        msg = f"--units {options.units}: the cards have the units of {known.file.name}, {known.units}"
-        raise OutputError(msg)
     if not known.file.is_file():
-        notes.append(
-            f"{known.file}, the deck of [source], is not there: {NUMBERED}; --into gives its new place"
-        )
+        lost = f"{known.file}, the deck of [source], is not there"
+        if options.merge is not None:
+            msg = f"--merge {options.merge}: {lost}; --into gives its new place"
+            raise OutputError(msg)
+        notes.append(f"{lost}: {NUMBERED}; --into gives its new place")
         return None
     return known
+
+
+def _named(units: str | Sequence[float]) -> str:
+    return units if isinstance(units, str) else ",".join(map(str, units))
+
+
+def _edit(
+    options: Options, study: Study, source: SourceDeck, notes: list[str]
+) -> tuple[DeckEdit, Exported] | None:
+    """Return the cards for the source deck; None with a note where its numbers cannot be kept."""
+    try:
+        return exported_edit(study, source)
+    except SourceError as reason:
+        if options.merge is not None:
+            msg = f"--merge {options.merge}: {reason}"
+            raise OutputError(msg) from reason
+        notes.append(f"{reason}: {NUMBERED}")
+        return None
+
+
+def _agreement(path: Path, source: SourceDeck, model: Model) -> str:
+    """Return a sentence on how well a merged deck has the natural frequencies of its model."""
+    try:
+        error = difference(path, source, model)
+    except MeshError as reason:
+        return f"{path.name} cannot be read again: {reason}"
+    if error < AGREEMENT:
+        return f"{path.name}, read again: its natural frequencies agree with those of the study to {error:.1e}"
+    return (
+        f"{path.name}, read again: its natural frequencies differ from those of the study by up to {error:.1e}: "
+        "the deck's elements may be too long, or a note says what it lacks"
+    )
 
 
 def run(options: Options, progress: Progress) -> Answer:
@@ -105,41 +156,52 @@ def run(options: Options, progress: Progress) -> Answer:
     study = loaded(options, ())
     lines: tuple[str, ...] = ()
     notes: list[str] = []
-    units = options.units or "SI"
+    units = options.units or (study.source.units if study.source is not None else "SI")
     source = None if options.whole else _source(options, study, notes)
     if options.merge is not None and source is None:
-        reason = "; ".join(notes) or f"{study.path.name} has no [source]: give the deck by --into"
-        msg = f"--merge {options.merge} needs the source deck: {reason}"
+        why = "it takes no --whole" if options.whole else f"{study.path.name} has no [source]; give it by --into"
+        msg = f"--merge {options.merge} needs the source deck: {why}"
         raise OutputError(msg)
     texts: dict[Path, str] = {}
-    if source is not None:
-        program, into = program_of(source.file), source.file
-        if program in paths or options.merge is not None:
-            progress("comparing with the deck")
-            edit, lines = exported_edit(study, source)
-            units = source.units if isinstance(source.units, str) else ",".join(map(str, source.units))
-            heading = (*lines, f"units {units}", PLACE[program].format(into.name))
-            notes += [f"case control needs {line}" for line in edit.control]
-            notes += [f"replaces {card}" for card in edit.replaced] + edit.notes
-            if program in paths:
-                texts[paths[program]] = edit.text(heading)
-            if options.merge is not None:
-                old = into.read_text("utf-8", errors="replace")
-                texts[options.merge] = edit.merged(old, into.name, heading, *INSERT[program])
-        others = [name for name in paths if name != program]
-        if others:
-            notes.append(f"{into.name} is no deck of {' or '.join(others)}: {NUMBERED}")
-    else:
-        others = list(paths)
+    program = "" if source is None else program_of(source.file)
+    edit = None
+    replaces: list[str] = []
+    if source is not None and (program in paths or options.merge is not None):
+        progress("comparing with the deck")
+        if options.units is not None and Units.of(options.units) != Units.of(source.units):
+            msg = f"--units {options.units}: the units of {source.file.name} are {_named(source.units)}"
+            raise OutputError(msg)
+        units = source.units
+        edit = _edit(options, study, source, notes)
+    if source is not None and edit is not None:
+        cards, found = edit
+        lines, into = found.lines, source.file
+        heading = (*lines, f"units {_named(units)}", PLACE[program].format(into.name))
+        notes += [f"case control needs {line}" for line in cards.control]
+        replaces = [str(card) for card in cards.replaced]
+        if replaces:
+            notes.append(f"replaces {listed(replaces)}")
+        notes += cards.notes
+        if program in paths:
+            texts[paths[program]] = cards.text(heading)
+        if options.merge is not None:
+            old = into.read_text("utf-8", errors="replace")
+            texts[options.merge] = cards.merged(old, into.name, heading, *INSERT[program])
+    others = [name for name in paths if edit is None or name != program]
+    if others and source is not None and edit is not None:
+        notes.append(f"{source.file.name} is no deck of {' or '.join(others)}: {NUMBERED}")
     if others:
         progress("making the deck")
         deck, lines = exported_deck(study, whole=options.whole)
-        heading = (*lines, f"units {options.units or 'SI'}")
-        texts |= {paths[name]: WRITERS[name](deck, options.units or "SI", heading, MODES) for name in others}
+        heading = (*lines, f"units {_named(units)}")
+        texts |= {paths[name]: WRITERS[name](deck, Units.of(units), heading, MODES) for name in others}
         notes += deck.notes
     for path, text in texts.items():
         with replacing(path) as scratch:
             scratch.write_text(text, "utf-8")
+    if options.merge is not None and source is not None and edit is not None:
+        progress("reading the merged deck")
+        notes.append(_agreement(options.merge, source, edit[1].model))
     if options.uff is not None:
         progress("solving for modes")
         write_modes(
@@ -152,9 +214,10 @@ def run(options: Options, progress: Progress) -> Answer:
         [*lines, *(f"{name}: {path}" for name, path in files.items()), *noted(notes)],
         {
             "files": files,
-            "units": units,
+            "units": _named(units),
             "whole": options.whole,
             "exported": lines,
+            "replaces": replaces,
             "notes": notes,
         },
     )

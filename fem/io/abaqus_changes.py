@@ -1,8 +1,8 @@
-"""Keywords of Abaqus and CalculiX that change a deck: they keep its names, and name the lines they replace."""
+"""Keywords of Abaqus and CalculiX that change a deck: they keep its names and numbers."""
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -16,7 +16,7 @@ from fem.io.abaqus_frame import read_abaqus_frame
 from fem.io.abaqus_supports import dofs_of_row
 from fem.io.abaqus_systems import Systems
 from fem.io.abaqus_write import keywords, row, section_keywords, with_ends
-from fem.io.deck import real
+from fem.io.deck import real, words
 from fem.io.deck_nodes import bar_axes, directions_in, wrapped
 from fem.io.deck_units import Units
 from fem.io.frame_deck import Bars, Body, Connection
@@ -36,26 +36,10 @@ from fem.materials import Material
 
 SECTIONS = ("BEAMSECTION", "BEAMGENERALSECTION", "SOLIDSECTION")
 OF_SECTION = ("TRANSVERSESHEARSTIFFNESS", "CENTROID", "SHEARCENTER", "BEAMSECTIONOFFSET")
-OF_MATERIAL = [
-    "ELASTIC",
-    "DENSITY",
-    "DAMPING",
-    "PLASTIC",
-    "EXPANSION",
-    "CONDUCTIVITY",
-    "SPECIFICHEAT",
-    "CREEP",
-    "VISCOELASTIC",
-    "HYPERELASTIC",
-    "DEPVAR",
-    "USERMATERIAL",
-    "LATENTHEAT",
-    "RATEDEPENDENT",
-    "CYCLICHARDENING",
-    "NOCOMPRESSION",
-    "FAILSTRESS",
-    "FAILSTRAIN",
-]
+OF_MATERIAL = words(
+    """ELASTIC DENSITY DAMPING PLASTIC EXPANSION CONDUCTIVITY SPECIFICHEAT CREEP VISCOELASTIC HYPERELASTIC
+    DEPVAR USERMATERIAL LATENTHEAT RATEDEPENDENT CYCLICHARDENING NOCOMPRESSION FAILSTRESS FAILSTRAIN"""
+)
 """Keywords that belong to the *MATERIAL before them."""
 _ITEM = re.compile(r"(MASS|ROTARYI|SPRING[12A]|DASHPOT[12A]) (\d+)")
 _NODE = re.compile(r"(?:node|BOUNDARY at node) (\d+)")
@@ -79,11 +63,12 @@ def abaqus_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
         msg = f"{part.place}: the deck has parts and instances, whose numbers repeat"
         raise SourceError(msg)
     content = read_content(path, units)
-    words = re.findall(r"(\d+)\b", " ".join(str(v) for b in blocks for v in b.options.values()))
+    names = (b.options.get(key, "") for b in blocks for key in ("NAME", "ELSET", "NSET"))
+    ends = [found[0] for name in names if (found := re.search(r"\d{1,8}$", name))]
     first = {
         "node": 1 + max(map(int, content.mesh.point_numbers), default=0),
         "element": 1 + max(map(int, content.mesh.line_numbers), default=0),
-        "name": 1 + max((int(w) for w in words if len(w) < 9), default=0),
+        "name": 1 + max(map(int, ends), default=0),
     }
     changes = source_changes(model_deck, read_abaqus_frame(path, units), first)
     return _Writer(blocks, content, changes).edit()
@@ -150,7 +135,7 @@ class _Writer:
         label = next((f", {k}={block.options[k]}" for k in ("NAME", "ELSET") if k in block.options), "")
         self.out.replace(SourceCard(f"*{block.name}{label}", block.file, self._lines(block)), by=by)
 
-    def _after(self, block: Block, kinds: Sequence[str]) -> list[Block]:
+    def _after(self, block: Block, kinds: Collection[str]) -> list[Block]:
         """Return the blocks that follow one and belong to it."""
         at = next(k for k, b in enumerate(self.blocks) if b.line == block.line and b.file == block.file)
         out = []

@@ -69,6 +69,7 @@ def keywords(deck: ModelDeck, u: Units) -> list[str]:
 
 
 def row(*values: object) -> str:
+    """Return a data line."""
     return ", ".join(repr(float(v)) if isinstance(v, float) else str(v) for v in values)
 
 
@@ -110,6 +111,7 @@ def _type(p: BarProperty) -> str:
 
 
 def section_keywords(p: BarProperty, name: str, y: np.ndarray, material: int, u: Units) -> Iterator[str]:
+    """Yield the section of an element set, by its constants."""
     m, (s, comment) = p.material, mean_section(p, "**")
     yield from comment
     if p.theory == "bar":

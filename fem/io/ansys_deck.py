@@ -532,7 +532,9 @@ class _Reader:
         every = fields[0].upper() == "ALL"
         names = set[str]() if every else {f"CE {n}" for n in self._range(fields, 0)}
         self.deck.equations = [
-            row for row in self.deck.equations if not (row[0] in names or (every and row[0].startswith("CE ")))
+            row
+            for row in self.deck.equations
+            if row[0] not in names and not (every and row[0].startswith("CE "))
         ]
 
     def _terms(self, fields: list[str]) -> list[tuple[int, int, float]]:

@@ -116,6 +116,7 @@ def commands(
 
 
 def command(name: str, *values: object) -> str:
+    """Return a command with its fields."""
     return ",".join([name, *(repr(float(v)) if isinstance(v, float) else str(v) for v in values)])
 
 
@@ -166,6 +167,7 @@ def _bars(
 
 
 def section_commands(p: BarProperty, n: int, u: Units) -> Iterator[str]:
+    """Yield the section of bars, by its constants."""
     s, line = p.section, float(p.mass_per_length / u.mass_per_length)
     if p.theory == "bar":
         area = command("SECDATA", float(s.A / u.area))

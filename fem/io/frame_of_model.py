@@ -131,7 +131,7 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
     file : str
         Name of the deck.
     """
-    model, springs = _with_places(model)
+    model, springs = with_places(model)
     parts = _Parts(points=list(model.mesh.points))
     bars, properties = _bars(model, springs)
     _add_constraints(model, parts)
@@ -165,7 +165,7 @@ def _numbers(mesh: Mesh, n: int) -> Ints:
     return np.array([named[row] if row in named else next(free) for row in range(n)])
 
 
-def _with_places(model: Model) -> tuple[Model, list[tuple[int, int, str, float]]]:
+def with_places(model: Model) -> tuple[Model, list[tuple[int, int, str, float]]]:
     """Return a model with points where members crack or carry masses, and springs at ends of lines.
 
     A spring is a line, its end 0 or 1, a local direction and a stiffness.

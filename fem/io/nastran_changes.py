@@ -160,7 +160,7 @@ class _Writer:
 
     def _replace(self, old: Card, *by: str) -> None:
         ref = self.refs.get(old.place)
-        if ref is None or not ref[1] == old.name:
+        if ref is None or ref[1] != old.name:
             self.out.notes.append(f"take out of the deck what these cards replace: {old} at {old.place}")
             self.out.lines += by
             return
@@ -388,7 +388,7 @@ class _Writer:
     # Elements -----------------------------------------------------------------------------------------------
 
     def _bar(self, deck: ModelDeck, k: int, piece: Piece, free: Iterator[int]) -> None:
-        c, b = self.changes, deck.bars
+        c = self.changes
         v = c.variants[piece.variant] if piece.variant >= 0 else None
         settled = v is None or self._key(v) in self.in_place or (not v.section and self._is_in_place(v))
         if settled and not piece.joined:

@@ -111,6 +111,7 @@ def card(name: str, *fields: Any) -> list[str]:
 
 
 def nodes_and_supports(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield the nodes that the other model does not have, and the supports."""
     for row, (n, place) in enumerate(zip(deck.nodes, deck.points, strict=True)):
         if row not in deck.known:
             # a source deck may have defaults of the systems (GRDSET)
@@ -163,6 +164,7 @@ def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
 
 
 def bar_card(p: BarProperty) -> str:
+    """Return the name of the card of bars with a property."""
     return "CBAR" if p.theory == "euler-bernoulli" and p.section2 is None else "CBEAM"
 
 

@@ -1,7 +1,7 @@
-"""What a model changes of the deck that it was made of, in the numbers of that deck.
+"""Changes that a model makes to the deck that it was made of, in the numbers of that deck.
 
-:func:`source_changes` compares the deck of the model with the source, element by element and card by card. The
-modules ``nastran_changes``, ``abaqus_changes`` and ``ansys_changes`` write the changes as cards.
+:func:`source_changes` compares the deck of the model with the source, element by element and card by card.
+The modules ``nastran_changes``, ``abaqus_changes`` and ``ansys_changes`` write the changes as cards.
 """
 
 import math
@@ -242,6 +242,13 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     """
     before = _in_source(deck_of(model_of(source), source.file), source)
     after = _in_source(model_deck, source)
+    own, shared = ({*d.bars.ends.ravel().tolist()} & {*range(len(source.nodes))} for d in (before, after))
+    if 2 * len(own & shared) < len(own):
+        msg = (
+            f"{source.file}: {len(own & shared)} of its {len(own)} nodes on bars are points of the study; "
+            "is this the deck that the study was made of, and are these its units?"
+        )
+        raise MeshError(msg)
     old = _pieces_by_bar(before, source, _used(before))
     before = replace(
         before, bars=taken(before.bars, [old[k][0] if old[k] else (0, False) for k in range(len(old))])
@@ -592,6 +599,7 @@ def _close(a: float, b: float) -> bool:
 
 
 def same_material(a: Material, b: Material) -> bool:
+    """Whether two materials have the same values, whatever their names."""
     return all(_close(getattr(a, k), getattr(b, k)) for k in ("E", "rho", "nu", "loss_factor"))
 
 

@@ -3,6 +3,7 @@
 import re
 import warnings
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -44,10 +45,7 @@ def frame() -> tuple[dict[int, np.ndarray], list[tuple[int, int, int, str]]]:
         chain = [a, *range(31 + 10 * len(elements), 31 + 10 * len(elements) + PIECES - 1), b]
         for k, n in enumerate(chain[1:-1], 1):
             nodes[n] = nodes[a] + (nodes[b] - nodes[a]) * k / PIECES
-        elements += [
-            (101 + len(elements) + k, i, j, kind)
-            for k, (i, j) in enumerate(zip(chain, chain[1:], strict=False))
-        ]
+        elements += [(101 + len(elements) + k, i, j, kind) for k, (i, j) in enumerate(pairwise(chain))]
     return nodes, elements
 
 
@@ -60,9 +58,7 @@ def nastran() -> str:
         "rail": ("CBEAM", 5, "0.,0.,1."),
         "brace": ("CBAR", 9, "0.,0.,1."),
     }
-    bars = [
-        "{},{},{},{},{},{}".format(cards[k][0], n, cards[k][1], i, j, cards[k][2]) for n, i, j, k in elements
-    ]
+    bars = [f"{cards[k][0]},{n},{cards[k][1]},{i},{j},{cards[k][2]}" for n, i, j, k in elements]
     return "\n".join(
         (
             "SOL 103",
