@@ -94,12 +94,12 @@ class _Writer:
         deck = self._removed(replace(c.deck, axes=dict(systems.nodal)))
         for name, material in c.materials.items():
             self._material_in_place(name, material)
-        kind_of = self._kinds()
         sections = {id(p.block): p.block for p, _ in self.content.model_data(*SECTIONS)}
         section_of: dict[int, int] = {}
         for placed, instance in self.content.model_data(*SECTIONS):
             for k in self.content.elements(placed, instance.name):
                 section_of[self.content.number(k)] = id(placed.block)
+        kind_of = self._kinds({n: sections[k] for n, k in section_of.items()})
         members: dict[int, dict[int, list[int]]] = defaultdict(lambda: defaultdict(list))
         for number, section in section_of.items():
             members[section][kind_of.get(number, -1)].append(number)
@@ -201,7 +201,7 @@ class _Writer:
 
     # Sections -----------------------------------------------------------------------------------------------
 
-    def _kinds(self) -> dict[int, int]:
+    def _kinds(self, section_of: dict[int, Block]) -> dict[int, int]:
         """Return the variant of each changed element, -1 where its section stays, or OWN."""
         c, out = self.changes, {}
         rows = defaultdict(list)
@@ -216,7 +216,7 @@ class _Writer:
                 c.before.bars.offsets[rows[n]].any()
                 or c.source.properties[c.source.bars.properties[piece.source]].section.angle
             )
-            found = -1 if v is None or self._is_settled(v) else piece.variant
+            found = -1 if v is None or self._is_settled(v, section_of[n]) else piece.variant
             if len(rows[n]) > 1 and (piece.joined or found >= 0):
                 found = OWN  # an element of three nodes becomes two of two
             if shifted and (piece.joined or (v is not None and v.section)):
@@ -226,10 +226,16 @@ class _Writer:
             out[n] = found
         return out
 
-    def _is_settled(self, v: Variant) -> bool:
-        """Whether a changed property is that of a material which is replaced."""
+    def _is_settled(self, v: Variant, section: Block) -> bool:
+        """Whether a changed property is that of a material which is replaced.
+
+        Shear stiffnesses and constants of a section do not follow its material.
+        """
         name = self.changes.source.properties[v.source].material.name
-        return not v.section and any(
+        given = not section.options.get("MATERIAL") or OF_SECTION[0] in [
+            b.keyword for b in self._after(section, OF_SECTION)
+        ]
+        return not (v.section or given) and any(
             of == name == called and same_material(m, v.new.material) for of, m, called in self.made
         )
 
