@@ -310,3 +310,115 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
     bound = 5e-5 if "end release" in case or "within" in case else 1e-7
     for deck in (hand, merged):
         assert np.abs(frequencies(deck) / expected - 1).max() < bound, out.read_text()
+
+
+@pytest.fixture
+def found(tmp_path, monkeypatch):
+    """The folder of a study of a Nastran deck with an end release."""
+    monkeypatch.chdir(tmp_path)
+    Path("frame.bdf").write_text(nastran())
+    assert main(["new", "s", "--from", "frame.bdf", "--units", "mm-t-s"]) == 0
+    folder = Path("s")
+    text = (folder / "study.toml").read_text()
+    (folder / "found.toml").write_text(CASES["end release"](folder, text.replace("E = 210e9", "E = 199e9")))
+    return folder
+
+
+def numbers(deck: str, card: str) -> list[int]:
+    return [int(n) for n in re.findall(rf"^{card}(?:\*\s+|,)(\d+)", deck, re.MULTILINE)]
+
+
+def test_cards_keep_the_numbers_of_the_deck_and_name_what_they_replace(found, capsys):
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    printed, cards = capsys.readouterr().out, Path("cards.bdf").read_text()
+    deck = nastran()
+    assert numbers(cards, "MAT1") == [7]
+    assert "$ replaces MAT1 7 of frame.bdf, line 8" in cards
+    assert "1.2-5" in cards  # thermal expansion, which no frame model has
+    (element,) = numbers(cards, "CBAR")
+    assert element in numbers(deck, "CBAR")
+    assert f"$ replaces CBAR {element} of frame.bdf" in cards
+    assert "PBAR" not in cards
+    assert "PBEAM" not in cards
+    assert min(numbers(cards, "GRID")) > max(numbers(deck, "GRID"))
+    assert min(numbers(cards, "CBUSH")) > 202
+    assert min(numbers(cards, "PBUSH")) > 50
+    assert "$ case control: MPC = 1" in cards
+    assert "units mm-t-s" in cards
+    assert "\nMPC = 1\nBEGIN BULK" in Path("merged.bdf").read_text()
+    assert "$ replaced: MAT1,7," in Path("merged.bdf").read_text()
+    assert "merged.bdf, read again: its natural frequencies are those of the study" in printed
+
+
+def test_source_may_be_given_and_lost(found, capsys):
+    study = Path("s/found.toml").read_text()
+    Path("deck").mkdir()
+    Path("frame.bdf").rename("deck/frame.bdf")
+    assert main(["export", "s/found.toml", "--nastran", "lost.bdf"]) == 0
+    assert "frame.bdf, the deck of [source], is not there: new cards have numbers from 900001" in (
+        capsys.readouterr().out
+    )
+    lost = Path("lost.bdf").read_text()
+    assert [numbers(lost, card) for card in ("GRID", "MAT1", "PBEAM", "MPC")] == [[900001]] * 3 + [
+        [900001] * 5
+    ]
+    Path("s/found.toml").write_text(re.sub(r"\[source\]\nfile.*\nunits.*\n", "", study))
+    into = ["--into", "deck/frame.bdf", "--units", "mm-t-s"]
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", *into]) == 0
+    assert "$ replaces MAT1 7 of frame.bdf, line 8" in Path("cards.bdf").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--merge", "m.bdf", "--units", "SI"], "--units SI: the units of frame.bdf are mm-t-s"),
+        (["--merge", "m.bdf", "--into", "none.bdf"], "--into none.bdf: a deck that is there is needed"),
+        (["--merge", "m.bdf", "--whole"], "--merge m.bdf needs the source deck: it takes no --whole"),
+        (["--merge", "frame.bdf"], "frame.bdf"),
+        (["--merge", "m.bdf", "--into", "frame.bdf", "--units", "SI"], "are these its units?"),
+    ],
+)
+def test_errors_of_the_source_are_one_line(found, capsys, options, message):
+    capsys.readouterr()
+    assert main(["export", "s/found.toml", *options]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error
+    assert Path("frame.bdf").read_text() == nastran()
+
+
+def test_study_of_an_unchanged_deck_has_nothing_to_export(found, capsys):
+    assert main(["export", "s/study.toml", "--nastran", "cards.bdf"]) == 2
+    assert "its model is that of frame.bdf: there is nothing to export" in capsys.readouterr().err
+
+
+def test_constant_shear_stiffness_does_not_follow_a_fitted_modulus(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = abaqus().replace("0., 1., 0.\n", "0., 1., 0.\n*TRANSVERSE SHEAR STIFFNESS\n2.E6, 1.E6\n")
+    Path("frame.inp").write_text(text)
+    assert main(["new", "s", "--from", "frame.inp", "--units", "mm-t-s"]) == 0
+    found = Path("s/found.toml")
+    found.write_text(Path("s/study.toml").read_text().replace("E = 210e9", "E = 160e9"))
+    assert main(["export", "s/found.toml", "--abaqus", "cards.inp", "--merge", "merged.inp"]) == 0
+    assert np.abs(frequencies(Path("merged.inp")) / frequencies(found) - 1).max() < 1e-9
+
+
+def test_deck_with_parts_keeps_its_numbers_apart(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    head, _, rest = abaqus().partition("*NODE")
+    body, _, step = rest.partition("*BOUNDARY")
+    feet = step.replace("11, 1, 6", "P-1.11, 1, 6").replace("17, 1, 6", "P-1.17, 1, 6")
+    feet = feet.replace("18, 2, 4", "P-1.18, 2, 4")
+    materials, _, rest = body.partition("*MATERIAL")
+    materials, _, sections = ("*MATERIAL" + rest).partition("*BEAM SECTION")
+    part = f"*PART, NAME=P\n*NODE{body.partition('*MATERIAL')[0]}*BEAM SECTION{sections}*END PART\n"
+    assembly = "*ASSEMBLY, NAME=A\n*INSTANCE, NAME=P-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n"
+    Path("frame.inp").write_text(f"{head}{part}{assembly}{materials}*BOUNDARY{feet}")
+    assert main(["new", "s", "--from", "frame.inp", "--units", "mm-t-s"]) == 0
+    Path("s/found.toml").write_text(
+        Path("s/study.toml").read_text() + effect("support_flexibility:node 17.ry", stiffness=9000.0)
+    )
+    assert main(["export", "s/found.toml", "--abaqus", "cards.inp"]) == 0
+    assert "the deck has parts and instances, whose numbers repeat: new cards have numbers from 900001" in (
+        capsys.readouterr().out
+    )
