@@ -146,7 +146,7 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]
 
 
 def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, float]:
-    """Return the largest relative differences of a deck's first natural frequencies from those of a model [-].
+    """Return the largest relative differences of a deck's first frequencies from those of a model [-].
 
     The first is to the model, with nodes where members carry masses or crack. The second is to the model as a
     deck has it: the node behind a released end moves freely, and is not condensed.

@@ -47,7 +47,7 @@ PLACE: Mapping[str, str] = {
 }
 AGREEMENT = 1e-4
 """Difference of natural frequencies up to which a deck is its model [-]."""
-NUMBERED = "new cards have numbers from 900001 (ANSYS: tables from 9001), and bars those of the study's lines, from 1"
+NUMBERED = "new cards are numbered from 900001 (ANSYS: tables from 9001), bars as the lines of the study"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -185,14 +185,14 @@ def run(options: Options, progress: Progress) -> Answer:
         lines, into = found.lines, source.file
         heading = (*lines, f"units {_named(units)}", PLACE[program].format(into.name))
         notes += [f"case control needs {line}" for line in cards.control]
-        replaces = [str(card) for card in cards.replaced]
+        replaces = [*map(str, cards.replaced), *cards.redefined]
         if replaces:
             notes.append(f"replaces {listed(replaces)}")
         notes += cards.notes
         if program in paths:
             texts[paths[program]] = cards.text(heading)
         if options.merge is not None:
-            old = into.read_text("utf-8", errors="replace")
+            old = into.read_text("utf-8", errors="surrogateescape")
             texts[options.merge] = cards.merged(old, into.name, heading, *INSERT[program])
     others = [name for name in paths if edit is None or name != program]
     if others and source is not None and edit is not None:
@@ -205,7 +205,7 @@ def run(options: Options, progress: Progress) -> Answer:
         notes += deck.notes
     for path, text in texts.items():
         with replacing(path) as scratch:
-            scratch.write_text(text, "utf-8")
+            scratch.write_text(text, "utf-8", errors="surrogateescape")
     if options.merge is not None and source is not None and edit is not None:
         progress("reading the merged deck")
         notes.append(_agreement(options.merge, source, edit[1].model))

@@ -66,8 +66,8 @@ def abaqus_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
     names = (b.options.get(key, "") for b in blocks for key in ("NAME", "ELSET", "NSET"))
     ends = [found[0] for name in names if (found := re.search(r"\d{1,8}$", name))]
     first = {
-        "node": 1 + max(map(int, content.mesh.point_numbers), default=0),
-        "element": 1 + max(map(int, content.mesh.line_numbers), default=0),
+        "node": 1 + int(np.max(np.asarray(content.mesh.point_numbers), initial=0)),
+        "element": 1 + int(np.max(np.asarray(content.mesh.line_numbers), initial=0)),
         "name": 1 + max(map(int, ends), default=0),
     }
     changes = source_changes(model_deck, read_abaqus_frame(path, units), first)

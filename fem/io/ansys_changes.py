@@ -68,6 +68,12 @@ class _Writer:
         self.tables = count(self.first["table"])
         self.made: list[tuple[int, Material, int]] = []
         self.sections: dict[tuple[int, int], int] = {}
+        bars = changes.source.bars
+        self.element_of = {
+            int(k): self.elements[int(bars.numbers[row])]
+            for k, row in zip(*np.unique(bars.properties, return_index=True), strict=True)
+        }
+        self.is_simple: dict[int, bool] = {}
 
     def edit(self) -> DeckEdit:
         """Return the commands."""
@@ -100,7 +106,7 @@ class _Writer:
             if not c.pieces[k].first or c.pieces[k].source < 0:
                 numbers[k] = next(free)
             elif c.pieces[k].source >= 0:
-                self.out.lines.append(f"! redefines element {numbers[k]} of {self.archive.file}")
+                self._redefine(f"element {numbers[k]}")
         chosen = taken(replace(deck.bars, numbers=numbers), [(k, False) for k in own])
         used, which = np.unique(chosen.properties, return_inverse=True)
         deck = replace(
@@ -116,6 +122,7 @@ class _Writer:
         return self.out
 
     def _redefine(self, what: str, *lines: str) -> None:
+        self.out.redefined.append(f"{what} of {self.archive.file}")
         self.out.lines += [f"! redefines {what} of {self.archive.file}", *lines]
 
     def _delete(self, element: int) -> None:
@@ -179,9 +186,7 @@ class _Writer:
 
     def _old(self, source: int) -> tuple[Element, Material]:
         """Return an element with a property, and the material of it."""
-        bars = self.changes.source.bars
-        row = int(np.flatnonzero(bars.properties == source)[0])
-        return self.elements[int(bars.numbers[row])], self.changes.source.properties[source].material
+        return self.element_of[source], self.changes.source.properties[source].material
 
     def _material_lines(self, old: int, n: int, new: Material) -> list[str]:
         """Return the commands of a material with the values of another one in proportion."""
@@ -222,6 +227,11 @@ class _Writer:
 
     def _simple(self, source: int) -> bool:
         """Whether constants of a section along the axes of its elements stand for it."""
+        if source not in self.is_simple:
+            self.is_simple[source] = self._found_simple(source)
+        return self.is_simple[source]
+
+    def _found_simple(self, source: int) -> bool:
         c = self.changes
         rows = np.flatnonzero(c.source.bars.properties == source)
         p = c.source.properties[source]

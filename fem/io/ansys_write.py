@@ -132,9 +132,9 @@ def _bars(
     deck: ModelDeck, u: Units, numbers: _Numbers, attributes: Mapping[int, Attributes]
 ) -> Iterator[str]:
     """Yield materials, sections and bars: LINK180, and cubic BEAM188 with a node towards the height."""
-    for k, (tables, up) in attributes.items():
+    for k, (tables, toward) in attributes.items():
         yield from (f"{name},{n}" for name, n in tables.items())
-        yield command("EN", deck.bars.numbers[k], *deck.nodes[deck.bars.ends[k]], *up)
+        yield command("EN", deck.bars.numbers[k], *deck.nodes[deck.bars.ends[k]], *toward)
     if len(attributes) == len(deck.bars.numbers):
         return
     beam, rod = numbers.next("table"), numbers.next("table")

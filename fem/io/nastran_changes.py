@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fem.io.array_types import Floats
-from fem.io.deck_nodes import bar_axes, directions_in, solved_equations, with_nodes, wrapped
+from fem.io.deck_nodes import all_matrices, bar_axes, directions_in, solved_equations, with_nodes, wrapped
 from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Bars
 from fem.io.frame_of_model import ModelDeck
@@ -105,6 +105,8 @@ class _Writer:
         self.new_properties: dict[tuple[int, str], int] = {}
         self.in_place: set[str] = set()
         self.skew: set[int] = set()
+        self.property_cards: dict[int, Card | None] = {}
+        self.shifted: dict[int, bool] = {}
 
     def edit(self) -> DeckEdit:
         """Return the cards."""
@@ -139,7 +141,7 @@ class _Writer:
         self.out.control += [
             f"{key} = {self.first[key]}" for key, used in sets.items() if used and not self._is_selected(key)
         ]
-        used = [key for key in "KMCD" if any(getattr(m, key).any() for m in deck.matrices)]
+        used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(bare))]
         self.out.control += [f"{MATRICES[key]} = {key}EFF" for key in used]
         return self.out
 
@@ -310,6 +312,11 @@ class _Writer:
 
     def _property_card_of(self, source: int) -> Card | None:
         """Return the card of one of the source's properties; None of rods with their own."""
+        if source not in self.property_cards:
+            self.property_cards[source] = self._found_property_card(source)
+        return self.property_cards[source]
+
+    def _found_property_card(self, source: int) -> Card | None:
         bars = self.changes.source.bars
         element = self.elements[int(bars.numbers[np.flatnonzero(bars.properties == source)[0]])]
         if element.name == "CONROD":
@@ -321,6 +328,11 @@ class _Writer:
 
     def _shifted(self, source: int) -> bool:
         """Whether the axes of a property are not those of its elements, or lie off their nodes."""
+        if source not in self.shifted:
+            self.shifted[source] = self._is_shifted(source)
+        return self.shifted[source]
+
+    def _is_shifted(self, source: int) -> bool:
         c = self.changes
         rows = np.flatnonzero(c.source.bars.properties == source)
         p = c.source.properties[source]
@@ -432,7 +444,7 @@ class _Writer:
         return self._new_property(p, "own")
 
     def _copied(self, deck: ModelDeck, k: int, old: Card, n: int, prop: int, piece: Piece) -> list[str]:
-        """Return an element's card with another property, and with other nodes and pins where these differ."""
+        """Return an element's card with another property, and other nodes and pins where these differ."""
         fields = _padded(old, 16 if old.name in ("CBAR", "CBEAM") else 8)
         fields[:2] = [str(n), str(prop)]
         if not piece.joined:

