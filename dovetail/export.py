@@ -5,20 +5,33 @@ import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from dovetail.file.contents import Study
+import numpy as np
+
+from dovetail.file.contents import SourceDeck, Study
 from dovetail.file.table import StudyError
 from dovetail.report import words
 from dovetail.result import program_version
+from fem.analysis.modes import first_modes
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
+from fem.io import programs
+from fem.io.abaqus_changes import abaqus_changes
 from fem.io.abaqus_write import abaqus_text
+from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
-from fem.io.frame_of_model import ModelDeck, deck_of
+from fem.io.deck_nodes import with_nodes
+from fem.io.deck_units import Units
+from fem.io.frame_model import model_of, read_deck
+from fem.io.frame_of_model import ModelDeck, deck_of, with_places
+from fem.io.nastran_changes import nastran_changes
 from fem.io.nastran_write import nastran_text
+from fem.io.source_changes import DeckEdit
 from fem.model import Model, ParameterRef, parameter_values
+from fem.system import assemble
 from updating.diagnosis.findings import EffectParameter
 
 WRITERS: Mapping[str, Callable[..., str]] = {
@@ -26,6 +39,14 @@ WRITERS: Mapping[str, Callable[..., str]] = {
     "abaqus": abaqus_text,
     "ansys": ansys_text,
 }
+CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {
+    "nastran": nastran_changes,
+    "abaqus": abaqus_changes,
+    "ansys": ansys_changes,
+}
+"""Writers of cards that change a deck."""
+CHECKED_MODES = 10
+"""Modes by which a merged deck is compared with its model."""
 RESULT = "result.json"
 OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
 """Effects of instruments, which the structure does not have."""
@@ -50,6 +71,27 @@ class Fitted:
     sure: bool
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Exported:
+    """What of a study is exported.
+
+    Attributes
+    ----------
+    model, before : Model
+        The structure without the test's instruments, and the same without what was found.
+    found : mapping of str to str
+        Values of effects in words by name.
+    lines, notes : tuple of str
+        Sentences on what was found, and on what is left out.
+    """
+
+    model: Model
+    before: Model
+    found: Mapping[str, str]
+    lines: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
 def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
@@ -60,17 +102,83 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     StudyError
         If cards for what was found are asked for, and the study has no effects and no fitted values.
     """
-    result = _result(study)
-    (found, none), nominal = _effects(study, result), _nominal(study.model, result)
-    head = f"{study.path.name}, study {study.name}; dovetail {program_version()}"
     if whole:
-        return _titled(deck_of(study.model, study.name), found), (f"model of {head}", *_lines(found))
-    if not found and not nominal:
+        found = _effects(study, _result(study))[0]
+        lines = (f"model of {_head(study)}", *_lines(found))
+        return _titled(deck_of(study.model, study.name), found), lines
+    one = exported(study)
+    if not one.found and one.model is one.before:
         msg = (
             f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is next to it; --whole "
             "exports the model"
         )
         raise StudyError(msg)
+    deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
+    deck = _titled(deck, one.found)
+    return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
+
+
+def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]:
+    """Return the cards that make a study's source deck the study's model, and that model.
+
+    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments.
+
+    Raises
+    ------
+    StudyError
+        If the model is that of the deck.
+    MeshError
+        If the deck cannot be read.
+    SourceError
+        If cards cannot keep its numbers.
+    """
+    one = exported(study)
+    deck = _titled(deck_of(one.model, study.name), one.found)
+    edit = CHANGES[program_of(source.file)](deck, source.file, Units.of(source.units))
+    if not edit.lines and not edit.notes:
+        msg = f"{study.path}: its model is that of {source.file.name}: there is nothing to export"
+        raise StudyError(msg)
+    return replace(edit, notes=[*one.notes, *deck.notes, *edit.notes]), one
+
+
+def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, float]:
+    """Return the largest relative differences of a deck's first frequencies from those of a model [-].
+
+    The first is to the model, with nodes where members carry masses or crack. The second is to the model as a
+    deck has it: the node behind a released end moves freely, and is not condensed.
+
+    Raises
+    ------
+    MeshError
+        If the deck cannot be read.
+    """
+    as_deck = model_of(with_nodes(deck_of(model), arms=None))
+    one, *others = (
+        first_modes(assemble(m, reciprocal=False), CHECKED_MODES).frequency
+        for m in (model_of(read_deck(deck, source.units)), with_places(model)[0], as_deck)
+    )
+    out = []
+    for other in others:
+        n = min(len(one), len(other))
+        moving = other[:n] > 1e-3 * other[:n].max(initial=0.0)  # rigid motions have no frequency to compare
+        out.append(float(np.abs(one[:n][moving] / other[:n][moving] - 1).max(initial=0.0)))
+    return out[0], out[1]
+
+
+def program_of(deck: Path) -> str:
+    """Return the program of a deck, empty for other files."""
+    return (programs.program_of(deck) or "").lower()
+
+
+def _head(study: Study) -> str:
+    return f"{study.path.name}, study {study.name}; dovetail {program_version()}"
+
+
+def exported(study: Study) -> Exported:
+    """Return the model to export, and the same without what was found."""
+    result = _result(study)
+    (found, none), nominal = _effects(study, result), _nominal(study.model, result)
+    head = _head(study)
     out = {
         e.name: "it belongs to the test, not to the structure"
         if isinstance(e, OF_THE_TEST)
@@ -89,7 +197,6 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         {ref: each.nominal for ref, each in moved.items()}
     )
     found = {name: text for name, text in found.items() if name not in out}
-    deck = _titled(changed_deck(deck_of(model, study.name), deck_of(before, study.name)), found)
     notes = [
         f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
         for why in dict.fromkeys(out.values())
@@ -103,7 +210,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
         names = ", ".join(f"{e} {p}" for e, p in fitted if (e, p) not in sure)
         notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
-    return replace(deck, notes=(*notes, *deck.notes)), lines
+    return Exported(model, before if found or moved else model, found, lines, tuple(notes))
 
 
 def _lines(found: Mapping[str, str]) -> list[str]:

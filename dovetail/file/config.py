@@ -22,7 +22,7 @@ from dovetail.file.connections import (
     read_sprung_masses,
     read_viscoelastic,
 )
-from dovetail.file.contents import Study
+from dovetail.file.contents import SourceDeck, Study
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import as_mounted, read_faults
@@ -82,6 +82,7 @@ from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
+from fem.io.deck_units import Units
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
@@ -95,6 +96,7 @@ NEEDS = ("sensors", "measurements")
 
 TABLES = (
     "study",
+    "source",
     "mesh",
     "points",
     "members",
@@ -457,6 +459,7 @@ class _Reader:
             baseline_frfs=self._baseline_frfs(measurements, sensors, excitations, faults, notes),
             changes=read_changes(top),
             states=self._states(self._modal_test(raw, sensors, excitations)),
+            source=self._source(),
         )
 
     def _modal_test(
@@ -544,6 +547,21 @@ class _Reader:
         description = head.get("description", "")
         head.finish()
         return name, description
+
+    def _source(self) -> SourceDeck | None:
+        """Read ``[source]``, the deck that the study was made of; the file need not be there."""
+        if "source" not in self.top:
+            return None
+        table = self.top.table("source")
+        file = self.path.parent / table.text("file")
+        units = table.get("units", "SI")
+        try:
+            units = units if isinstance(units, str) else tuple(map(float, units))
+            Units.of(units)
+        except (TypeError, ValueError) as reason:
+            table.refuse("units", f"{reason}")
+        table.finish()
+        return SourceDeck(file, units)
 
     def _parts(self, geometry: Geometry, notes: list[str]) -> "_Parts":
         """Read the parts of the structure that need no mesh of elements."""

@@ -25,6 +25,21 @@ from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor
 
 
+@dataclass(frozen=True, slots=True)
+class SourceDeck:
+    """The deck that a study was made of.
+
+    Attributes
+    ----------
+    file : Path
+    units : str or (length, mass, time)
+        Of the deck [m, kg, s].
+    """
+
+    file: Path
+    units: str | tuple[float, ...] = "SI"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """A structure, its measurements, and its uncertain parameters.
@@ -111,6 +126,8 @@ class Study:
         Sizes of effects that a planned test is to show.
     channel_errors : ChannelErrors
         How well sensors and excitations are described.
+    source : SourceDeck or None
+        The deck that it was made of.
     """
 
     name: str
@@ -155,6 +172,7 @@ class Study:
     unbalances: tuple[Unbalance, ...] = ()
     relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
     channel_errors: ChannelErrors = USUAL
+    source: SourceDeck | None = None
 
     @property
     def has_baseline(self) -> bool:

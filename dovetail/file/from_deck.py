@@ -6,7 +6,7 @@ supports, masses and connections are tables of the study. Read again, they are `
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,12 @@ def read_structure(
         try:
             deck = read_deck(file, units)
             if deck.properties:
-                return _of_deck(deck, Units.of(units))
+                made = _of_deck(deck, Units.of(units))
+                table = toml_table("[source]", {"file": named_from(folder, file), "units": _units(units)})
+                return replace(
+                    made,
+                    text=f"{table.rstrip()} # the deck; dovetail export keeps its numbers\n\n{made.text}",
+                )
         except MeshError as reason:
             if not mesh_will_do:
                 raise
@@ -135,6 +140,10 @@ def named_from(folder: Path, path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
     except ValueError:  # another drive
         return path.resolve().as_posix()
+
+
+def _units(units: str | Sequence[float]) -> str | list[float]:
+    return units if isinstance(units, str) else [float(x) for x in units]
 
 
 def _of_deck(deck: FrameDeck, units: Units) -> Structure:

@@ -17,6 +17,7 @@ from fem.io.programs import ABAQUS, NASTRAN, program_of
 from fem.matrices import MatricesError
 
 FILES: dict[tuple[str, ...], str] = {
+    ("source", "file"): "the source deck",
     ("mesh", "file"): "the mesh",
     ("measurements", "file"): "a measurement",
     ("measurements", "repeats"): "a repeated measurement",

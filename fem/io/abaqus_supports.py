@@ -82,12 +82,13 @@ def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, Block]]) 
         for place, cells in lines_of(block):
             label, *rest = cells
             rows = content.rows("NSET", name_of(label), instance.name, f"{place}: *BOUNDARY")
-            for dof in _dofs(content, block, place, rest):
+            for dof in dofs_of_row(content, block, place, rest):
                 for row in rows:
                     fixed.setdefault(row, {})[dof] = block
 
 
-def _dofs(content: Content, block: Block, place: str, cells: list[str]) -> Iterable[int]:
+def dofs_of_row(content: Content, block: Block, place: str, cells: list[str]) -> Iterable[int]:
+    """Return the degrees of freedom, counted from 0, that a data line fixes; ``cells`` follow the nodes."""
     word = cells[0].upper() if cells else ""
     if word in TYPES:
         return TYPES[word]

@@ -1,6 +1,6 @@
 """ANSYS commands: a model, or commands for one."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from fem.io.deck_nodes import (
     FIRST_OF_PART,
     Term,
     bar_axes,
+    directions_in,
     equation_cells,
     first_element,
     mean_section,
@@ -21,13 +22,17 @@ from fem.io.deck_nodes import (
     wrapped,
 )
 from fem.io.deck_units import Units
+from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.materials import Material
+from fem.mesh import MeshError
 from fem.model import DIRECTIONS
 
 LABEL: dict[str, str] = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
 Equations = list[tuple[str, tuple[Term, ...]]]
+Attributes = tuple[Mapping[str, int], tuple[int, ...]]
+"""Numbers of TYPE, MAT, REAL and SECNUM of a bar, and the nodes that orient it."""
 PART = 9001
 """First number of types, materials, sections and real constants of commands for a model that has others."""
 
@@ -36,9 +41,11 @@ class _Numbers:
     """Numbers of nodes, elements and tables that are given out in their order."""
 
     def __init__(self, deck: ModelDeck) -> None:
-        self.node = max(int(deck.nodes.max(initial=0)), FIRST_OF_PART - 1 if deck.part else 0)
+        free = {"node": FIRST_OF_PART, "table": PART} if deck.part else {"node": 1, "table": 1}
+        free |= deck.first
+        self.node = max(int(deck.nodes.max(initial=0)), free["node"] - 1)
         self.element = first_element(deck) - 1
-        self.table = PART - 1 if deck.part else 0
+        self.table = free["table"] - 1
 
     def next(self, of: str) -> int:
         """Return the next number of nodes, elements or tables."""
@@ -53,27 +60,47 @@ def ansys_text(
 
     Arguments are those of :func:`fem.io.nastran_write.nastran_text`.
     """
-    u = Units.of(units)
+    return text_of("!", heading, [*commands(deck, Units.of(units), modes), *notes_of("!", deck)])
+
+
+def commands(
+    deck: ModelDeck, u: Units, modes: int = 20, attributes: Mapping[int, Attributes] | None = None
+) -> list[str]:
+    """Return the commands of a deck without heading and notes.
+
+    ``attributes`` are those of bars, by row, that the other model's tables serve.
+    """
     deck = with_nodes(deck, bodies=True)
     deck = replace(
         deck,
         matrices=(*deck.matrices, *(_inertia_of(b) for b in deck.bodies if _skew(b.inertia))),
         bodies=tuple(replace(b, inertia=np.zeros((3, 3))) if _skew(b.inertia) else b for b in deck.bodies),
     )
-    deck = with_nodes(deck, offsets=True, releases=True, arms=True, springs=_springy)
+    deck = with_nodes(
+        deck,
+        offsets=True,
+        releases=True,
+        arms=True,
+        springs=lambda c: _springy(c) and not deck.axes.keys() & set(c.nodes),
+    )
     numbers, ground = _Numbers(deck), []
     lines = ["/PREP7", *([] if deck.part else [f"/TITLE,{deck.file[:60]}"])]
     lines += [
-        _command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
+        command("N", deck.nodes[k], *map(float, deck.points[k] / u.length))
         for k in range(len(deck.nodes))
         if k not in deck.known
     ]
-    lines += [*_bars(deck, u, numbers), *_bodies(deck, u, numbers)]
+    lines += [*_bars(deck, u, numbers, attributes or {}), *_bodies(deck, u, numbers)]
     lines += _springs(deck, u, numbers, ground)
     equations = solved_equations(deck, links=True)
     lines += [*_bare_nodes(deck, equations, numbers), *_equations(deck, equations, u)]
-    lines += [_command("D", deck.nodes[k], LABEL[d], 0) for k, fixed in deck.supports.items() for d in fixed]
-    lines += [_command("D", n, "ALL", 0) for n in ground]
+    for k, fixed in deck.supports.items():
+        along = directions_in(deck.axes.get(k, np.eye(3)), fixed)
+        if along is None:
+            msg = f"node {deck.nodes[k]}: {' '.join(fixed)} are fixed, which are not along its rotated axes"
+            refuse(msg, MeshError)
+        lines += [command("D", deck.nodes[k], LABEL[DIRECTIONS[i]], 0) for i in along]
+    lines += [command("D", n, "ALL", 0) for n in ground]
     if not deck.part:
         lines += [
             *_damping(deck),
@@ -85,10 +112,11 @@ def ansys_text(
             "SOLVE",
             "FINISH",
         ]
-    return text_of("!", heading, [*lines, *notes_of("!", deck)])
+    return lines
 
 
-def _command(name: str, *values: object) -> str:
+def command(name: str, *values: object) -> str:
+    """Return a command with its fields."""
     return ",".join([name, *(repr(float(v)) if isinstance(v, float) else str(v) for v in values)])
 
 
@@ -100,52 +128,61 @@ def _material(m: Material, n: int, u: Units) -> Iterator[str]:
     )
 
 
-def _bars(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
+def _bars(
+    deck: ModelDeck, u: Units, numbers: _Numbers, attributes: Mapping[int, Attributes]
+) -> Iterator[str]:
     """Yield materials, sections and bars: LINK180, and cubic BEAM188 with a node towards the height."""
-    if not deck.properties:
+    for k, (tables, toward) in attributes.items():
+        yield from (f"{name},{n}" for name, n in tables.items())
+        yield command("EN", deck.bars.numbers[k], *deck.nodes[deck.bars.ends[k]], *toward)
+    if len(attributes) == len(deck.bars.numbers):
         return
     beam, rod = numbers.next("table"), numbers.next("table")
     yield from (f"ET,{beam},BEAM188", f"KEYOPT,{beam},3,3", f"ET,{rod},LINK180")
     material, section = dict[Material, int](), list[int]()
-    for m in dict.fromkeys(p.material for p in deck.properties):
+    needed = {deck.bars.properties[k] for k in range(len(deck.bars.numbers)) if k not in attributes}
+    for m in dict.fromkeys(p.material for i, p in enumerate(deck.properties) if i in needed):
         material[m] = numbers.next("table")
         yield from _material(m, material[m], u)
-    for p in deck.properties:
+    for i, p in enumerate(deck.properties):
         section.append(numbers.next("table"))
+        if i not in needed:
+            continue
         yield from wrapped("!", p.name)
-        yield from _section(p, section[-1], u)
+        yield from section_commands(p, section[-1], u)
     height = bar_axes(deck)[:, 2]
     size = np.linalg.norm(np.diff(deck.points[deck.bars.ends], axis=1)[:, 0], axis=1)
     for k, n in enumerate(deck.bars.numbers):
-        if k in deck.known_bars:
+        if k in deck.known_bars or k in attributes:
             continue
         of, ends = deck.properties[deck.bars.properties[k]], deck.nodes[deck.bars.ends[k]]
         up: list[int] = []
         if of.theory != "bar":
             up = [numbers.next("node")]
             place = deck.points[deck.bars.ends[k, 0]] + size[k] * height[k]
-            yield _command("N", up[0], *map(float, place / u.length))
+            yield command("N", up[0], *map(float, place / u.length))
         yield f"TYPE,{rod if of.theory == 'bar' else beam}"
         yield from (f"MAT,{material[of.material]}", f"SECNUM,{section[deck.bars.properties[k]]}")
-        yield _command("EN", n, *ends, *up)
+        yield command("EN", n, *ends, *up)
 
 
-def _section(p: BarProperty, n: int, u: Units) -> Iterator[str]:
+def section_commands(p: BarProperty, n: int, u: Units) -> Iterator[str]:
+    """Yield the section of bars, by its constants."""
     s, line = p.section, float(p.mass_per_length / u.mass_per_length)
     if p.theory == "bar":
-        area = _command("SECDATA", float(s.A / u.area))
-        yield from (f"SECTYPE,{n},LINK", area, _command("SECCONTROL", 0, line))
+        area = command("SECDATA", float(s.A / u.area))
+        yield from (f"SECTYPE,{n},LINK", area, command("SECCONTROL", 0, line))
         return
     s, comment = mean_section(p, "!")
     yield from comment
     I = [float(x / u.second_moment) for x in (s.Iy, 0.0, s.Iz, 0.0, s.J)]
-    yield from (f"SECTYPE,{n},BEAM,ASEC", _command("SECDATA", float(s.A / u.area), *I, 0.0, 0.0, 0.0, 0.0))
+    yield from (f"SECTYPE,{n},BEAM,ASEC", command("SECDATA", float(s.A / u.area), *I, 0.0, 0.0, 0.0, 0.0))
     # no shear deformation: a thousand times as stiff as the area
     if p.theory == "euler-bernoulli":
         yield from wrapped("!", f"{p.name} has no rotary inertia in the study; BEAM188 has it")
     slender = p.theory != "timoshenko"
     xz, xy = (float((1e3 if slender or not k else k) * s.A * p.material.G / u.force) for k in (s.kz, s.ky))
-    yield _command("SECCONTROL", xz, 0, xy, line)
+    yield command("SECCONTROL", xz, 0, xy, line)
 
 
 def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
@@ -154,8 +191,8 @@ def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
         t, e = numbers.next("table"), numbers.next("element")
         yield from wrapped("!", b.name)
         values = [float(b.mass / u.mass)] * 3 + [float(x / u.inertia) for x in np.diag(b.inertia)]
-        yield from (f"ET,{t},MASS21", _command("R", t, *values), f"TYPE,{t}", f"REAL,{t}")
-        yield _command("EN", e, deck.nodes[b.node])
+        yield from (f"ET,{t},MASS21", command("R", t, *values), f"TYPE,{t}", f"REAL,{t}")
+        yield command("EN", e, deck.nodes[b.node])
 
 
 def _skew(inertia: Floats) -> bool:
@@ -182,14 +219,14 @@ def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) ->
         one, two = c.nodes
         if two is None:  # a fixed node at the place of the other
             ground.append(numbers.next("node"))
-            yield _command("N", ground[-1], *map(float, deck.points[one] / u.length))
+            yield command("N", ground[-1], *map(float, deck.points[one] / u.length))
         second = ground[-1] if two is None else deck.nodes[two]
         K, C = np.diag(c.K) / u.stiffness, np.diag(c.C) / u.damping
         for j in np.flatnonzero((K != 0) | (C != 0)):
             t = numbers.next("table")
             yield from (f"ET,{t},COMBIN14", f"KEYOPT,{t},2,{j + 1}")
-            yield from (_command("R", t, float(K[j]), float(C[j])), f"TYPE,{t}", f"REAL,{t}")
-            yield _command("EN", numbers.next("element"), deck.nodes[one], second)
+            yield from (command("R", t, float(K[j]), float(C[j])), f"TYPE,{t}", f"REAL,{t}")
+            yield command("EN", numbers.next("element"), deck.nodes[one], second)
 
 
 def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Iterator[str]:
@@ -200,16 +237,16 @@ def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Ite
     bare = sorted({n for _, terms in equations for n, _, _ in terms} - there - deck.known)
     if bare:
         t = numbers.next("table")
-        yield from (f"ET,{t},MASS21", _command("R", t, *[0.0] * 6), f"TYPE,{t}", f"REAL,{t}")
-        yield from (_command("EN", numbers.next("element"), deck.nodes[n]) for n in bare)
+        yield from (f"ET,{t},MASS21", command("R", t, *[0.0] * 6), f"TYPE,{t}", f"REAL,{t}")
+        yield from (command("EN", numbers.next("element"), deck.nodes[n]) for n in bare)
 
 
 def _equations(deck: ModelDeck, equations: Equations, u: Units) -> Iterator[str]:
     cells = equation_cells(deck, equations, LABEL, u, "!")
-    for number, (comment, row) in enumerate(cells, PART if deck.part else 1):
+    for number, (comment, row) in enumerate(cells, deck.first.get("equation", PART if deck.part else 1)):
         yield from comment
         for i in range(0, len(row), 3):
-            yield _command("CE", "HIGH" if i else number, 0, *(x for cell in row[i : i + 3] for x in cell))
+            yield command("CE", "HIGH" if i else number, 0, *(x for cell in row[i : i + 3] for x in cell))
 
 
 def _damping(deck: ModelDeck) -> Iterator[str]:
@@ -217,9 +254,9 @@ def _damping(deck: ModelDeck) -> Iterator[str]:
     if d is None:
         return
     values = {"ALPHAD": d.alpha, "BETAD": d.beta, "DMPSTR": d.loss_factor}
-    yield from (_command(key, float(v)) for key, v in values.items() if v)
+    yield from (command(key, float(v)) for key, v in values.items() if v)
     if d.ratio.any():
-        yield _command("DMPRAT", float(d.ratio[0]))
+        yield command("DMPRAT", float(d.ratio[0]))
         if len(d.ratio) > 1:
             yield from wrapped(
                 "!", f"DMPRAT is the damping ratio at {d.frequency[0]:g} Hz; the study has more"

@@ -24,7 +24,7 @@ from fem.sections.section import Section
 Term = tuple[int, str, float]
 """Row of a node, direction and coefficient."""
 FIRST_OF_PART = 900_001
-"""First number of nodes and elements of cards for a model that has others."""
+"""First number of cards for a model whose numbers are not known."""
 COINCIDENT = 1e-9
 """Length of an arm below which there is none, in parts of the structure's size [-]."""
 DECIMALS = 12
@@ -87,7 +87,26 @@ class _More(Found):
 
 def first_element(deck: ModelDeck) -> int:
     """Return the number of the first element that is no bar."""
+    if "element" in deck.first:
+        return deck.first["element"]
     return max(int(deck.bars.numbers.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1)
+
+
+def first_number(deck: ModelDeck, of: str) -> int:
+    """Return the first number of properties, materials, systems or sets of constraints."""
+    return deck.first.get(of, FIRST_OF_PART if deck.part else 1)
+
+
+def directions_in(axes: Floats, directions: Sequence[str]) -> tuple[int, ...] | None:
+    """Return the components 0 to 5 along a node's axes of global directions; None if the axes are skew."""
+    out = []
+    for d in directions:
+        k = DIRECTIONS.index(d)
+        along = np.abs(axes[:, k % 3])
+        if along.max() < 1 - INDEPENDENT:
+            return None
+        out.append(int(np.argmax(along)) + 3 * (k // 3))
+    return tuple(sorted(out))
 
 
 def bar_axes(deck: FrameDeck) -> Floats:
@@ -142,7 +161,7 @@ def with_nodes(
         connections = [replace(c, K=zero, C=zero, D=zero) if c in coupled else c for c in connections]
         connections, matrices = [*connections, *more.springs], ()
     masses = [_at_centre(b, more) for b in deck.bodies] if bodies else deck.bodies
-    first = max(int(deck.nodes.max(initial=0)) + 1, FIRST_OF_PART if deck.part else 1)
+    first = max(int(deck.nodes.max(initial=0)) + 1, first_number(deck, "node"))
     numbers = np.concatenate([deck.nodes, np.arange(first, first + len(more.points) - len(deck.nodes))])
     return replace(
         deck,
@@ -224,15 +243,16 @@ def relative_motion(deck: FrameDeck, c: Connection) -> tuple[tuple[int, ...], Fl
     return (one, two), np.hstack([B, -R @ lever_matrix(place - deck.points[two])])
 
 
-def solved_equations(deck: FrameDeck, *, links: bool = False) -> list[tuple[str, tuple[Term, ...]]]:
+def solved_equations(deck: ModelDeck, *, links: bool = False) -> list[tuple[str, tuple[Term, ...]]]:
     """Return the equations and rigid directions of a deck, each solved for its first term, with its names.
 
     A DOF is the first term of one equation at most, is in no other one, is not supported, and follows in no
-    link: programs eliminate it. Equations that follow from others are left out.
+    link: programs eliminate it. Equations that follow from others are left out. Directions are those of the
+    nodes' axes.
 
     Parameters
     ----------
-    deck : FrameDeck
+    deck : ModelDeck
     links : bool
         Whether links are among the equations.
 
@@ -244,7 +264,10 @@ def solved_equations(deck: FrameDeck, *, links: bool = False) -> list[tuple[str,
     equations = [*_rows(deck), *(_link_rows(deck) if links else ())]
     fixed = {(n, d) for n, ds in deck.supports.items() for d in ds}
     led = {(n, d) for k in deck.links for n in k.dependents for d in k.directions} if not links else set()
-    terms = [{(n, d): a for n, d, a in e.terms if (n, d) not in fixed and a != 0} for e in equations]
+    if deck.part:  # supports may be cards of the other model: their DOFs stay in the equations
+        led, fixed = led | fixed | deck.bound, set()
+    led = {key for n, d in led for key in _along_axes(deck, n, d)}
+    terms = [_terms_along_axes(deck, [t for t in e.terms if t[:2] not in fixed and t[2]]) for e in equations]
     columns = {key: i for i, key in enumerate(dict.fromkeys(key for row in terms for key in row))}
     at = [(i, columns[key], a) for i, row in enumerate(terms) for key, a in row.items()]
     if not at:
@@ -260,6 +283,26 @@ def solved_equations(deck: FrameDeck, *, links: bool = False) -> list[tuple[str,
         names = ", ".join(dict.fromkeys(equations[r].name for r in rows))
         out += [(names, row) for row in _solved(A[rows][:, here].toarray(), keys, led, names)]
     return out
+
+
+def _along_axes(deck: ModelDeck, node: int, direction: str) -> list[tuple[int, str]]:
+    """Return the directions of a node's axes that a global direction has a part in."""
+    if node not in deck.axes:
+        return [(node, direction)]
+    k = DIRECTIONS.index(direction)
+    parts = np.flatnonzero(np.abs(deck.axes[node][:, k % 3]) > INDEPENDENT)
+    return [(node, DIRECTIONS[int(i) + 3 * (k // 3)]) for i in parts]
+
+
+def _terms_along_axes(deck: ModelDeck, terms: Sequence[Term]) -> dict[tuple[int, str], float]:
+    """Return the terms of an equation along the nodes' axes."""
+    out: dict[tuple[int, str], float] = {}
+    for node, direction, a in terms:
+        for key in _along_axes(deck, node, direction):
+            k, i = DIRECTIONS.index(direction), DIRECTIONS.index(key[1])
+            factor = float(deck.axes[node][i % 3, k % 3]) if node in deck.axes else 1.0
+            out[key] = out.get(key, 0.0) + factor * a
+    return {key: a for key, a in out.items() if a}
 
 
 def _solved(
@@ -395,6 +438,7 @@ def equation_cells(
     """Yield the name of each equation as a comment, where it is new, and its terms in the deck's units."""
     before = ""
     for name, terms in equations:
-        cells = [(deck.nodes[n], label[d], a * scale_of(d, units)) for n, d, a in terms]
+        one = scale_of(terms[0][1], units)
+        cells = [(deck.nodes[n], label[d], a * scale_of(d, units) / one) for n, d, a in terms]
         yield wrapped(mark, name) if name != before else [], cells
         before = name

@@ -6,7 +6,7 @@ All else is named in the notes.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
@@ -80,12 +80,25 @@ class ModelDeck(FrameDeck):
         Whether these are cards for a model that has others already, and not all of one.
     known, known_bars : frozenset of int
         Rows of nodes and bars that this model has already: of these the bars' properties alone are written.
+    first : mapping of str to int
+        First numbers that are free for new nodes (``"node"``), elements, properties, materials, coordinate
+        systems and sets of constraints; 1 unless given.
+    numbers : mapping of str to int
+        Elements' numbers of bodies, connections and links by name, where they are given.
+    bound : frozenset of (int, str)
+        Row of a node and global direction that other cards of this model determine already.
+    axes : mapping of int to ndarray (3, 3)
+        Axes of the motions of nodes, as rows, by row of the node; global ones unless given.
     """
 
     matrices: tuple[NodeMatrices, ...] = ()
     part: bool = False
     known: frozenset[int] = frozenset()
     known_bars: frozenset[int] = frozenset()
+    first: Mapping[str, int] = field(default_factory=dict)
+    numbers: Mapping[str, int] = field(default_factory=dict)
+    bound: frozenset[tuple[int, str]] = frozenset()
+    axes: Mapping[int, Floats] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -118,7 +131,7 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
     file : str
         Name of the deck.
     """
-    model, springs = _with_places(model)
+    model, springs = with_places(model)
     parts = _Parts(points=list(model.mesh.points))
     bars, properties = _bars(model, springs)
     _add_constraints(model, parts)
@@ -152,7 +165,7 @@ def _numbers(mesh: Mesh, n: int) -> Ints:
     return np.array([named[row] if row in named else next(free) for row in range(n)])
 
 
-def _with_places(model: Model) -> tuple[Model, list[tuple[int, int, str, float]]]:
+def with_places(model: Model) -> tuple[Model, list[tuple[int, int, str, float]]]:
     """Return a model with points where members crack or carry masses, and springs at ends of lines.
 
     A spring is a line, its end 0 or 1, a local direction and a stiffness.

@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import count
 from typing import Any
 
 import numpy as np
 
 from fem.io.deck_nodes import (
     all_matrices,
+    directions_in,
     equation_cells,
     first_element,
+    first_number,
     matrix_entries,
     notes_of,
     plain,
@@ -49,12 +52,14 @@ def nastran_text(
         Number of modes that the deck asks for.
     """
     u, deck = Units.of(units), with_nodes(deck, arms=None)
-    bulk = [*_nodes(deck, u), *_bars(deck, u), *_others(deck, u)]
+    bulk = [*nodes_and_supports(deck, u), *_bars(deck, u), *others(deck, u)]
     notes = notes_of("$", deck)
     used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
     requests = [f"{MATRICES[key]} = {key}EFF" for key in used]
     if deck.part:
-        ask = [f"$ case control: {', '.join(requests)}"] if requests else []
+        ask = (
+            [f"$ case control: {', '.join([*requests, *sets_of(deck)])}"] if requests or sets_of(deck) else []
+        )
         return text_of("$", heading, [*ask, *bulk, *notes])
     control = ["SOL 103", "CEND", f"TITLE = {deck.file[:60]}", "SPC = 1", "MPC = 1", "METHOD = 1", *requests]
     damping, more = _damping(deck)
@@ -66,6 +71,12 @@ def nastran_text(
         *card("EIGRL", 1, None, None, modes),
     ]
     return text_of("$", heading, [*control, *more, "BEGIN BULK", *solution, *bulk, *notes, "ENDDATA"])
+
+
+def sets_of(deck: ModelDeck) -> list[str]:
+    """Return the requests of the case control for the sets of constraints that a deck has."""
+    sets = {"SPC": bool(deck.supports), "MPC": bool(solved_equations(deck))}
+    return [f"{key} = {first_number(deck, key)}" for key, used in sets.items() if used]
 
 
 def number(value: float, letter: str = "") -> str:
@@ -99,35 +110,48 @@ def card(name: str, *fields: Any) -> list[str]:
     return out
 
 
-def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
+def nodes_and_supports(deck: ModelDeck, u: Units) -> Iterator[str]:
+    """Yield the nodes that the other model does not have, and the supports."""
     for row, (n, place) in enumerate(zip(deck.nodes, deck.points, strict=True)):
         if row not in deck.known:
-            yield from card("GRID", n, None, *(float(x) / u.length for x in place), None)
+            # a source deck may have defaults of the systems (GRDSET)
+            basic = 0 if deck.first else None
+            yield from card("GRID", n, basic, *(float(x) / u.length for x in place), basic)
     by_components: dict[str, list[int]] = {}
     for row, fixed in deck.supports.items():
-        by_components.setdefault("".join(COMPONENT[d] for d in fixed), []).append(int(deck.nodes[row]))
+        along = directions_in(deck.axes.get(row, np.eye(3)), fixed)
+        if along is None:
+            msg = f"node {deck.nodes[row]}: {' '.join(fixed)} are fixed, which are not along its axes (CD)"
+            refuse(msg, MeshError)
+        by_components.setdefault("".join(str(k + 1) for k in along), []).append(int(deck.nodes[row]))
     for components, nodes in by_components.items():
-        yield from card("SPC1", 1, components, *nodes)
+        yield from card("SPC1", first_number(deck, "SPC"), components, *nodes)
 
 
 def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
-    """Yield materials, properties and bars; a property has the number of its place, from 1."""
+    """Yield materials, properties and bars; a property has the number of its place, from the first one."""
     materials = list(dict.fromkeys(p.material for p in deck.properties))
-    for i, m in enumerate(materials, 1):
+    first, first_property = first_number(deck, "material"), first_number(deck, "property")
+    for i, m in enumerate(materials, first):
         yield from wrapped("$", m.name)
         loss = m.loss_factor or None
         yield from card(
             "MAT1", i, float(m.E / u.stress), None, float(m.nu), float(m.rho / u.density), None, None, loss
         )
-    for i, p in enumerate(deck.properties, 1):
-        yield from wrapped("$", p.name)
-        yield from _property(p, i, materials.index(p.material) + 1, u)
+    for i, p in enumerate(deck.properties):
+        known = [
+            str(deck.bars.numbers[k])
+            for k in np.flatnonzero(deck.bars.properties == i)
+            if k in deck.known_bars
+        ]
+        yield from wrapped("$", f"{p.name}: of bars {', '.join(known)}" if known else p.name)
+        yield from property_card(p, first_property + i, materials.index(p.material) + first, u)
     b = deck.bars
     for k, n in enumerate(b.numbers):
         if k in deck.known_bars:
             continue
         p, (one, two) = deck.properties[b.properties[k]], deck.nodes[b.ends[k]]
-        head = n, b.properties[k] + 1, one, two
+        head = n, b.properties[k] + first_property, one, two
         if p.theory == "bar":
             yield from card("CROD", *head)
             continue
@@ -136,14 +160,15 @@ def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
             for row in b.stiffness[k]
         ]
         arms = [float(x) / u.length if b.offsets[k].any() else None for x in b.offsets[k].ravel()]
-        yield from card(_bar_card(p), *head, *map(float, b.height[k]), None, *free, *arms)
+        yield from card(bar_card(p), *head, *map(float, b.height[k]), None, *free, *arms)
 
 
-def _bar_card(p: BarProperty) -> str:
+def bar_card(p: BarProperty) -> str:
+    """Return the name of the card of bars with a property."""
     return "CBAR" if p.theory == "euler-bernoulli" and p.section2 is None else "CBEAM"
 
 
-def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
+def property_card(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
     """Yield the property of bars; plane 1 has the height, so that I1 is Iy and K1 is kz."""
     s, line = p.section, p.mass_per_length / u.mass_per_length
     if p.theory == "bar":
@@ -155,7 +180,7 @@ def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
         return [float(x) for x in (of.A / u.area, *I, line)]
 
     blank = [None] * 8
-    if _bar_card(p) == "CBAR":
+    if bar_card(p) == "CBAR":
         yield from card("PBAR", i, material, *constants(s), None, *blank)
         return
     more = [] if p.section2 is None else ["YES", 1.0, *constants(p.section2, 0.0), *blank]
@@ -168,27 +193,32 @@ def _property(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
     yield from card("PBEAM", i, material, *constants(s, 0.0), *blank, *more, *shear, None, None, *turning)
 
 
-def _others(deck: ModelDeck, u: Units) -> Iterator[str]:
+def others(deck: ModelDeck, u: Units) -> Iterator[str]:
     """Yield bodies, connections, links, equations and matrices; elements are numbered behind the bars."""
-    first = first_element(deck)
-    for k, b in enumerate(deck.bodies):
+    free = count(first_element(deck))
+
+    def number_of(name: str) -> int:
+        return deck.numbers[name] if name in deck.numbers else next(free)
+
+    for b in deck.bodies:
         yield from wrapped("$", b.name)
-        yield from _body(deck, b, first + k, u)
-    first += len(deck.bodies)
-    for k, c in enumerate(deck.connections):
+        yield from _body(deck, b, number_of(b.name), u)
+    tables = count(max(first_number(deck, "property"), first_number(deck, "system")) + len(deck.properties))
+    for c in deck.connections:
         if plain(c) and any(X.any() for X in (c.K, c.C, c.D)):
             yield from wrapped("$", c.name)
-            yield from _bush(deck, c, first + k, u)
-    first += len(deck.connections)
-    for k, link in enumerate(deck.links):
+            element = number_of(c.name)
+            free_table = next(tables) if deck.part else element
+            table = deck.numbers.get(f"{c.name}: property", free_table)
+            yield from _bush(deck, c, element, table, free_table, u)
+    for link in deck.links:
         yield from wrapped("$", link.name)
         led = [deck.nodes[n] for n in link.dependents]
-        yield from card(
-            "RBE2", first + k, deck.nodes[link.node], "".join(COMPONENT[d] for d in link.directions), *led
-        )
+        components = "".join(COMPONENT[d] for d in link.directions)
+        yield from card("RBE2", number_of(link.name), deck.nodes[link.node], components, *led)
     for comment, cells in equation_cells(deck, solved_equations(deck), COMPONENT, u, "$"):
         yield from comment
-        fields: list[Any] = [1]
+        fields: list[Any] = [first_number(deck, "MPC")]
         for j, cell in enumerate(cells):
             fields += [*([None, None] if j and j % 2 == 0 else []), *cell]
         yield from card("MPC", *fields)
@@ -202,14 +232,14 @@ def _body(deck: ModelDeck, b: Body, number: int, u: Units) -> list[str]:
     return card("CONM2", number, deck.nodes[b.node], 0, float(b.mass / u.mass), *arm, None, *inertia)
 
 
-def _bush(deck: ModelDeck, c: Connection, n: int, u: Units) -> Iterator[str]:
-    """Yield a CBUSH with its PBUSH and its axes, which all have its number."""
+def _bush(deck: ModelDeck, c: Connection, element: int, n: int, free_system: int, u: Units) -> Iterator[str]:
+    """Yield a CBUSH with its PBUSH, which has the number n, and its axes."""
     one, two = c.nodes
-    system = 0 if np.array_equal(c.axes, np.eye(3)) else n
+    system = 0 if np.array_equal(c.axes, np.eye(3)) else free_system
     if system:
-        yield from card("CORD2R", n, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
+        yield from card("CORD2R", system, 0, 0.0, 0.0, 0.0, *map(float, c.axes[2]), *map(float, c.axes[0]))
     nodes = deck.nodes[one], None if two is None else deck.nodes[two]
-    yield from card("CBUSH", n, n, *nodes, None, None, None, system)
+    yield from card("CBUSH", element, n, *nodes, None, None, None, system)
     K, C, D = (np.diag(X) for X in (c.K, c.C, c.D))
     fields = [n, "K", *map(float, K / u.stiffness)]
     if C.any():

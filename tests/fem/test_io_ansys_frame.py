@@ -441,3 +441,17 @@ def test_a_mesh_names_elements_that_are_no_lines(tmp_path: Path):
     path.write_text(FRAME + "ET,2,181\nTYPE,2\nEN,9,1,2,3\n")
     with pytest.warns(MeshWarning, match="1 elements of type 181 left out"):
         assert list(read_mesh(path).members) == ["section 1"]
+
+
+def test_a_second_definition_takes_the_place_of_the_first(tmp_path):
+    frame = deck(
+        tmp_path,
+        f"ET,1,188\n{STEEL}SECTYPE,1,BEAM,RECT\nSECDATA,0.02,0.03\n"
+        "N,1,0,0,0\nN,2,1,0,0\nN,3,2,0,0\nN,4,3,0,0\nEN,1,1,2\nEN,2,2,3\nEN,3,3,4\nD,1,ALL,0\nD,3,ALL,0\n"
+        "CE,1,0,2,UX,1,3,UX,-1\nMPDATA,EX,1,1,1.9E11\nMP,EX,2,1E11\nMP,PRXY,2,0.3\nMP,DENS,2,2700\n"
+        "MAT,2\nEN,2,2,3\nEDELE,3\nDDELE,1,ROTY\nDDELE,3,ALL\nCEDELE,1\n",
+    )
+    assert frame.bars.numbers.tolist() == [1, 2]
+    assert [p.material.E for p in frame.properties] == [1.9e11, 1e11]
+    assert {n: fixed for n, fixed in frame.supports.items() if fixed} == {0: ("x", "y", "z", "rx", "rz")}
+    assert not frame.equations

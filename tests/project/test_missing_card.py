@@ -19,4 +19,4 @@ def test_the_page_finds_the_hidden_connection_and_writes_its_card(tmp_path, offs
     value, std = map(float, re.findall(r"stiffness\s([\d.]+)\s±\s([\d.]+)\skN·m/rad", page)[0])
     assert abs(value - HIDDEN) < 2 * std
     assert std < HIDDEN
-    assert "CBUSH" in page.partition("missing.bdf --units")[2]
+    assert "CBUSH" in page.partition("missing.bdf --merge")[2]
