@@ -328,7 +328,7 @@ def _result(
 ) -> IdentifiedModes:
     fit, data, turned = found.fitted, found.data.frf, task.turned
     size = np.abs(fit.poles)
-    reasons = unreported(task, found)
+    reasons = unreported(task, fit)
     complex_ = np.array([bool(reason) for reason in reasons], dtype=bool)
     rising = np.argsort(size, kind="stable")
     rising = rising[~complex_[rising]]

@@ -117,7 +117,7 @@ def search_modes(
         if not more:
             break
         wider = _settle(task, replace(found, starts=found.starts + more))
-        if _n_modes(task, wider) <= _n_modes(task, found):
+        if len(wider.starts) <= len(found.starts):
             found = replace(found, rejected=wider.rejected, steps=wider.steps)
             break
         found = wider
@@ -141,10 +141,6 @@ def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[M
         if not any(_overlap(start.pole, other.pole) < 1 for other in (*out, *found.starts)):
             out.append(start)
     return tuple(out)
-
-
-def _n_modes(task: Task, state: SelectionState) -> int:
-    return _reasons(task, state.data, state.fitted).count("")
 
 
 def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeStart, ...]:
@@ -176,8 +172,6 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
     """
     data, starts, rejected, steps = state.data, state.starts, list(state.rejected), list(state.steps)
     final = False
-    needed: set[int] = set()  # n-th of all poles of this search that stays, by ``names``
-    names, before, dropped = list(range(len(starts))), set[int](), dict[int, ModeStart]()
     while True:
         n_in = data.spread.shape[1]
         poles = np.array([s.pole for s in starts], dtype=complex)
@@ -195,36 +189,17 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
         reasons = _reasons(task, data, fit)
-        lost = [k for k, reason in enumerate(reasons) if reason and names[k] in before]
-        back = {
-            min(dropped, key=lambda name: _overlap(dropped[name].pole, starts[k].pole))
-            for k in lost
-            if dropped
-        }
-        before = {name for name, reason in zip(names, reasons, strict=True) if not reason}
-        if back:
-            needed |= back
-            starts += tuple(dropped[name] for name in back)
-            names += list(back)
-            rejected = [
-                c for c in rejected if not any(c.frequency == abs(s.pole) / (2 * np.pi) for s in starts)
-            ]
-            dropped = {}
-            continue
-        doubtful = ["" if name in needed else why for name, why in zip(names, reasons, strict=True)]
-        if not any(doubtful):
+        if not any(reasons):
             if fit.converged or final:
                 return SelectionState(data, starts, fit, tuple(rejected), tuple(steps))
-            final, dropped = True, {}
+            final = True
             continue
-        weakest = _weakest(fit, doubtful)
+        weakest = _weakest(fit, reasons)
         rejected += [
             Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
             for s, reason, out in zip(starts, reasons, weakest, strict=True)
             if out
         ]
-        dropped = {name: s for name, s, out in zip(names, starts, weakest, strict=True) if out}
-        names = [name for name, out in zip(names, weakest, strict=True) if not out]
         starts = tuple(s for s, out in zip(starts, weakest, strict=True) if not out)
 
 
@@ -319,7 +294,7 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
         real = real_shapes(vectors)
         alike &= np.maximum(mac(vectors, vectors), mac(real, real)) > TWIN_MAC
     apart = np.abs(fit.poles[:, None] - fit.poles) / (width[:, None] + width)
-    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1)
+    twins = np.triu(alike & (apart < TWIN_DISTANCE), 1) & (max(data.frf.H.shape[1:]) > 1)
     for i, j in np.argwhere(twins):
         if not reasons[i] and not reasons[j]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
@@ -341,25 +316,27 @@ def _cause(fit: ModalFit, k: int, sure: NDArray[np.bool_]) -> int | None:
     return cause
 
 
-def unreported(task: Task, state: SelectionState) -> list[str]:
+def unreported(task: Task, fit: ModalFit) -> list[str]:
     """Return for each pole of the last fit why it is no mode, empty for modes.
 
-    Such a pole stays in the fit: it describes the data, and without it other poles would be wrong. It is
-    doubtful itself, or its shape is too complex.
+    Its shape is too complex, or it overlaps a stronger pole of the only FRF. Such a pole stays in the fit: it
+    describes the data, and without it other poles would be wrong.
     """
-    fit = state.fitted
     shapes = fit.participation.T if task.turned else fit.shapes
     out = []
-    measures = (
-        _reasons(task, state.data, fit),
-        modal_phase_collinearity(shapes),
-        mean_phase_deviation(shapes),
-    )
-    for reason, mpc, mpd in zip(*measures, strict=True):
-        words = [f"{reason}; it stays in the fit, as other modes need it"] if reason else []
+    for mpc, mpd in zip(modal_phase_collinearity(shapes), mean_phase_deviation(shapes), strict=True):
+        words = []
         if mpc < task.least_mpc:
             words.append(f"modal phase collinearity {mpc:.2f}, below {task.least_mpc:g} (least_mpc)")
         if mpd > task.largest_mpd:
             words.append(f"mean phase deviation {mpd:.0f}°, above {task.largest_mpd:g}° (largest_mpd)")
         out.append(" and ".join(words))
+    if fit.misfit[0].size == 1:  # without shapes, two overlapping modes look like a peak that is not linear
+        for k in np.argsort(fit.energy, kind="stable"):
+            for other in np.flatnonzero(fit.energy > fit.energy[k]):
+                if not out[k] and _overlap(fit.poles[k], fit.poles[other]) < TWIN_DISTANCE:
+                    f = fit.poles[other].imag / (2 * np.pi)
+                    out[k] = (
+                        f"it overlaps the stronger mode at {f:.4g} Hz, and one FRF does not tell them apart"
+                    )
     return out
