@@ -284,7 +284,7 @@ def test_one_frf_has_one_mode_for_each_peak():
 
 
 def test_each_rejected_pole_is_listed_once_and_its_reason_names_a_mode_that_is_reported():
-    found = quietly_identified(*averaged_hits(3, 0.6, 25))
+    found = quietly_identified(*averaged_hits(3, 0.3, 25))
     rejected = [c for c in found.candidates if not c.accepted]
     places = [(c.frequency, c.zeta) for c in rejected]
     assert rejected

@@ -141,12 +141,13 @@ def _reason_beside(found: SelectionState, modes: Sequence[complex], start: ModeS
     """Return why a rejected pole is no mode beside the modes found: its last fit may have had others."""
     if impossible := _impossible(found.data, start.pole):
         return impossible
+    gain = local_gain(found.data, found.fitted, start.pole, np.array(start.participation))
+    if gain < (needed := _needed(found.fitted)):
+        return _insignificant(gain, needed)
     near = min(modes, key=lambda mode: _overlap(start.pole, mode), default=0j)
     if near and _overlap(start.pole, near) < TWIN_DISTANCE:
         return f"its half-power width overlaps that of the mode at {near.imag / (2 * np.pi):.4g} Hz"
-    gain = local_gain(found.data, found.fitted, start.pole, np.array(start.participation))
-    needed = _needed(found.fitted)
-    return _insignificant(gain, needed) if gain < needed else reason
+    return reason
 
 
 def _impossible(data: ModalFitData, pole: complex) -> str:
@@ -154,11 +155,8 @@ def _impossible(data: ModalFitData, pole: complex) -> str:
     low, high = data.frf.frequency[[0, -1]]
     if not low <= pole.imag / (2 * np.pi) <= high:
         return "outside the band"
-    return (
-        f"damping ratio above {MATHEMATICAL_DAMPING:g}"
-        if -pole.real / abs(pole) > MATHEMATICAL_DAMPING
-        else ""
-    )
+    overdamped = -pole.real / abs(pole) > MATHEMATICAL_DAMPING
+    return f"damping ratio above {MATHEMATICAL_DAMPING:g}" if overdamped else ""
 
 
 def _needed(fit: ModalFit) -> float:
