@@ -172,18 +172,21 @@ def _insignificant(gain: float, needed: float) -> str:
 def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[ModeStart, ...]:
     """Return poles that lower the misfit of the present modes near them as much as a mode must.
 
-    The shapes alone are free; lines within a few half-widths count, and each place is tried once.
+    The shapes alone are free; lines within a few half-widths count, and each place is tried once. Shapes may
+    tell a pole from a mode that it overlaps; one FRF does not.
     """
     data, fit = found.data, found.fitted
     needed = _needed(fit)
     gains = [local_gain(data, fit, start.pole, np.array(start.participation)) for start in starts]
+    taken = [start.pole for start in found.starts] if fit.misfit[0].size == 1 else []
     out: list[ModeStart] = []
     for k in np.argsort(-np.array(gains), kind="stable"):
         start = starts[k]
         if gains[k] < needed:
             break
-        if not any(_overlap(start.pole, other.pole) < 1 for other in (*out, *found.starts)):
+        if not any(_overlap(start.pole, other) < TWIN_DISTANCE for other in taken):
             out.append(start)
+            taken.append(start.pole)
     return tuple(out)
 
 
