@@ -347,7 +347,7 @@ def unreported(task: Task, fit: ModalFit) -> list[str]:
     if fit.misfit[0].size == 1:  # without shapes, two overlapping modes look like a peak that is not linear
         for k in np.argsort(fit.energy, kind="stable"):
             for other in np.flatnonzero(fit.energy > fit.energy[k]):
-                if not out[k] and _overlap(fit.poles[k], fit.poles[other]) < TWIN_DISTANCE:
+                if not out[k] and _overlap(complex(fit.poles[k]), complex(fit.poles[other])) < TWIN_DISTANCE:
                     f = fit.poles[other].imag / (2 * np.pi)
                     out[k] = (
                         f"its half-power width overlaps that of the stronger mode at {f:.4g} Hz, and one FRF "
