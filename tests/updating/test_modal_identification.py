@@ -227,6 +227,93 @@ def test_single_reference_tells_a_close_pair():
     assert found.modes.zeta == pytest.approx([0.01, 0.006, 0.008], rel=0.02)
 
 
+CLEAR = np.array([139.0, 381.0, 739.0, 1154.0])
+
+
+def averaged_hits(seed, shift, colour, weak=0.02):
+    """One FRF averaged over six hits, whose four resonances shift from hit to hit as those of real beams do.
+
+    Weak modes of a fixture lie between them, and noise of neighbouring lines is correlated. A sum of several
+    poles describes each peak better than one.
+    """
+    rng = np.random.default_rng(seed)
+    lines = np.linspace(60, 1400, 600)
+    zeta, strength = np.array([0.008, 0.006, 0.01, 0.012]), np.array([1.0, -0.8, 0.9, -1.0])
+
+    def modes(frequency, zeta, strength):
+        w, wn = 2 * np.pi * lines[:, None], 2 * np.pi * frequency
+        return (strength * -(w**2) / (wn**2 - w**2 + 2j * zeta * wn * w)).sum(axis=1)
+
+    fixture = rng.uniform(80, 1380, 20), rng.uniform(0.002, 0.03, 20), weak * rng.standard_normal(20)
+    H = modes(*fixture)
+    for _ in range(6):
+        H = H + modes(CLEAR * (1 + shift * zeta * rng.standard_normal(4)), zeta, strength) / 6
+    window = np.hanning(colour + 2)[1:-1]
+    noise = np.convolve(complex_normal(rng, lines.size), window / np.linalg.norm(window), "same")
+    return lines, (H + 0.01 * np.sqrt((np.abs(H) ** 2).mean() / 2) * noise)[:, None, None]
+
+
+def quietly_identified(lines, H):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of modal masses and of weak peaks
+        return identify_modes(lines, H)
+
+
+@pytest.mark.parametrize(
+    ("seed", "shift", "colour", "weak"),
+    [
+        (2, 0.6, 25, 0.02),  # two of four were lost
+        (5, 0.6, 15, 0.05),  # three of four, after two copies of the second had been taken
+        (8, 0.6, 15, 0.05),
+        (3, 0.3, 25, 0.02),  # a pole far outside the band made the variances of all others infinite
+    ],
+)
+def test_one_frf_of_averaged_hits_keeps_its_clear_resonances(seed, shift, colour, weak):
+    found = quietly_identified(*averaged_hits(seed, shift, colour, weak))
+    nearest = np.abs(found.modes.frequency[:, None] / CLEAR - 1).min(axis=0)
+    assert nearest.max() < 0.01
+
+
+def test_one_frf_has_one_mode_for_each_peak():
+    """Two poles whose half-power widths overlap describe one peak of one FRF, be it nonlinear or a pair."""
+    found = quietly_identified(*averaged_hits(7, 0.6, 25))
+    poles = found.poles
+    overlap = np.abs(poles[:, None] - poles) / -(poles.real[:, None] + poles.real)
+    assert overlap[~np.eye(poles.size, dtype=bool)].min() > 1
+    assert np.abs(found.modes.frequency / 139 - 1).min() < 0.01
+
+
+def test_each_rejected_pole_is_listed_once_and_its_reason_names_a_mode_that_is_reported():
+    found = quietly_identified(*averaged_hits(3, 0.3, 25))
+    rejected = [c for c in found.candidates if not c.accepted]
+    places = [(c.frequency, c.zeta) for c in rejected]
+    assert rejected
+    assert len(set(places)) == len(places)
+    reported = {f"{pole.imag / (2 * np.pi):.4g} Hz" for pole in found.poles}
+    named = [c.reason.partition("mode at ")[2].partition(",")[0] for c in rejected if "mode at" in c.reason]
+    assert named
+    assert set(named) <= reported
+    assert sum(c.accepted for c in found.candidates) == found.modes.n_modes
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_mode_hidden_by_a_close_one_is_found_in_the_residual(seed):
+    """Two pairs lie a third of a half-width apart: in the residual, one of a pair overlaps the mode found."""
+    frequency = np.array(
+        [25.6, 32.59, 32.713, 34, 43.7, 44.93, 54.97, 134.94, 150.42, 154.242, 154.367, 188.66]
+    )
+    frequency = np.append(frequency, [191.24, 218.87, 221.23])
+    zeta = (
+        np.array([0.74, 1.11, 1.1, 0.3, 0.79, 0.47, 0.57, 0.6, 1.04, 1.13, 0.3, 0.45, 0.37, 0.9, 0.5]) / 100
+    )
+    rng = np.random.default_rng(seed)
+    phi = rng.standard_normal((20, 15))
+    found = identify_modes(
+        noisy(superposed(np.linspace(5, 260, 600), frequency, zeta, phi, [0, 7]), 0.05, rng)
+    )
+    assert found.modes.frequency == pytest.approx(frequency, rel=1e-3)
+
+
 BEAM = Path(__file__).parents[3] / "shared" / "data" / "measured-beams" / "six-masses.npz"
 
 

@@ -10,7 +10,7 @@ from fem.analysis.frf import FRF
 from tests.noise import complex_normal
 from updating.modal import refinement as modal_fit
 from updating.modal.identification import identify_modes
-from updating.modal.peaks import mode_indicator, peak_words, unexplained_peaks
+from updating.modal.peaks import Candidate, mode_indicator, peak_words, unexplained_peaks
 from updating.modal.poles import Stabilisation
 
 FREQUENCY = np.array([31.0, 58.0, 96.0, 140.0, 171.0, 230.0])
@@ -175,6 +175,20 @@ def test_a_peak_without_any_pole_says_so_and_peaks_are_counted():
     # all of it synthesised, nothing is unexplained
     assert not unexplained_peaks(f, H, H, sigma, (), nothing())
     assert mode_indicator(H, np.ones((1, 1))) == pytest.approx(np.abs(H[:, 0, 0]) ** 2)
+
+
+def test_a_peak_names_the_nearest_rejected_pole_and_none_of_high_damping():
+    f = np.linspace(1, 20, 2000)
+    H = (1 / (np.array([8.0, 15.0]) ** 2 - f[:, None] ** 2 + 0.05j * f[:, None])).sum(axis=1)[:, None, None]
+    rejected = (
+        Candidate(8.01, 0.004, 5, False, "insignificant"),
+        Candidate(8.03, 0.005, 20, False, "outside the band"),
+        Candidate(12.0, 0.46, 22, False, "damping ratio above 0.2"),
+    )
+    peaks = unexplained_peaks(f, H, np.zeros_like(H), np.full(H.shape, 1e-9), rejected, nothing())
+    reason = {round(p.frequency): p.reason for p in peaks}
+    assert reason[8] == "the pole at 8.01 Hz, in 5 orders, was left out: insignificant"
+    assert reason[15] == "no model of an order up to 8 has a pole there"
 
 
 @pytest.mark.parametrize("condition", [1.0, 1e4, 1e9])

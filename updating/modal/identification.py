@@ -27,7 +27,7 @@ from updating.measurement.frf_estimation import EstimatedFRF
 from updating.modal.identified_modes import IdentifiedModes
 from updating.modal.modal_fit import ModalFitData
 from updating.modal.modal_scale import scaled, shape_deviation
-from updating.modal.peaks import Candidate, peak_words, unexplained_peaks
+from updating.modal.peaks import peak_words, unexplained_peaks
 from updating.modal.poles import (
     LEAST_ORDERS,
     IdentificationError,
@@ -37,7 +37,7 @@ from updating.modal.poles import (
     track_poles,
 )
 from updating.modal.refinement import scatter_near, synthesise
-from updating.modal.selection import SelectionState, Task, search_modes, unreported
+from updating.modal.selection import SelectionState, Task, candidates, search_modes, unreported
 
 _MISSED = 3.0
 """Standard deviations that the fit exceeds by this factor, root mean square, are not the data's own [-]."""
@@ -328,8 +328,7 @@ def _result(
 ) -> IdentifiedModes:
     fit, data, turned = found.fitted, found.data.frf, task.turned
     size = np.abs(fit.poles)
-    reasons = unreported(task, fit)
-    complex_ = np.array([bool(reason) for reason in reasons], dtype=bool)
+    complex_ = np.array([bool(reason) for reason in unreported(task, fit)], dtype=bool)
     rising = np.argsort(size, kind="stable")
     rising = rising[~complex_[rising]]
     poles, psi, L = fit.poles[rising], fit.shapes[:, rising], fit.participation[rising]
@@ -348,15 +347,11 @@ def _result(
     noise = np.repeat(scatter_near(fit, found.data)[rising], 2)
     covariance = J @ (fit.covariance[np.ix_(index, index)] * np.outer(noise, noise)) @ J.T
     deviation = np.sqrt(covariance.diagonal()).reshape(-1, 2)
-    tried = tuple(
-        Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, not reason, reason)
-        for s, reason in zip(found.starts, reasons, strict=True)
-    )
+    tried = candidates(task, found)
     sigma = found.data.scale[:, None] * found.data.spread[:, None, :]
     H, lower, upper = fit.H - synthesise(found.data, fit, complex_), fit.lower, fit.upper
     if turned:
         sigma, H, lower, upper = sigma.transpose(0, 2, 1), H.transpose(0, 2, 1), lower.T, upper.T
-    candidates = tuple(sorted(tried + found.rejected, key=lambda c: c.frequency))
     power = (np.abs(data.H) ** 2).sum(axis=0)
     error = np.sqrt(
         np.divide((np.abs(H - data.H) ** 2).sum(axis=0), power, out=np.zeros(power.shape), where=power > 0)
@@ -383,7 +378,7 @@ def _result(
         error,
         sigma,
         stabilisation,
-        candidates,
+        tried,
         choices,
-        unexplained_peaks(data.frequency, data.H, H, sigma, candidates, stabilisation),
+        unexplained_peaks(data.frequency, data.H, H, sigma, tried, stabilisation),
     )

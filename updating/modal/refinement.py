@@ -39,6 +39,9 @@ _BLOCK = 4096
 _LEAST_INFORMATION = 1e-100
 """Information that an unknown has at least, so that no variance overflows [-]."""
 
+_ROUNDING = 1e-10
+"""Part of an unknown's information that other unknowns must leave to be more than a rounding error [-]."""
+
 _TALL = 1e7
 """Products in BᵀB beyond which B is made orthogonal by them."""
 
@@ -306,6 +309,13 @@ class _Slopes:
             G[np.ix_(at, at)] += gram
         return _summed(G, self.X, self.X, self.mode)
 
+    def alone(self) -> Floats:
+        """Return the diagonal of JᵀJ if all other unknowns and the shapes were known, about, (n,)."""
+        size = np.zeros(2 * self.mode.size)
+        for at, gram in zip(self.at, self.gram, strict=True):
+            size[at] += gram.diagonal()
+        return (size.reshape(-1, 2) * (self.X[self.mode] ** 2).sum(axis=2)).sum(axis=1)
+
     def square_of(self, i: int, power: Floats) -> Floats:
         """Return JᵀVJ over the lines of input i, V being a variance of each output, (n, n)."""
         at, across = self.at[i], self.with_Q[i].T @ self.inside
@@ -401,8 +411,13 @@ def _covariance(
     V = np.zeros(J2.shape)
     for i in range(n_in):
         V += slopes.square_of(i, power[:, i])
-    # A pole without a part in any FRF has no information: its variance is huge, and finite.
-    size = np.sqrt(np.maximum(J2.diagonal(), _LEAST_INFORMATION))
+    # A pole without a part in any FRF, or far outside the band, has no information: its variance is huge, and
+    # finite. Rounding errors in its place would make all other poles uncertain.
+    unknown = np.flatnonzero(J2.diagonal() <= _ROUNDING * slopes.alone())
+    for square in (J2, V):
+        square[unknown] = square[:, unknown] = 0.0
+        square[unknown, unknown] = _LEAST_INFORMATION
+    size = np.sqrt(J2.diagonal())
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # unknowns that the data do not determine at all get a large variance, not none
     unsure = (vectors / np.maximum(values, 1e-13)) @ vectors.T / np.outer(size, size)

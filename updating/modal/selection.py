@@ -59,6 +59,8 @@ class ModeStart:
     pole: complex
     participation: tuple[complex, ...]
     n_orders: int
+    tracked: complex
+    """The pole before any fit: the same when it is tried again [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +82,7 @@ class SelectionState:
     data: ModalFitData
     starts: tuple[ModeStart, ...]
     fit: ModalFit | None
-    rejected: tuple[Candidate, ...]
+    rejected: tuple[tuple[ModeStart, str], ...]
     steps: tuple[str, ...]
 
     @property
@@ -92,13 +94,10 @@ class SelectionState:
 
 def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[ModeStart, ...]:
     """Return initial poles, without the decay that a window added."""
+    poles = (complex(min(t.pole.real + data.added_decay, 0.01 * t.pole.real), t.pole.imag) for t in tracks)
     return tuple(
-        ModeStart(
-            complex(min(t.pole.real + data.added_decay, 0.01 * t.pole.real), t.pole.imag),
-            tuple(t.participation.tolist()),
-            len(t.members),
-        )
-        for t in tracks
+        ModeStart(pole, tuple(t.participation.tolist()), len(t.members), pole)
+        for pole, t in zip(poles, tracks, strict=True)
     )
 
 
@@ -124,22 +123,70 @@ def search_modes(
     return found, len(of_residual)
 
 
+def candidates(task: Task, found: SelectionState) -> tuple[Candidate, ...]:
+    """Return all poles that were tried, each once, with the reason against it beside the modes found."""
+    last = {start.tracked: (start, reason) for start, reason in found.rejected}
+    fates = list(zip(found.starts, unreported(task, found.fitted), strict=True))
+    modes = [start.pole for start, reason in fates if not reason]
+    for start, _ in fates:
+        last.pop(start.tracked, None)
+    fates += [(start, _reason_beside(found, modes, start, reason)) for start, reason in last.values()]
+    return tuple(
+        Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, not reason, reason)
+        for s, reason in sorted(fates, key=lambda fate: abs(fate[0].pole))
+    )
+
+
+def _reason_beside(found: SelectionState, modes: Sequence[complex], start: ModeStart, reason: str) -> str:
+    """Return why a rejected pole is no mode beside the modes found: its last fit may have had others."""
+    if impossible := _impossible(found.data, start.pole):
+        return impossible
+    gain = local_gain(found.data, found.fitted, start.pole, np.array(start.participation))
+    if gain < (needed := _needed(found.fitted)):
+        return _insignificant(gain, needed)
+    near = min(modes, key=lambda mode: _overlap(start.pole, mode), default=0j)
+    if near and _overlap(start.pole, near) < TWIN_DISTANCE:
+        return f"its half-power width overlaps that of the mode at {near.imag / (2 * np.pi):.4g} Hz"
+    return reason
+
+
+def _impossible(data: ModalFitData, pole: complex) -> str:
+    """Return why a pole is no mode whatever the data, or an empty string."""
+    low, high = data.frf.frequency[[0, -1]]
+    if not low <= pole.imag / (2 * np.pi) <= high:
+        return "outside the band"
+    overdamped = -pole.real / abs(pole) > MATHEMATICAL_DAMPING
+    return f"damping ratio above {MATHEMATICAL_DAMPING:g}" if overdamped else ""
+
+
+def _needed(fit: ModalFit) -> float:
+    """Return by how much a mode must lower the weighted sum of squares."""
+    n = fit.n_parameters
+    return n + SIGNIFICANCE * float(np.sqrt(2 * n))
+
+
+def _insignificant(gain: float, needed: float) -> str:
+    return f"insignificant: it lowers the weighted sum of squares by {gain:.3g}, below {needed:.3g}"
+
+
 def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[ModeStart, ...]:
     """Return poles that lower the misfit of the present modes near them as much as a mode must.
 
-    The shapes alone are free; lines within a few half-widths count, and each place is tried once.
+    The shapes alone are free; lines within a few half-widths count, and each place is tried once. Shapes may
+    tell a pole from a mode that it overlaps; one FRF does not.
     """
     data, fit = found.data, found.fitted
-    n = fit.n_parameters
-    needed = n + SIGNIFICANCE * np.sqrt(2 * n)
+    needed = _needed(fit)
     gains = [local_gain(data, fit, start.pole, np.array(start.participation)) for start in starts]
+    taken = [start.pole for start in found.starts] if fit.misfit[0].size == 1 else []
     out: list[ModeStart] = []
     for k in np.argsort(-np.array(gains), kind="stable"):
         start = starts[k]
         if gains[k] < needed:
             break
-        if not any(_overlap(start.pole, other.pole) < 1 for other in (*out, *found.starts)):
+        if not any(_overlap(start.pole, other) < TWIN_DISTANCE for other in taken):
             out.append(start)
+            taken.append(start.pole)
     return tuple(out)
 
 
@@ -185,7 +232,7 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
             + ("" if fit.converged else ", not converged yet")
         )
         starts = tuple(
-            ModeStart(complex(p), tuple(row.tolist()), s.n_orders)
+            ModeStart(complex(p), tuple(row.tolist()), s.n_orders, s.tracked)
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
         reasons = _reasons(task, data, fit)
@@ -195,11 +242,7 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
             final = True
             continue
         weakest = _weakest(fit, reasons)
-        rejected += [
-            Candidate(abs(s.pole) / (2 * np.pi), -s.pole.real / abs(s.pole), s.n_orders, False, reason)
-            for s, reason, out in zip(starts, reasons, weakest, strict=True)
-            if out
-        ]
+        rejected += [(s, reason) for s, reason, out in zip(starts, reasons, weakest, strict=True) if out]
         starts = tuple(s for s, out in zip(starts, weakest, strict=True) if not out)
 
 
@@ -256,39 +299,23 @@ def _running_median(values: Floats, width: int) -> Floats:
 def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
     """Return for each pole the reason to reject it, empty for a mode."""
     frequency = fit.poles.imag / (2 * np.pi)
-    low, high = data.frf.frequency[[0, -1]]
     noise = scatter_near(fit, data)
     variance = fit.covariance.diagonal()  # below zero by rounding where the data say nothing of a pole
     deviation = np.sqrt(np.where(variance >= 0, variance, np.inf)).reshape(-1, 2).max(axis=1, initial=0.0)
     deviation *= noise
     width = data.added_decay - fit.poles.real  # as the data show it
     deviation *= -fit.poles.real / width
-    n = fit.n_parameters
-    needed = n + SIGNIFICANCE * np.sqrt(2 * n)
-    zeta = -fit.poles.real / np.abs(fit.poles)
+    needed = _needed(fit)
     gain = fit.energy / noise**2
-    reasons = [""] * fit.poles.size
-    for k in range(fit.poles.size):
-        if not low <= frequency[k] <= high:
-            reasons[k] = "outside the band"
-        elif zeta[k] > MATHEMATICAL_DAMPING:
-            reasons[k] = f"damping ratio above {MATHEMATICAL_DAMPING:g}"
-        elif deviation[k] > LARGEST_DEVIATION:
+    reasons = [_impossible(data, pole) for pole in fit.poles]
+    for k in np.flatnonzero([not reason for reason in reasons]):
+        if deviation[k] > LARGEST_DEVIATION:
             reasons[k] = (
-                f"the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
+                f"uncertain: the standard deviation of its frequency or decay is {deviation[k]:.2g} of its "
                 f"half-power half-width, above {LARGEST_DEVIATION:g}"
             )
         elif gain[k] < needed:
-            reasons[k] = (
-                f"insignificant: it lowers the weighted sum of squares by {gain[k]:.3g}, and a mode must "
-                f"do so by {needed:.3g}"
-            )
-    sure = np.array([not reason for reason in reasons], dtype=bool)
-    for k in np.flatnonzero(deviation > LARGEST_DEVIATION):
-        if reasons[k].startswith("the standard deviation"):
-            cause = _cause(fit, int(k), sure)
-            beside = "" if cause is None else f" beside the mode at {frequency[cause]:.4g} Hz"
-            reasons[k] = f"uncertain{beside}: {reasons[k]}"
+            reasons[k] = _insignificant(gain[k], needed)
     alike = np.ones((fit.poles.size, fit.poles.size), dtype=bool)
     for vectors in (fit.shapes, fit.participation.T):
         real = real_shapes(vectors)
@@ -300,20 +327,6 @@ def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
             weaker, other = (i, j) if gain[i] < gain[j] else (j, i)
             reasons[weaker] = f"a second copy of the mode at {frequency[other]:.4g} Hz"
     return reasons
-
-
-def _cause(fit: ModalFit, k: int, sure: NDArray[np.bool_]) -> int | None:
-    """Return the mode that, if it were known, would at least halve the variance of an uncertain pole."""
-    C, own = fit.covariance, slice(2 * k, 2 * k + 2)
-    least, cause = 0.5, None
-    for j in np.flatnonzero(sure):
-        other = slice(2 * j, 2 * j + 2)
-        known = C[own, other] @ np.linalg.pinv(C[other, other]) @ C[other, own]
-        worst = int(np.argmax(C[own, own].diagonal()))
-        left = 1 - known[worst, worst] / C[2 * k + worst, 2 * k + worst]
-        if left < least:
-            least, cause = left, int(j)
-    return cause
 
 
 def unreported(task: Task, fit: ModalFit) -> list[str]:
@@ -334,9 +347,10 @@ def unreported(task: Task, fit: ModalFit) -> list[str]:
     if fit.misfit[0].size == 1:  # without shapes, two overlapping modes look like a peak that is not linear
         for k in np.argsort(fit.energy, kind="stable"):
             for other in np.flatnonzero(fit.energy > fit.energy[k]):
-                if not out[k] and _overlap(fit.poles[k], fit.poles[other]) < TWIN_DISTANCE:
+                if not out[k] and _overlap(complex(fit.poles[k]), complex(fit.poles[other])) < TWIN_DISTANCE:
                     f = fit.poles[other].imag / (2 * np.pi)
                     out[k] = (
-                        f"it overlaps the stronger mode at {f:.4g} Hz, and one FRF does not tell them apart"
+                        f"its half-power width overlaps that of the stronger mode at {f:.4g} Hz, and one FRF "
+                        "does not tell them apart"
                     )
     return out
