@@ -137,6 +137,9 @@ class ReducedModel:
     _dofs: Recent = field(default_factory=lambda: Recent(_ROWS), init=False, repr=False)
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
+    # Effects whose responses the basis has, at their values: twice extended, it would keep what once fell
+    # below the accuracy of the first time, and two ways to the same basis would differ.
+    _held: frozenset[Hashable] = field(default=frozenset(), init=False, repr=False)
 
     __repr__ = fields_summary
 
@@ -171,8 +174,12 @@ class ReducedModel:
 
         Modes and the responses to other forces are smooth where a crack bends or a short piece is stiffer.
         """
-        columns = []
+        columns, held = [], set(self._held)
         for effect in effects:
+            key = effect.kind, effect.name, *parameter_values(effect).items()
+            if key in held:
+                continue
+            held.add(key)
             term = self.value_of(effect)
             matrices = [X for key in "KMCD" if (X := getattr(term, key)) is not None and X.any()]
             matrices += [X for _, X in term.laws if X.any()]
@@ -184,7 +191,10 @@ class ReducedModel:
             columns.append(block)
         if not columns:
             return self
-        return self._on(self.basis.extended(self.system, np.hstack(columns)))
+        out = self._on(self.basis.extended(self.system, np.hstack(columns)))
+        if out is not self:
+            out._held = frozenset(held)
+        return out
 
     def _on(self, basis: Basis) -> "ReducedModel":
         if basis is self.basis:
@@ -195,6 +205,7 @@ class ReducedModel:
         for name, matrices in self._summed.items():
             pairs = zip(matrices, self.full.sums[name].full, strict=True)
             out._summed[name] = np.stack([out._larger(X, full, self.basis) for X, full in pairs])
+        out._held = self._held
         return out
 
     def _grown(self, term: ReducedTerm, before: Basis, name: str, parameter: str) -> ReducedTerm | None:

@@ -488,7 +488,10 @@ def test_folder_of_a_process_killed_before_its_lock_is_removed(tmp_path, names):
 
 
 ENDED = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # as in a terminal, wherever the tests run
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 import dovetail.file.template as template
 from dovetail.cli import main
 def write(folder):

@@ -419,7 +419,7 @@ def test_geometry_in_other_axes_is_matched_and_drawn(bracket, tmp_path, capsys):
         (b"A,1,2\n", "row 1 is A, 1, 2; a table of names and three coordinates"),
         (b"A,0,0,0\nB,0,0,nan\nC,0,1,0\n", "row 2 is B, 0, 0, nan"),
         (b"$MeshFormat\n4.1 0 8\n", "or a universal file (.uff, .unv"),
-        (b"PK\x03\x04\xff\xfe", "it is no text in UTF-8"),
+        (b"PK\x03\x04\xff\xfe", "row 1 is PK"),
     ):
         table.write_bytes(bad)
         assert main(words) == 2

@@ -117,7 +117,7 @@ def test_the_probability_of_a_place_counts_hypotheses_with_more_effects():
     foot, other = every["support_flexibility:foot0.rx"], every["support_flexibility:foot1.rx"]
     alone, both, else_ = Scored((foot,), 0.0), Scored((foot, other), -0.1), Scored((other,), -1.0)
     search = SimpleNamespace(
-        known={h.key: h for h in (alone, both, else_)}, elsewhere=[], unknown=lambda h: -50.0
+        known={h.key: h for h in (alone, both, else_)}, elsewhere=[], promises=list, unknown=lambda h: -50.0
     )
     done = Searched(search, alone, (), 0.0, portal(0.5))
     p = {h: done.probability(h) for h in (alone, both, else_)}

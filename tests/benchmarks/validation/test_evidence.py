@@ -28,7 +28,9 @@ SETTINGS = CaseSettings(3, small=True)
 def searched(unknown, **probabilities):
     """Return a search that has ended, with hypotheses of some probabilities."""
     known = {n: SimpleNamespace(name=n, score=float(np.log(p))) for n, p in probabilities.items()}
-    search = SimpleNamespace(known=known, elsewhere=[], unknown=lambda best: float(np.log(unknown)))
+    search = SimpleNamespace(
+        known=known, elsewhere=[], promises=list, unknown=lambda best: float(np.log(unknown))
+    )
     best = max(known.values(), key=lambda h: h.score)
     return Searched(search, best, (), 0.0, None)
 

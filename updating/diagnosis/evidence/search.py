@@ -410,9 +410,9 @@ class Search:
         short: list[tuple[list[Hypothesis], bool]] = []
         rest = [p for p in proposals if p.starts]
         while rest:
-            least = best - behind - now
-            n = sum(p.worth >= max(least, rest[0].worth - TWIN_NATS) for p in rest)
-            n = min(n, self.budget.together) or (max(0, LEAST_SHORT - len(short)) if settled else 0)
+            n = sum(p.worth >= best - behind - now for p in rest[: self.budget.together])
+            if settled and not n:
+                n = max(0, LEAST_SHORT - len(short))
             if not n:
                 break
             these, rest = rest[:n], rest[n:]
