@@ -144,9 +144,8 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]
 def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, float]:
     """Return the largest relative differences of a deck's first frequencies from those of a model [-].
 
-    The first is to the model, with nodes where members carry masses or crack. The second is to the model as a
-    deck has it: the node behind a released end moves freely, and is not condensed. It is infinite if no end is
-    released.
+    The first is to the model, with nodes where members carry masses or crack. The second is to the model as
+    a deck has it, where the node behind a released end moves freely; it is infinite if no end is released.
 
     Raises
     ------

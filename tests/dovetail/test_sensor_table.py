@@ -155,6 +155,36 @@ def test_sensors_in_a_tiny_part_of_the_structure_are_suspicious(tmp_path, headin
         assert word in warning
 
 
+@pytest.mark.parametrize(
+    ("heading", "rows", "words"),
+    [
+        (
+            "x [in],y [in],z [in]",
+            "a,0,0,0.2,x\nb,0,0,0.6,x\nc,1,0,1,x\n",
+            ["look like m, and the heading says in", "x [m]"],
+        ),
+        ("x [in],y [in],z [in]", THREE, ["look like m, and the heading says in"]),
+        (
+            "x [mm],y [mm],z [mm]",
+            "a,30,0,39.37,x\nb,39.37,0,39.37,x\nc,35,0,39.37,x\n",
+            ["times 25.4 they are on it: the numbers look like in", "x [in]"],
+        ),
+    ],
+)
+def test_a_wrong_unit_of_sensors_close_to_the_structure_is_one_sentence(tmp_path, heading, rows, words):
+    """An arm of 1 m is on the mast of 1 m."""
+    bar = 'section = {shape = "rectangle", b = 0.02, h = 0.02}'
+    more = f'end = [1, 0, 1]\n[members.arm]\nfrom = "tip"\nto = "end"\n{bar}\n'
+    arm = MODEL.replace("[members.", f"{more}[members.", 1)
+    text = f'sensors = "sensors.csv"\n{arm}[[excitations]]\nsensor = "b"\n'
+    try:
+        (sentence,) = load(tmp_path, f"name,{heading},direction\n{rows}", text=text).warnings
+    except StudyError as reason:
+        sentence = str(reason)
+    for word in words:
+        assert word in sentence
+
+
 def test_sensors_around_a_joint_and_in_three_directions_are_plausible(tmp_path):
     assert of_three(tmp_path, "x,y,z", "a,0,0,0.49,x\nb,0,0,0.5,x\nc,0,0,0.52,x\n") == ()
     assert of_three(tmp_path, "x,y,z", "b,0,0,1,x\nb2,0,0,1,y\nb3,0,0,1,z\n") == ()
