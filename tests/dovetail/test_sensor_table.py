@@ -122,6 +122,14 @@ def test_a_heading_that_is_misspelt_is_said(tmp_path):
     assert any("the column gian is not used; did you mean 'gain'?" in text for text in study.assumptions)
 
 
+@pytest.mark.parametrize("heading", ["x_mm,y_mm,z_mm", "X-Koord,Y-Koord,Z-Koord"])
+def test_headings_of_coordinates_that_are_not_known_are_one_error(tmp_path, heading):
+    with pytest.raises(
+        StudyError, match=rf"sensors\.csv: no column gives places, and {heading.replace(',', ', ')} are"
+    ):
+        load(tmp_path, f"name,{heading},direction\na,0,0,500,x\nb,0,0,1000,x\n")
+
+
 def test_no_file_and_more_keys_are_refused(tmp_path):
     with pytest.raises(StudyError, match=r"sensors\[1\]\.file: there is no file"):
         load(tmp_path, "", text=f'sensors = "none.csv"\n{MODEL}')
