@@ -144,15 +144,16 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]
 def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, float]:
     """Return the largest relative differences of a deck's first frequencies from those of a model [-].
 
-    The first is to the model, with nodes where members carry masses or crack. The second is to the model as a
-    deck has it: the node behind a released end moves freely, and is not condensed.
+    The first is to the model, with nodes where members carry masses or crack. The second is to the model as
+    a deck has it, where the node behind a released end moves freely; it is infinite if no end is released.
 
     Raises
     ------
     MeshError
         If the deck cannot be read.
     """
-    as_deck = model_of(with_nodes(deck_of(model), arms=None))
+    whole = deck_of(model)
+    as_deck = model_of(with_nodes(whole, arms=None))
     one, *others = (
         first_modes(assemble(m, reciprocal=False), CHECKED_MODES).frequency
         for m in (model_of(read_deck(deck, source.units)), with_places(model)[0], as_deck)
@@ -162,7 +163,7 @@ def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, fl
         n = min(len(one), len(other))
         moving = other[:n] > 1e-3 * other[:n].max(initial=0.0)  # rigid motions have no frequency to compare
         out.append(float(np.abs(one[:n][moving] / other[:n][moving] - 1).max(initial=0.0)))
-    return out[0], out[1]
+    return out[0], out[1] if np.isfinite(whole.bars.stiffness).any() else math.inf
 
 
 def program_of(deck: Path) -> str:

@@ -1,8 +1,12 @@
 """Materials."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
+
+MASSLESS_SPEED = 1e12
+"""√(E/ρ) of a material without density in its deck: so fast in no units of a deck [m/s]."""
 
 
 class PropertyError(ValueError):
@@ -48,3 +52,14 @@ class Material:
     def G(self) -> float:
         """Shear modulus [Pa]."""
         return self.E / (2 * (1 + self.nu))
+
+    @property
+    def is_massless(self) -> bool:
+        """Whether the density is a negligible one, as readers give it to a material without density."""
+        # a tenth: a modulus may be changed after that
+        return self.E / self.rho > (MASSLESS_SPEED / 10) ** 2
+
+
+def negligible_density(E: float) -> float:
+    """Return the density of a material without one, in kg/m³ of E in Pa; a model needs some."""
+    return max(E / MASSLESS_SPEED**2, sys.float_info.min)

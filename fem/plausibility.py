@@ -151,6 +151,10 @@ def suspicions_of_material(m: Material) -> Iterator[Suspicion]:
         if not low <= value <= high
     }
     reasons = outside or _of_both(m)
+    if m.is_massless:
+        reasons["rho"] = (
+            "a deck without a density is read with such a negligible one; state that of the material"
+        )
     meant = _meant(m, tuple(reasons))
     for key, why in reasons.items():
         about = [key, *(k for k in meant if k not in reasons)]

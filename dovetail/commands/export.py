@@ -120,7 +120,7 @@ def _edit(
         return None
 
 
-def _agreement(path: Path, source: SourceDeck, model: Model) -> str:
+def _agreement(path: Path, source: SourceDeck, model: Model, unread: Sequence[str]) -> str:
     """Return a sentence on how well a merged deck has the natural frequencies of its model."""
     try:
         error, of_ends = differences(path, source, model)
@@ -129,13 +129,18 @@ def _agreement(path: Path, source: SourceDeck, model: Model) -> str:
     head = f"{path.name}, read again: its natural frequencies"
     if error < AGREEMENT:
         return f"{head} agree with those of the study to {error:.1e}"
+    if unread:
+        return (
+            f"{head} differ from those of the study by up to {error:.1e}: Dovetail does not read its "
+            f"matrices ({', '.join(unread)}), so check that deck in its program"
+        )
     if of_ends < AGREEMENT:
         return (
             f"{head} are those of the study, but for nodes behind released ends, which add up to {error:.1e}"
         )
     return (
         f"{head} differ from those of the study by up to {error:.1e}: the deck's elements may be too long, "
-        "or a note says what the cards lack"
+        "its sections may have a found form only nearly, or a note says what the cards lack"
     )
 
 
@@ -207,7 +212,7 @@ def run(options: Options, progress: Progress) -> Answer:
             scratch.write_text(text, "utf-8", errors="surrogateescape")
     if options.merge is not None and source is not None and edit is not None:
         progress("reading the merged deck")
-        notes.append(_agreement(options.merge, source, edit[1].model))
+        notes.append(_agreement(options.merge, source, edit[1].model, edit[0].unread))
     if options.uff is not None:
         progress("solving for modes")
         write_modes(

@@ -218,6 +218,8 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
     for key in ("scale", "merge_tolerance", "sets", "free_points"):
         if key in mesh:
             mesh.refuse(key, "it belongs to a mesh file, and [mesh] gives no file")
+    if mesh.unread_like("file"):
+        mesh.refuse_without("file", "'file' is missing")
     places = {key: points.vector(key) for key in points.values}
     if not members.values and "superelements" in top:
         return Geometry(Mesh.of_points([]), places)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -239,22 +239,19 @@ def _properties(
         holder = _with_key(chain, key)
         return default if holder is None else how(holder)
 
+    def refuse_without(key: str, known: Mapping[str, Any]) -> NoReturn:
+        text = f"member '{name}' has no {key}; give it one, or one to [defaults]; {suggest('', known)}"
+        next((t for t in chain if t.unread_like(key)), member_table).refuse_without(key, text)
+
     material = read("material", lambda t: _named(t, "material", materials), None)
     if material is None:
         if len(materials) != 1:
-            member_table.refuse(
-                "",
-                f"member '{name}' has no material; give it one, or one to [defaults]; "
-                f"{suggest('', materials)}",
-            )
+            refuse_without("material", materials)
         (material,) = materials.values()
     section = read("section", lambda t: _section(t, "section", sections), None)
     if section is None:
         if len(sections) != 1:
-            member_table.refuse(
-                "",
-                f"member '{name}' has no section; give it one, or one to [defaults]; {suggest('', sections)}",
-            )
+            refuse_without("section", sections)
         (section,) = sections.values()
     zero = np.zeros(3)
     orientation = read("orientation", lambda t: t.direction("orientation"), None)

@@ -16,6 +16,9 @@ OFF_AXIS = 0.02
 CLUSTERED = 0.01
 """Extent of all places, as part of the structure's size, below which another unit is looked for [-]."""
 
+TWICE = 0.026
+"""The same where the structure has all places without the unit of the heading: 1 inch is 0.0254 m [-]."""
+
 ONE_PLACE = 2e-3
 """The same below which they are suspicious in any unit: several sensors have no room there [-]."""
 
@@ -52,12 +55,16 @@ def refuse_or_suspect_places(
     distance = _distances(places, mesh)
     extent = float(np.ptp(places, axis=0).max())
     off = distance > OFF_AXIS * mesh.size
-    clustered = len(distinct) >= _LEAST_PLACES and extent < CLUSTERED * mesh.size
-    far = len(distinct) > 1 and off.mean() > 0.5 and distance.max() > mesh.size
+    several, mostly_off = len(distinct) >= _LEAST_PLACES, len(distinct) > 1 and off.mean() > 0.5
+    table = stated[0][0]
+    looked_for = mostly_off or (several and extent < TWICE * mesh.size)
+    factor = _fitting_factor(places, mesh, table) if looked_for else None
+    twice = factor is not None and abs(factor * SCALES.get(_unit(table), 0.0) - 1) < _NEAR
+    clustered = several and extent < (TWICE if twice else CLUSTERED) * mesh.size
+    far = mostly_off and (distance.max() > mesh.size or (several and factor is not None))
+    far = far or (clustered and twice and off.any())
     if not (clustered or far):
         return []
-    table = stated[0][0]
-    factor = _fitting_factor(places, mesh, table)
     every = f"the {len(places)} {what}"
     remedy = "" if factor is None else f"; times {factor:.6g} they are on it: {_remedy(table, factor)}"
     if far:

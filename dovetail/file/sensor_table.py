@@ -30,6 +30,7 @@ COLUMNS: dict[str, str] = {
 """Columns by their headings in small letters; those of pyFBS among them."""
 
 _PLACE, _VECTOR, _OFFSET = ("x", "y", "z"), ("dx", "dy", "dz"), ("offset_y", "offset_z")
+_PLACES = ("x", "point", "member", "node", "sensor")
 UNIT_OF_HEADING = re.compile(r"[\[(]\s*(\w+)\s*[\])]\s*$")
 """A unit in brackets at the end of a heading."""
 
@@ -167,6 +168,12 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
             raise StudyError(msg)
     if not found:
         msg = f"{name}: no heading is known ({', '.join(head[:8])}); allowed are {', '.join(COLUMNS)}"
+        raise StudyError(msg)
+    if unused and not {*_PLACES} & {*found}:
+        msg = (
+            f"{name}: no column gives places, and {', '.join(unused[:8])} are not known; x, y and z, with a "
+            f"unit as in 'x [mm]', or one of {', '.join(_PLACES[1:])} are needed"
+        )
         raise StudyError(msg)
     return found, units
 

@@ -339,6 +339,8 @@ def read_excitations(
                 found = [Channel(at.sensor, t, label, at.node, at.near, read_convention(t))]
             elif "base" in t:
                 found = [_base_motion(t, base)]
+            elif not {"point", "points", "member", "node"} & {*t.values} and t.unread_like("sensor"):
+                t.refuse_without("sensor", "'sensor' is missing")
             else:
                 found = list(_sensors_of(t, geometry, nodes, notes, sprung_points(top, geometry)))
             t.finish()

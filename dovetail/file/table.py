@@ -142,11 +142,16 @@ class Table:
             self.refuse_without(key, f"'{key}' is missing", stand_in)
         return default
 
+    def unread_like(self, key: str) -> str:
+        """Return the unread key that is most like another one, capitals or not; empty if none is."""
+        unread = {k.lower(): k for k in self.values if k not in self._known}
+        close = difflib.get_close_matches(key.lower(), unread, 1, 0.6)
+        return unread[close[0]] if close else ""
+
     def refuse_without(self, key: str, text: str, stand_in: Any = None) -> NoReturn:
         """Raise the error that a key is missing, with an unread key that is like it."""
-        unread = [k for k in self.values if k not in self._known]
-        close = difflib.get_close_matches(key, unread, 1, 0.6)
-        hint = f"; is it the unknown key '{close[0]}'?" if close else ""
+        close = self.unread_like(key)
+        hint = f"; is it the unknown key '{close}'?" if close else ""
         raise MissingKeyError(str(self.error("", f"{text}{hint}")), self.path, key, stand_in)
 
     def number(

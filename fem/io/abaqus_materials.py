@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from fem.io.abaqus_content import Content, check, data, lines_of
 from fem.io.abaqus_deck import Block, fault
 from fem.io.deck import named, real
-from fem.io.frame_sections import negligible_density
-from fem.materials import Material, PropertyError
+from fem.materials import Material, PropertyError, negligible_density
 from fem.model import Damping
 
 

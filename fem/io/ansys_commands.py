@@ -1,5 +1,7 @@
 """ANSYS commands that make or change a model: nodes, elements, tables, supports and equations."""
 
+import re
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -234,7 +236,7 @@ def et(state: State, c: Command) -> None:
 
 
 def _plain(c: Command, digits: str) -> int:
-    if not digits.isdigit() or len(digits) > 4:
+    if not re.fullmatch(r"[0-9]{1,4}", digits):
         c.refuse(f"has the element type '{c.raw(1)[:20]}'; its name or number, such as BEAM188, is needed")
     return int(digits)
 
@@ -346,6 +348,8 @@ def d(state: State, c: Command) -> None:
     # a table of values, %name%, moves the node by what is not known here
     value = float("nan") if c.raw(2).startswith("%") else c.real(2)
     directions = state.directions(c, (1, *range(6, 11)))
+    if not any(c.raw(k) for k in (1, *range(6, 11))):
+        c.refuse(f"has no label; one of {', '.join(LABELS)} and ALL is needed")
     numbers = state.chosen(c, NODE, 0, 4)
     if not numbers:
         state.deck.notes.append(
@@ -518,12 +522,10 @@ def _value(state: State, c: Command) -> float | None:
     return None
 
 
-def ask(state: State, c: Command) -> None:
-    """Mark a parameter that the user or a file gives."""
-    try:
-        state.script.parameters.forget(c.raw(0), f"{c.name.upper()} gives it")
-    except ValueError as reason:
-        c.refuse(str(reason))
+def forget(state: State, c: Command) -> None:
+    """Mark a parameter or an array that the user, a file or a command that is not read gives."""
+    with suppress(ValueError):  # some commands have other things in this field
+        state.script.parameters.forget(c.raw(0).partition("(")[0], f"{c.name.upper()} gives it")
 
 
 def units(state: State, c: Command) -> None:

@@ -77,7 +77,7 @@ ANYWHERE: dict[str, Handler] = {
         ("FLST", ansys_selection.flst),
         ("FITEM", ansys_selection.fitem),
         ("*GET", ansys_commands.get),
-        ("*ASK /INQUIRE", ansys_commands.ask),
+        ("*ASK /INQUIRE", ansys_commands.forget),
         ("/UNITS", ansys_commands.units),
     )
     for name in names.split()
@@ -143,7 +143,8 @@ _NO_CHANGE = frozenset(
     )
 ) | {""}
 """Commands that do not change the model: options of the solution, lists, plots, files that are written."""
-_BEFORE_FORMAT = frozenset(key_of(name) for name in ("*VWRITE", "*MSG", "*VREAD", "*SREAD", "*TREAD"))
+_WRITES = frozenset(key_of(name) for name in ("*VWRITE", "*MSG"))
+_BEFORE_FORMAT = _WRITES | {key_of("*VREAD")}
 """Star commands whose next line is a format."""
 _ENDS = frozenset(key_of(name) for name in ("SOLVE", "LSSOLVE", "LSWRITE", "/EOF", "/EXIT"))
 
@@ -194,10 +195,12 @@ def _run(state: State, c: Command) -> None:
     elif c.key[:1] == "/":
         if c.key in ("/PREP", "/SOLU") or c.key[:4] in ("/POS", "/AUX", "/OPT", "/MAP"):
             state.processor = {"/PREP": "PREP7", "/SOLU": "SOLU"}.get(c.key, c.name.upper())
-    elif c.key in _BEFORE_FORMAT:
-        state.script.at += 1
-    elif c.key not in _NO_CHANGE and c.key != "NUMO":
+    elif c.key not in _NO_CHANGE and c.key not in _WRITES and c.key != "NUMO":
+        if c.key[0] == "*":
+            ansys_commands.forget(state, c)  # *VREAD and *VFILL fill arrays
         state.ignore(c.name.upper()[:30], c.line)
+    if c.key in _BEFORE_FORMAT:
+        state.script.at += 1
 
 
 _WITH_SWITCH = frozenset(key_of(name) for name in ("OMEGA", "LUMPM", "PSTRES", "SSTIF", "CORIOLIS"))

@@ -22,7 +22,7 @@ from fem.io.deck_units import Units
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_parts import Found, along, axes_along, entry, supports_of, terms_of
 from fem.io.frame_sections import rod
-from fem.materials import Material, PropertyError
+from fem.materials import Material, PropertyError, negligible_density
 from fem.model import DIRECTIONS, Damping
 from fem.sections.section import Section
 
@@ -50,8 +50,6 @@ _UNITS = {
     "BFT": (0.3048, 14.59390, 1.0),
     "BIN": (0.0254, 175.12683, 1.0),
 }
-WAVE_OF_MASSLESS = 1e8
-"""Speed of waves in a material without density: members need some [m/s]. Steel has then 2e-5 kg/m³."""
 _RELEASES = ((1, 5), (10, 4), (100, 3), (1000, 0))
 """Digits of BEAM44's KEYOPT(7) and (8), and the local directions that they release."""
 
@@ -334,8 +332,8 @@ class _Frame(Found):
             )
         rho = values.get("DENS", 0.0) * self.units.density
         if not rho:
-            rho = E * self.units.stress / WAVE_OF_MASSLESS**2
-            self.notes.append(f"material {e.mat} has no DENS: {rho:.1e} kg/m³ is taken, next to nothing")
+            rho = negligible_density(E * self.units.stress)
+            self.notes.append(f"material {e.mat} has no density (DENS); a negligible one is taken")
         for label in sorted({"DAMP", "ALPD", "BETD", "SDAMP", "DMPS"} & set(values)):
             self.notes.append(f"MP,{label} of material {e.mat} is left out: its damping is not in the model")
         loss = 2 * values.get("DMPR", 0.0)

@@ -75,7 +75,8 @@ class Parameters:
     def forget(self, name: str, reason: str) -> None:
         """Mark a parameter whose value only ANSYS knows."""
         key = self._key(name)
-        self.values.pop(key, None)
+        for old in [n for n in self.values if n == key or n.startswith(f"{key}(")]:
+            del self.values[old]
         self.unknown[key] = reason
 
     def _key(self, name: str) -> str:

@@ -267,7 +267,7 @@ class Script:
             if c.key == "*ENDI":
                 self.open.pop()
                 return
-            if not c.fields or self._holds(c):  # *ELSE, or *ELSEIF
+            if not any(c.fields) or self._holds(c):  # *ELSE, or *ELSEIF
                 return
 
     def _skip(self, line: int, opening: str, closing: tuple[str, ...]) -> Command:

@@ -30,6 +30,8 @@ def _of_range(state: State, c: Command, kind: str, values: dict[int, int]) -> li
         c.refuse("has no VMIN; give the first number of a range")
     first = c.integer(3)
     last, step = c.integer(4, first), max(abs(c.integer(5)), 1)
+    if c.integer(6):  # KABS
+        values = {n: abs(v) for n, v in values.items()}
     return [n for n, v in values.items() if first <= v <= last and not (v - first) % step]
 
 
@@ -44,6 +46,7 @@ def _of_place(state: State, c: Command, numbers: list[int], places: Floats) -> l
     if within is None:
         within = 1e-8 * abs(high - low) if high != low else 0.005 * abs(low) or 1e-6
     value = state.active(c).of_global(places)[:, "XYZ".index(axis)]
+    value = np.abs(value) if c.integer(6) else value  # KABS
     inside = (value >= low - within) & (value <= high + within)
     return [numbers[k] for k in np.flatnonzero(inside)]
 

@@ -14,9 +14,6 @@ from fem.plausibility import DENSITY, FARTHEST_SOUND, LEAST_USUAL, MODULUS, USUA
 USUAL_MODULUS = 1e11
 """E of steel, aluminium, copper and titanium, within a factor of two [Pa]."""
 
-MASSLESS = 1e15
-"""E/ρ that no solid has in any units of a deck: in mm, t and s steel's is 2.7e13 of these units [m²/s²]."""
-
 
 @dataclass(frozen=True, slots=True)
 class Units:
@@ -117,7 +114,7 @@ def likely_units(materials: Sequence[Material], units: Units) -> str:
         for m in odd:
             E, rho = m.E * other.stress / units.stress, m.rho * other.density / units.density
             usual = LEAST_USUAL[0] <= E <= MODULUS[1] and _fits(rho, (LEAST_USUAL[1], DENSITY[1]), m)
-            speed = E / USUAL_MODULUS if _is_massless(m) else E / rho / USUAL_SOUND**2
+            speed = E / USUAL_MODULUS if m.is_massless else E / rho / USUAL_SOUND**2
             off = max(off, abs(np.log(speed)) / 2 if usual else np.inf)
         if off < best[1]:
             best = (name, off)
@@ -125,9 +122,4 @@ def likely_units(materials: Sequence[Material], units: Units) -> str:
 
 
 def _fits(rho: float, allowed: tuple[float, float], m: Material) -> bool:
-    return _is_massless(m) or allowed[0] <= rho <= allowed[1]
-
-
-def _is_massless(m: Material) -> bool:
-    """Return whether a reader gave a material without density a negligible one."""
-    return m.E / m.rho > MASSLESS
+    return m.is_massless or allowed[0] <= rho <= allowed[1]

@@ -107,8 +107,8 @@ def model_of(deck: FrameDeck) -> Model:
         element or card.
     """
     if not deck.properties or not len(deck.bars.numbers):
-        found = "no bars" if not len(deck.bars.numbers) else "bars without sections and materials"
-        raise error_at(deck.file, f"it has {found}; a model needs bars with both")
+        found = "no bars; a model" if not len(deck.bars.numbers) else "bars without sections; a model"
+        raise error_at(deck.file, f"it has {found} needs bars with sections and materials")
     _check_bars(deck)
     nodes = Nodes.of(deck)
     try:

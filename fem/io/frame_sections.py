@@ -3,7 +3,6 @@
 Points are (y, z) in the axes of the deck's shape, from its lower left corner unless stated otherwise [m].
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -37,15 +36,6 @@ def of_constants(
 def rod(A: float) -> Section:
     """Return a round section of an area [m²]; a bar without bending uses nothing else of it."""
     return Section.circle(2 * np.sqrt(max(A, 0.0) / np.pi))
-
-
-MASSLESS_SPEED = 1e12
-"""Speed of sound in a material without density, which needs one: so light in any units of a deck [m/s]."""
-
-
-def negligible_density(E: float) -> float:
-    """Return the density of a material without one, in kg/m³ of E in Pa."""
-    return max(E / MASSLESS_SPEED**2, sys.float_info.min)
 
 
 def material_of(

@@ -135,7 +135,7 @@ def keyed_header(table: Columns) -> KeyedHeader | None:
         listed = ", ".join(sorted(kinds))
         msg = f"its functions are {listed} by their quantities; FRFs of one kind are needed"
         raise error_at(table.name, msg, TableError)
-    counts = {f.values["averages"] for f in functions if f.values.get("averages", "").isdigit()}
+    counts = {n for f in functions if (n := f.values.get("averages", "")).isdecimal() and len(n) < 10}
     others = [f for f, found in zip(functions, parts, strict=True) if found[0].part == "other"]
     notes = [f"the function {_name(f)} is no FRF ({f.values.get('class', '')}) and left out" for f in others]
     if len(others) == len(functions):

@@ -388,16 +388,18 @@ def _split(bulk: BulkData, row: int) -> tuple[str, list[str], str]:
     head = cells[0]
     fields, label = _free_fields(cells[1:], 4 if head.endswith("*") or head.startswith("*") else 8)
     goes_on = row + 1 < len(bulk.lines) and _key(bulk.lines[row + 1]) in "+* "
-    if label and not _LABEL.fullmatch(label):
-        mine = _head(bulk.lines[row + 1]).strip("+* ") if goes_on else ""
-        if not goes_on:  # MSC Nastran goes on by itself where a line in free field is too long
-            return head, [*fields, label, *[""] * 7][: len(fields) + 8], ""
-        if not mine and _is_number(label):
-            msg = (
-                f"{bulk.place(row)}: '{label}' may be a value or the label of the continuation line after "
-                f"it; write +{label} at both places if it is the label, or a line for each eight values"
-            )
-            raise MeshError(msg)
+    is_label = _LABEL.fullmatch(label)
+    if label and not is_label and not goes_on:
+        # MSC Nastran goes on by itself where a line in free field is too long
+        return head, [*fields, label, *[""] * 7][: len(fields) + 8], ""
+    # a number, also one with a sign, is a label only where the next line has it
+    if label and _is_number(label) and not (goes_on and _head(bulk.lines[row + 1]).strip("+* ")):
+        plain = label.strip("+*")
+        msg = (
+            f"{bulk.place(row)}: '{label}' may be a value or the label of the continuation line after "
+            f"it; write +{plain} at both places if it is the label, or a line for each eight values"
+        )
+        raise MeshError(msg)
     return head, fields, label.strip("+* ")
 
 

@@ -37,6 +37,7 @@ from fem.io.source_changes import (
     SourceChanges,
     Variant,
     nodes_of,
+    same_property,
     source_changes,
 )
 from fem.materials import Material
@@ -74,7 +75,7 @@ def _free_numbers(deck: NastranDeck) -> dict[str, int]:
 
     def above(names: Iterable[str], fields: Sequence[int] = (0,)) -> int:
         texts = (c.text(k) for name in names for c in deck.of(name) for k in fields)
-        return 1 + max((int(t) for t in texts if t.isdigit()), default=0)
+        return 1 + max((int(t) for t in texts if t.isdecimal() and len(t) < 20), default=0)
 
     elements = [n for n in deck.cards if n[:1] in "CR" and not n.startswith("CORD")]
     properties = [n for n in deck.cards if n[:1] == "P" and n != "PARAM"]
@@ -120,9 +121,7 @@ class _Writer:
         deck = removed
         for name, material in c.materials.items():
             self._material_in_place(name, material)
-        for v in c.variants:
-            if v.complete and v.source >= 0:
-                self._property_in_place(v)
+        self._properties_in_place()
         elements = count(self.first["element"])
         for k, piece in enumerate(c.pieces):
             self._bar(deck, k, piece, elements)
@@ -143,6 +142,7 @@ class _Writer:
         ]
         used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(bare))]
         self.out.control += [f"{MATRICES[key]} = {key}EFF" for key in used]
+        self.out.unread += [MATRICES[key] for key in used]
         return self.out
 
     # Sets ---------------------------------------------------------------------------------------------------
@@ -338,15 +338,28 @@ class _Writer:
         p = c.source.properties[source]
         return bool(c.before.bars.offsets[rows].any() or p.section.angle or p.section2 is not None)
 
-    def _property_in_place(self, v: Variant) -> None:
-        old = self._property_card_of(v.source)
-        if old is None or (v.section and self._shifted(v.source)):
-            return
-        material = self._material(v.source, v.new.material)
-        if not v.section and material == old.integer(1):
-            return
-        self._replace(old, *self._property_lines(v, old, old.integer(0), material))
-        self.in_place.add(self._key(v))
+    def _properties_in_place(self) -> None:
+        """Replace cards of which all bars have changed alike.
+
+        Bars of one card are of several properties of the source where comments name them.
+        """
+        c = self.changes
+        complete = {v.source: v for v in c.variants if v.complete}
+        of_card: dict[str, tuple[Card, list[int]]] = {}
+        for source in np.unique(c.source.bars.properties).tolist():
+            if (old := self._property_card_of(source)) is not None:
+                of_card.setdefault(old.place, (old, []))[1].append(source)
+        for old, sources in of_card.values():
+            alike = [complete[s] for s in sources if s in complete]
+            if len(alike) < len(sources) or any(not same_property(v.new, alike[0].new) for v in alike):
+                continue
+            if alike[0].section and any(self._shifted(s) for s in sources):
+                continue
+            material = self._material(sources[0], alike[0].new.material)
+            if not alike[0].section and material == old.integer(1):
+                continue
+            self._replace(old, *self._property_lines(alike[0], old, old.integer(0), material))
+            self.in_place |= {self._key(v) for v in alike}
 
     def _key(self, v: Variant) -> str:
         return f"{v.source} {self.changes.variants.index(v)}"

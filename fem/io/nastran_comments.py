@@ -102,10 +102,12 @@ def names_of(comments: Comments, cards: Sequence[tuple[int, str, str]]) -> Names
     texts = [*comments.elsewhere, *(text for lines in comments.above.values() for text in lines)]
     for match in filter(None, (form.match(text) for text in texts for form in _BY_NUMBER)):
         name, kind = _tidy(match["name"]), match["kind"].upper()
+        digits = match["number"] or match["component"]
+        number = int(digits) if len(digits) < 10 else 0
         if kind == "COMP":
-            components.setdefault(int(match["number"] or match["component"]), []).append(name)
+            components.setdefault(number, []).append(name)
         elif name and not _is_heading(name):
-            (found.materials if kind == "MAT" else found.properties)[int(match["number"])] = name
+            (found.materials if kind == "MAT" else found.properties)[number] = name
     region, block = "", ""
     for k, (row, card, first) in enumerate(cards):
         lines = comments.above.get(row, [])

@@ -8,10 +8,10 @@ import numpy as np
 
 from fem.io.array_types import Floats
 from fem.io.frame_deck import BarProperty
-from fem.io.frame_sections import material_of, negligible_density, rod, with_shear
+from fem.io.frame_sections import material_of, rod, with_shear
 from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, section_of_shape
-from fem.materials import PropertyError
+from fem.materials import PropertyError, negligible_density
 from fem.sections.section import Section
 
 NO_TWIST_INERTIA = 1e-12

@@ -32,7 +32,7 @@ def selected(deck: NastranDeck, key: str, names: tuple[str, ...], adding: str) -
         if setting is None:
             deck.notes.add(f"left out, because case control has no {key}", cards[0])
             return []
-        chosen = int(setting) if setting.isdigit() else 0
+        chosen = int(setting) if setting.isdecimal() and len(setting) < 20 else 0
     if chosen not in numbers | set(sums):
         cards[0].refuse(
             f"is in a set that is not selected: case control has {key} = {chosen}, which the file lacks"

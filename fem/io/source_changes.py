@@ -79,6 +79,8 @@ class DeckEdit:
         Cards of which a second definition takes the place of the first, so that they may stay.
     control : list of str
         Lines that the deck's case control needs besides.
+    unread : list of str
+        Cards of these that :func:`fem.io.read_model` leaves out, ``"K2GG"``.
     notes : list of str
     """
 
@@ -87,6 +89,7 @@ class DeckEdit:
     replaced: list[SourceCard] = field(default_factory=list)
     redefined: list[str] = field(default_factory=list)
     control: list[str] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def replace(self, *cards: SourceCard, by: Iterable[str] = ()) -> None:
@@ -469,7 +472,9 @@ def _pieces_by_bar(deck: ModelDeck, source: FrameDeck, used: set[int]) -> list[l
             out.append([])
             continue
         like = source.properties[source.bars.properties[k]]
-        best = next((r for r in runs if _same(deck.properties[deck.bars.properties[r[0][0]]], like)), runs[0])
+        best = next(
+            (r for r in runs if same_property(deck.properties[deck.bars.properties[r[0][0]]], like)), runs[0]
+        )
         runs.remove(best)
         if _end(deck, best, 0) != a:
             best = [(j, not turned) for j, turned in reversed(best)]
@@ -504,7 +509,7 @@ def _changed_bars(
         which = []
         for part in parts:
             new = _property_of(after, part)
-            same = _same(new, old) and not _turned_taper(part, new)
+            same = same_property(new, old) and not _turned_taper(part, new)
             which.append(-1 if same else _kind(kinds, int(source.bars.properties[s]), new, s))
         b = taken(after.bars, [parts[0][0], parts[-1][-1]])
         joined = len(parts) > 1 or not _same_ends(b, before.bars, s, axes, parts[0][0][0], old)
@@ -540,7 +545,7 @@ def _changed_bars(
                 kind,
                 new,
                 old is None or not same_material(new.material, old.material),
-                old is None or not _same(replace(new, material=old.material), old),
+                old is None or not same_property(replace(new, material=old.material), old),
                 whole,
             )
         )
@@ -568,7 +573,7 @@ def _joined(
             np.isinf(b.stiffness[last[0], 1 - last[1]]).all()
             and np.isinf(b.stiffness[one[0], int(one[1])]).all()
         )
-        alike = _same(_property_of(deck, [one]), _property_of(deck, [last]))
+        alike = same_property(_property_of(deck, [one]), _property_of(deck, [last]))
         if node not in used and stiff and alike and touching[node] == 2:
             out[-1].append(one)
         else:
@@ -579,7 +584,7 @@ def _joined(
 def _kind(kinds: list[tuple[int, BarProperty, set[int]]], source: int, new: BarProperty, bar: int) -> int:
     """Return the place of a changed property among those that are known, and count a bar of it."""
     for i, (kind, known, bars) in enumerate(kinds):
-        if kind == source and _same(new, known):
+        if kind == source and same_property(new, known):
             bars.add(bar)
             return i
     kinds.append((source, new, {bar}))
@@ -613,7 +618,7 @@ def _same_section(a: Section | None, b: Section | None) -> bool:
     return all(_close(getattr(a, k), getattr(b, k)) for k in CONSTANTS)
 
 
-def _same(a: BarProperty, b: BarProperty) -> bool:
+def same_property(a: BarProperty, b: BarProperty) -> bool:
     """Whether two properties have the same values."""
     return (
         a.theory == b.theory

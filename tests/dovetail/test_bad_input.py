@@ -109,6 +109,27 @@ def test_part_that_a_command_does_not_need_names_the_unknown_key(tmp_path, capsy
             "young = 210e9\ndensity",
             ["'E' is missing; 'young' and 'density' are unknown keys; allowed are E, loss_factor, nu, rho"],
         ),
+        (
+            'sensor = "tip"',
+            'Sensor = "tip"',
+            ["excitations[1]: 'sensor' is missing", "unknown key 'Sensor'?"],
+        ),
+        ("b = 0.03", "B = 0.03", ["section: 'b' is missing; is it the unknown key 'B'?"]),
+        (
+            "section = {",
+            "sectoin = {",
+            ["members.bar: member 'bar' has no section", "is it the unknown key 'sectoin'?"],
+        ),
+        (
+            "[members.bar]",
+            "[defaults]\nmaterail = 'steel'\n[materials.other]\nE = 1e9\nrho = 1e3\n[members.bar]",
+            ["defaults: member 'bar' has no material", "is it the unknown key 'materail'?"],
+        ),
+        (
+            "[members.bar]",
+            "[mesh]\nFile = 'a.inp'\n[members.bar]",
+            ["mesh: 'file' is missing; is it the unknown key 'File'?"],
+        ),
         ("b = 0.03", "width = 0.03", ["section: 'b' is missing; is it the unknown key 'width'?"]),
         ("shape =", "form =", ["neither a shape", "is it the unknown key 'form'?"]),
         ('to = "B"', 'end = "B"', ["members.bar: 'to' is missing; is it the unknown key 'end'?"]),

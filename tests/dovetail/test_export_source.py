@@ -312,6 +312,47 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
         assert np.abs(frequencies(deck) / expected - 1).max() < bound, out.read_text()
 
 
+@pytest.mark.parametrize(
+    "case", ["softer member", "softer member and fitted modulus", "fitted modulus", "thinner section"]
+)
+def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
+    monkeypatch.chdir(tmp_path)
+    text = nastran()
+    for k in range(7):
+        text = re.sub(rf"^(CBAR|CBEAM),{101 + PIECES * k},", rf"$ part{k}\n\g<0>", text, flags=re.MULTILINE)
+    Path("frame.bdf").write_text(text)
+    assert main(["new", "s", "--from", "frame.bdf", "--units", "mm-t-s"]) == 0
+    folder = Path("s")
+    study = (folder / "study.toml").read_text()
+    assert "part5" in study
+    (folder / "found.toml").write_text(CASES[case](folder, study))
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    expected = frequencies(folder / "found.toml")
+    assert np.abs(frequencies(folder / "study.toml") / expected - 1).max() > 1e-4
+    assert np.abs(frequencies(Path("merged.bdf")) / expected - 1).max() < 1e-7
+    one_card = case in ("fitted modulus", "thinner section")
+    assert ("CBAR" not in Path("cards.bdf").read_text()) == one_card
+
+
+def test_matrices_that_a_merged_deck_is_read_without_are_named(found, capsys):
+    text = (found / "study.toml").read_text()
+    rail = member(found, "node 14", "node 15")
+    text += effect(f"distributed_mass:{rail}", mass=5.0, position=0.2, width=0.1)
+    (found / "found.toml").write_text(text)
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    printed = capsys.readouterr().out
+    assert "Dovetail does not read its matrices (M2GG)" in printed
+    assert "released" not in printed
+
+
+def test_only_released_ends_explain_differences(found, capsys):
+    text = (found / "study.toml").read_text()
+    rail = member(found, "node 14", "node 15")
+    (found / "found.toml").write_text(text + effect(f"section_form:{rail}", A=0.5, Iy=0.9, Iz=0.9, J=0.5))
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert "released" not in capsys.readouterr().out
+
+
 @pytest.fixture
 def found(tmp_path, monkeypatch):
     """The folder of a study of a Nastran deck with an end release."""

@@ -122,6 +122,14 @@ def test_a_heading_that_is_misspelt_is_said(tmp_path):
     assert any("the column gian is not used; did you mean 'gain'?" in text for text in study.assumptions)
 
 
+@pytest.mark.parametrize("heading", ["x_mm,y_mm,z_mm", "X-Koord,Y-Koord,Z-Koord"])
+def test_headings_of_coordinates_that_are_not_known_are_one_error(tmp_path, heading):
+    with pytest.raises(
+        StudyError, match=rf"sensors\.csv: no column gives places, and {heading.replace(',', ', ')} are"
+    ):
+        load(tmp_path, f"name,{heading},direction\na,0,0,500,x\nb,0,0,1000,x\n")
+
+
 def test_no_file_and_more_keys_are_refused(tmp_path):
     with pytest.raises(StudyError, match=r"sensors\[1\]\.file: there is no file"):
         load(tmp_path, "", text=f'sensors = "none.csv"\n{MODEL}')
@@ -153,6 +161,36 @@ def test_sensors_in_a_tiny_part_of_the_structure_are_suspicious(tmp_path, headin
     assert warning.startswith("sensors.csv, row 2: ")
     for word in words:
         assert word in warning
+
+
+@pytest.mark.parametrize(
+    ("heading", "rows", "words"),
+    [
+        (
+            "x [in],y [in],z [in]",
+            "a,0,0,0.2,x\nb,0,0,0.6,x\nc,1,0,1,x\n",
+            ["look like m, and the heading says in", "x [m]"],
+        ),
+        ("x [in],y [in],z [in]", THREE, ["look like m, and the heading says in"]),
+        (
+            "x [mm],y [mm],z [mm]",
+            "a,30,0,39.37,x\nb,39.37,0,39.37,x\nc,35,0,39.37,x\n",
+            ["times 25.4 they are on it: the numbers look like in", "x [in]"],
+        ),
+    ],
+)
+def test_a_wrong_unit_of_sensors_close_to_the_structure_is_one_sentence(tmp_path, heading, rows, words):
+    """An arm of 1 m is on the mast of 1 m."""
+    bar = 'section = {shape = "rectangle", b = 0.02, h = 0.02}'
+    more = f'end = [1, 0, 1]\n[members.arm]\nfrom = "tip"\nto = "end"\n{bar}\n'
+    arm = MODEL.replace("[members.", f"{more}[members.", 1)
+    text = f'sensors = "sensors.csv"\n{arm}[[excitations]]\nsensor = "b"\n'
+    try:
+        (sentence,) = load(tmp_path, f"name,{heading},direction\n{rows}", text=text).warnings
+    except StudyError as reason:
+        sentence = str(reason)
+    for word in words:
+        assert word in sentence
 
 
 def test_sensors_around_a_joint_and_in_three_directions_are_plausible(tmp_path):

@@ -62,6 +62,7 @@ SELECTIONS = {
     "added": "NSEL,NONE\nNSEL,A,NODE,,3\nD,ALL,UZ\n",
     "unselected": "NSEL,U,LOC,X,0,1\nD,ALL,UZ\n",
     "inverted": "NSEL,S,LOC,X,0,1\nNSEL,INVE\nD,ALL,UZ\n",
+    "absolute values": "NSCALE,,ALL,,,-1\nNSEL,S,LOC,X,1.5,2.5,,1\nD,ALL,UZ\n",
     "component": COMPONENT + "cmsel,s,_TIP\nd,all,uz,0\nnsel,all\n",
     "component in D": COMPONENT + "D,_tip,UZ\n",
     "component in NSEL": COMPONENT + "NSEL,S,,,_TIP\nD,ALL,UZ\n",
@@ -237,7 +238,7 @@ D,1,ALL
 *DO,K,1,2
 D,ALL,ALL
 *ENDDO
-*ELSE
+*ELSE,
 D,NODE(L,0,0),DIAM
 *ENDIF
 *ENDIF
@@ -388,6 +389,12 @@ REFUSED = [
     ("CE,1,0,3,UX,1,3,UX,1", "CE repeats node 3, UX in equation 1"),
     ("MPCHG,2,9", "MPCHG refers to element 9, which is not defined"),
     ("CP,1,,2,3", "CP needs one of UX"),
+    ("D,3,,0", "D has no label; one of UX"),
+    (
+        "*DIM,A,,3\nA(2)=1\n*VFILL,A(1),RAMP,1,1\nN,9,A(2)",
+        "the value of A is not known here: *VFILL gives it",
+    ),
+    ("*DIM,A,,3\n*VREAD,A(1),f,txt\n(F8.0)\n*IF,A(1),EQ,0,THEN\n*ENDIF", "*IF cannot be decided: 'A(1)'"),
 ]
 
 

@@ -367,6 +367,13 @@ def test_testlab_text_gives_points_directions_quantity_and_unit(tmp_path, mark, 
         np.testing.assert_allclose(read(tmp_path, text.replace(".", ","))[1].H, frf.H)
 
 
+@pytest.mark.parametrize("averages", ["\u00b2", "1" * 5000, "-3", "3.5", "many"])
+def test_what_is_no_number_of_averages_is_left_out(tmp_path, averages):
+    coherence = {"Function class": "Coherence", "Value type": "Real", "Y axis unit": ""}
+    text = lms_text([({}, RE_IM), (coherence, [GAMMA])], **{"Number of averages": averages})
+    assert read(tmp_path, text)[0].averages is None
+
+
 @pytest.mark.parametrize("layout", ["shared", "spaced", "blocks", "repeated"])
 def test_testlab_functions_side_by_side(tmp_path, layout):
     reading, frf = read(

@@ -66,6 +66,12 @@ def test_a_ninth_number_before_a_line_without_a_label_is_refused(tmp_path):
         cards(tmp_path, "SPC1,1,2,3,4,5,6,7,8,9\n,10,11")
 
 
+@pytest.mark.parametrize("after", ["", "\n+,10,11", "\nSPC1,2,3,4"])
+def test_a_ninth_number_with_a_sign_is_no_label_that_no_line_has(tmp_path, after):
+    with pytest.raises(MeshError, match=r"'\+9' may be a value or the label .* write \+9 at both places"):
+        cards(tmp_path, f"SPC1,1,2,3,4,5,6,7,8,+9{after}")
+
+
 @pytest.mark.parametrize("count", [6, 7, 8, 14, 15, 16])
 def test_a_long_line_supports_all_its_grid_points(tmp_path, count):
     path = tmp_path / "a.bdf"

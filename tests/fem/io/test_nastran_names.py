@@ -64,6 +64,7 @@ def members(folder, text):
          f"$ Elements and Element Properties for region : rails\n{FLAT}{STEEL}", {"legs", "rails"}),
         (f"$ANSA_NAME_COMMENT;1;PBARL;legs;NO;\n{TUBE}$ANSA_NAME_COMMENT;2;PBAR;rails;\n{FLAT}{STEEL}",
          {"legs", "rails"}),
+        (f'{TUBE}{FLAT}{STEEL}$HMNAME PROP {"1" * 5000}"legs" 4\n', PLAIN),
         (f"$*\n$*  Property: legs\n$*\n{TUBE}$*\n$*  Property: rails\n$*\n{FLAT}{STEEL}", {"legs", "rails"}),
     ],
 )  # fmt: skip

@@ -72,18 +72,28 @@ def contents():
     return found
 
 
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Return the files of every content with every suffix: all readers read the same ones."""
+    paths = {}
+    for name, data in contents().items():
+        folder = tmp_path_factory.mktemp("nothing")
+        for suffix in SUFFIXES:
+            paths[name, suffix] = folder / suffix[1:] / f"file{suffix}"
+            paths[name, suffix].parent.mkdir()
+            paths[name, suffix].write_bytes(data)
+    return paths
+
+
 @pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.__name__)
-def test_every_reader_answers_with_one_line(tmp_path, reader):
+def test_every_reader_answers_with_one_line(files, reader):
     """Whatever else is raised would end the program with a traceback."""
     wrong = []
-    for suffix in SUFFIXES:
-        path = tmp_path / f"file{suffix}"
-        for name, data in contents().items():
-            path.write_bytes(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for (name, suffix), path in files.items():
             try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    reader(path)
+                reader(path)
             except Exception as reason:
                 ours = type(reason).__module__.split(".")[0] in ("fem", "updating", "dovetail")
                 if not ours or path.stem not in str(reason) or "\n" in str(reason):

@@ -15,6 +15,7 @@ NASTRAN = (
     "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nCBAR,1,1,1,2,0.,1.,0.\nPBAR,1,1,1.-4,1.-8,1.-8,1.-8\n"
     "MAT1,1,2.+11,,.3,7850.\nCONM2,9,2,,50.\nSPC1,1,123456,1\n"
 )
+ANSYS = "/PREP7\nET,1,4\nMP,EX,1,2e11\nMP,PRXY,1,.3\nR,1,1e-4,1e-8,1e-8,.1,.1\nN,1\nN,2,2\nE,1,2\nD,1,ALL\n"
 ABAQUS = line(1, "B33") + STEEL + "*BEAM SECTION, ELSET=BAR, MATERIAL=STEEL, SECTION=RECT\n.01, .01\n"
 
 
@@ -35,12 +36,19 @@ def read(folder, name, text):
             line(1, "B33")
             + "*BEAM GENERAL SECTION, ELSET=BAR, SECTION=RECT\n.01, .01\n0, 0, -1\n2e11, 8e10\n",
         ),
+        ("a.cdb", ANSYS),
+        ("a.cdb", ANSYS.replace("R,1", "MP,DENS,1,0\nR,1")),
     ],
 )
-def test_a_material_without_density_gets_a_negligible_one(tmp_path, name, text):
+def test_a_material_without_density_gets_the_same_negligible_one(tmp_path, name, text, capsys):
     deck = read(tmp_path, name, text)
-    assert 0 < deck.properties[0].material.rho < 1e-10
-    assert sum("no density; a negligible one is taken" in note for note in deck.notes) == 1
+    assert deck.properties[0].material.rho == pytest.approx(2e11 / 1e24)
+    assert sum("a negligible one is taken" in note and "no density" in note for note in deck.notes) == 1
+    assert main(["new", str(tmp_path / "s"), "--from", str(tmp_path / name)]) == 0
+    assert main(["check", str(tmp_path / "s" / "study.toml")]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "rho = " in line]
+    assert len(lines) == 1
+    assert "a deck without a density is read with such a negligible one" in lines[0]
 
 
 @pytest.mark.parametrize(
