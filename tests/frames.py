@@ -3,27 +3,33 @@
 import numpy as np
 
 from dovetail import load_study
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.joint import Joint
-from fem.effects.rigid_link import MultiPointConstraint, RigidLink
-from fem.effects.superelement import Superelement
-from fem.effects.support import Support
-from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame
-from fem.elements.part_ties import Attachment
-from fem.elements.properties import MemberProperties
+from fem import (
+    FRF,
+    AddedMass,
+    Attachment,
+    Damping,
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    MultiPointConstraint,
+    PointMass,
+    RigidLink,
+    Section,
+    Superelement,
+    Support,
+    TabulatedStiffness,
+    Viscoelastic,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
 from fem.elements.splitting import split
-from fem.io import write_npz
-from fem.io.matrices import matrices_of
+from fem.io import matrices_of, write_npz
 from fem.laws import FractionalZener
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, Model
-from fem.sections.section import Section
-from fem.system import assemble
+from fem.model import DIRECTIONS
 from tests.noise import complex_normal
 from updating.inference.preparation import with_higher_mass
 from updating.measurement.measurement import sensor_rows

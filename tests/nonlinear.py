@@ -9,11 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import root
 
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.effects.joint import Joint
-from fem.model import Damping, Model
-from fem.system import assemble
+from fem import FRF, Damping, Joint, Model, assemble, compute_frf
 from tests.frames import cross_beam
 from updating import Measurement, Nuisance, Sensor, place_sensors
 

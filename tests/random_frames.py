@@ -5,14 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fem.effects.joint import Joint
-from fem.effects.support import Support
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
+from fem import Frame, Joint, Material, MemberProperties, Mesh, Model, Section, Support
 from tests.frames import FLAT, STEEL
 
 METALS = (STEEL, Material("aluminium", 70e9, 2700.0, 0.33))

@@ -3,17 +3,21 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.frf import FRFError
-from fem.analysis.frf_solver import compute_frf
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
+from fem import (
+    AddedMass,
+    Damping,
+    FRFError,
+    Joint,
+    Material,
+    ModelError,
+    Viscoelastic,
+    assemble,
+    compute_base_frf,
+    compute_frf,
+)
 from fem.effects.plane import Plane
-from fem.effects.viscoelastic import Viscoelastic
 from fem.laws import Zener
-from fem.materials import Material
-from fem.model import Damping, ModelError, lever_matrix
-from fem.system import assemble
+from fem.model import lever_matrix
 from tests.frames import FLAT, STEEL, beam, fix, mounted, planar, portal
 
 LIGHT = Material("light", 1e10, 1e-6)

@@ -3,18 +3,22 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.effects.preload import Preload
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, Model, lever_matrix
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
+from fem.effects import Preload
+from fem.model import DIRECTIONS, lever_matrix
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 PINNED = ("x", "y", "z")

@@ -9,17 +9,21 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fem.analysis.buckling import solve_buckling
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import LoadCase
-from fem.analysis.modes import DENSE_LIMIT, solve_modes
-from fem.analysis.statics import solve_static
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import (
+    Frame,
+    LoadCase,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    assemble,
+    prestressed,
+    solve_buckling,
+    solve_modes,
+    solve_static,
+)
+from fem.analysis.modes import DENSE_LIMIT
 from tests.frames import FLAT, STEEL, beam, chain, fix
 from tests.frames import planar as held_in_plane
 

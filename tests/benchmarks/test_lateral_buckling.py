@@ -10,17 +10,21 @@ import pytest
 import scipy.linalg as sla
 from scipy.optimize import brentq
 
-from fem.analysis.buckling import solve_buckling
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.effects.rigid_link import RigidLink
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model
-from fem.sections.section import Section
+from fem import (
+    AddedMass,
+    Frame,
+    Joint,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    RigidLink,
+    Section,
+    solve_buckling,
+)
+from fem.model import DIRECTIONS
 from tests.frames import STEEL, beam, fix
 
 STRIP = Section.rectangle(0.002, 0.06)

@@ -3,14 +3,19 @@
 import numpy as np
 import pytest
 
-from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce
-from fem.analysis.statics import solve_static
+from fem import (
+    Frame,
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    assemble,
+    solve_static,
+)
 from fem.analysis.stations import largest_displacements
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix
 
 L, Q, CURVATURE = 1.3, 40.0, 2e-3

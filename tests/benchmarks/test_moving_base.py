@@ -3,26 +3,23 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
+from fem import (
+    AddedMass,
+    Damping,
+    Joint,
+    Material,
+    ModelError,
+    assemble,
+    compute_base_frf,
+    compute_frf,
+    solve_modes,
+)
 from fem.effects.moving_base import HEAVIER, base_moved
-from fem.materials import Material
-from fem.model import Damping, ModelError
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.system import assemble
 from tests.frames import beam, fix, portal
-from updating.measurement.measurement import (
-    BaseMotion,
-    MeasurementError,
-    Sensor,
-    sensor_rows,
-    with_moving_base,
-    with_resting_base,
-)
+from updating import MeasurementError, Sensor
+from updating.measurement.measurement import BaseMotion, sensor_rows, with_moving_base, with_resting_base
 
 X, Y, Z = np.eye(3)
 LIGHT = Material("light", 1e10, 1e-6)

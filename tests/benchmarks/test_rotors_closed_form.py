@@ -6,18 +6,24 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from fem.analysis.campbell import solve_campbell
-from fem.analysis.complex_modes import DENSE_LIMIT, solve_complex_modes
-from fem.analysis.frf_solver import compute_frf
+from fem import (
+    AddedMass,
+    Damping,
+    Joint,
+    Material,
+    ModelError,
+    Section,
+    assemble,
+    compute_frf,
+    solve_campbell,
+    solve_complex_modes,
+)
+from fem.analysis.complex_modes import DENSE_LIMIT
 from fem.analysis.whirl import whirl, whirl_name
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
 from fem.effects.rotor import Rotor
 from fem.effects.spin import Spin
-from fem.materials import Material
-from fem.model import Damping, ModelError, skew
-from fem.sections.section import Section
-from fem.system import assemble, rigid_motions
+from fem.model import skew
+from fem.system import rigid_motions
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix
 
 LIGHT = Material("light", 210e9, 1e-6)

@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem import LineLoad, LoadCase, ModelError, assemble, prestressed, solve_second_order, solve_static
 from fem.analysis.buckling import lowest_factor
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.second_order import solve_second_order
-from fem.analysis.statics import solve_static
-from fem.model import ModelError
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix, planar, portal
 
 THICK = replace(FLAT, A=1e6 * FLAT.A)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from fem import MemberProperties, Section
 from fem.analysis.section_stress import section_stresses
-from fem.elements.properties import MemberProperties
-from fem.sections.section import Section
 from fem.sections.stress_points import missing_formula, stress_points
 from tests.frames import STEEL
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import LinearNDInterpolator
 
+from fem import Section
 from fem.sections.outlines import ring
-from fem.sections.section import Section
 from fem.sections.stress_points import stress_points
 from fem.sections.walls import wall_flows
 

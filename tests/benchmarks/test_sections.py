@@ -7,13 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material, PropertyError
-from fem.mesh import Mesh
-from fem.model import Model
+from fem import Frame, Material, MemberProperties, Mesh, Model, PropertyError, Section
 from fem.sections.outlines import integrate
-from fem.sections.section import OPTIONS, SHAPES, Section
+from fem.sections.section import OPTIONS, SHAPES
 from fem.sections.shear import shear_flexibility_of_rectangle
 from fem.sections.walls import wall_constants
 

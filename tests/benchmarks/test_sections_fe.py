@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.materials import PropertyError
-from fem.sections.section import Section
+from fem import PropertyError, Section
 
 pytest.importorskip("sectionproperties", reason="needs dovetail[sections]")
 

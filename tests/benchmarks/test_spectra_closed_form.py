@@ -3,20 +3,24 @@
 import numpy as np
 import pytest
 
+from fem import (
+    AddedMass,
+    Damping,
+    Joint,
+    LoadCase,
+    Material,
+    Model,
+    ModelError,
+    assemble,
+    compute_participation,
+    solve_static,
+)
 from fem.analysis.excitation import Excitation
-from fem.analysis.loads import LoadCase
-from fem.analysis.participation import compute_participation
 from fem.analysis.random_vibration import solve_random
 from fem.analysis.response_spectrum import combined, modal_correlation, solve_spectrum
 from fem.analysis.shock_spectrum import shock_response_spectrum
-from fem.analysis.statics import solve_static
 from fem.analysis.tabulated import Tabulated
 from fem.analysis.transient import solve_transient
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.materials import Material
-from fem.model import Damping, Model, ModelError
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 FLAT_SPECTRUM = Tabulated.of([0.01, 1e6], [1.0, 1.0])

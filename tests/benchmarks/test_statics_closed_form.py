@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from fem.analysis.loads import (
+from fem import (
+    Frame,
     InitialStrain,
+    Joint,
     LineLoad,
     LoadCase,
     MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    solve_static,
 )
-from fem.analysis.statics import solve_static
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix
 
 L = 1.3

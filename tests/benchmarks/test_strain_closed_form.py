@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fem.analysis.modes import solve_modes
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import Frame, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from tests.frames import FLAT, STEEL, beam, fix
-from updating.measurement.measurement import MeasurementError, place_sensors, sensor_rows
-from updating.measurement.strain_gauge import SHORT, StrainGauge
+from updating import MeasurementError, StrainGauge, place_sensors
+from updating.measurement.measurement import sensor_rows
+from updating.measurement.strain_gauge import SHORT
 
 L, OFFSET = 1.2, (0.011, 0.004)
 THIN = Section.rectangle(0.03, 1e-4)  # rotary inertia changes curvatures by some (h/L)²

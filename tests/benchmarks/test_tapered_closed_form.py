@@ -11,21 +11,21 @@ from scipy import special
 from scipy.optimize import brentq
 
 from dovetail.file.geometry import refine
-from fem.analysis.loads import (
+from fem import (
+    Frame,
     InitialStrain,
     LineLoad,
     LoadCase,
     MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    solve_modes,
+    solve_static,
 )
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
 from fem.elements.stretches import stiffness_of_stretch
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import STEEL, beam, fix, planar
 
 L, D = 0.5, 0.02

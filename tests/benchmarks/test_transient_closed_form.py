@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
+from fem import Damping, Joint, Model, ModelError, assemble, compute_base_frf
 from fem.analysis.excitation import Excitation, interpolated
 from fem.analysis.recurrence import coupled, oscillators
 from fem.analysis.transient import solve_transient
-from fem.effects.joint import Joint
 from fem.effects.rotor import Rotor
-from fem.model import Damping, Model, ModelError
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 ROOTS = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613, 10.995540734875467])

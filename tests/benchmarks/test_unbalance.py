@@ -3,17 +3,12 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
+from fem import AddedMass, Damping, Joint, Material, ModelError, Section, assemble, compute_base_frf
 from fem.analysis.random_vibration import solve_random
 from fem.analysis.tabulated import Tabulated
 from fem.analysis.unbalance import Unbalance, solve_unbalance
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
 from fem.effects.spin import Spin
-from fem.materials import Material
-from fem.model import Damping, ModelError
-from fem.sections.section import Section
-from fem.system import assemble, sum_contributions
+from fem.system import sum_contributions
 from tests.frames import beam, fix
 
 LIGHT = Material("light", 211e9, 1e-3, nu=0.3)

@@ -14,9 +14,7 @@ import fem
 from dovetail.file.config import load_study
 from dovetail.update import update_study
 from fem.io import read_uff
-from updating.inference.update import update
-from updating.inference.updated import Ending
-from updating.modal.identification import identify_modes
+from updating import Ending, identify_modes, update
 
 FOLDER = Path(__file__).parents[2] / "examples" / "joint-study"
 TRUE = {"frame E:steel": 210e9, "frame rho:steel": 7850.0}

@@ -10,8 +10,7 @@ import fem
 from fem.effects import MemberStiffness
 from tests.frames import STEEL
 from tests.random_frames import random_frame
-from updating.inference.update import update
-from updating.inference.updated import Ending
+from updating import Ending, update
 
 NOISE, RATIO = 0.01, 0.01
 RHO = ("frame", "rho:steel")

@@ -13,7 +13,7 @@ from dovetail.cli import main
 from dovetail.commands.ambient_modes import std_of
 from dovetail.modes_pipeline import targets_of
 from fem.io import read_modes
-from updating.ambient.identification import identify_ambient
+from updating import identify_ambient
 
 TRUE = np.array([1.60051, 1.62457, 4.40473, 4.59170, 14.0480, 14.5519])
 """Natural frequencies of the model from which examples/ambient-mast/simulate.py makes the record [Hz]."""

@@ -8,9 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dovetail.cli import main
-from fem.analysis.frf import FRF
+from fem import FRF, Mesh
 from fem.io import write_csv, write_npz, write_uff
-from fem.mesh import Mesh
 from tests.studies import study_file
 
 GOOD = """\

@@ -5,25 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.file.table import StudyError
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import result_dict
 from dovetail.update import identify_study, update_study
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.frf import FRF, FRFKind
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import PointMass
-from fem.io import write_npz
-from fem.io.uff import read_quietly, read_uff
+from fem import FRF, FRFKind, PointMass, assemble, compute_base_frf, solve_modes
+from fem.io import read_uff, write_npz, write_uff
+from fem.io.uff import read_quietly
 from fem.io.uff_types import Function
-from fem.io.uff_write import write_uff
-from fem.system import assemble
 from tests.frames import MAST
 from tests.noise import complex_normal
-from updating.correlation.shape_correlation import mac
+from updating import mac
 from updating.measurement.measurement import sensor_rows
 
 SENSORS = """

@@ -9,8 +9,8 @@ import dovetail
 from dovetail.cli import main
 from dovetail.disk.output import null_keys
 from dovetail.notebook.candidates import places_of
+from fem import ModelError
 from fem.io import read_npz, write_npz
-from fem.model import ModelError
 from tests.frames import write_study
 
 MASS, AT = 0.25, 0.3

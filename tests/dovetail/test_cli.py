@@ -14,10 +14,8 @@ import pytest
 from dovetail import load_study
 from dovetail.cli import main
 from dovetail.report.page import page
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
+from fem import FRF, assemble, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
-from fem.system import assemble
 from tests.frames import CROSSED_BEAMS
 from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows

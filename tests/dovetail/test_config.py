@@ -5,17 +5,11 @@ import re
 import numpy as np
 import pytest
 
+from dovetail import StudyError
 from dovetail.file.geometry import element_size
-from dovetail.file.table import StudyError
 from dovetail.report.small_print import _mesh
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
+from fem import FRF, Frame, Joint, Mesh, assemble, compute_frf, solve_modes
 from fem.io import write_mesh, write_npz, write_uff
-from fem.mesh import Mesh
-from fem.system import assemble
 from tests.studies import study_from
 from updating.measurement.measurement import sensor_rows
 

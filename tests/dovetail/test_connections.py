@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail import StudyError
 from dovetail.file.config import load_study
-from dovetail.file.table import StudyError
 from tests.frames import FLAT_STEEL
 
 FRAME = (

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from fem.analysis.modes import solve_modes
-from fem.system import assemble
+from fem import assemble, solve_modes
 from tests.independent.convert import ConversionError, convert, main
 
 CASES = (

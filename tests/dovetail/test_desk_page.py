@@ -24,7 +24,7 @@ from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nice
 from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning
-from fem.model import Parameter
+from fem import Parameter
 from tests.frames import write_study
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "cross-beam"

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from docs.images.desk import with_two
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.desk import figures
 from dovetail.desk.jobs import Job, Newest
@@ -27,18 +27,17 @@ from dovetail.desk.state import MOST_STATES, History, Stair, State
 from dovetail.desk.views import VIEWS, Chosen, frequency_bars
 from dovetail.disk.output import OutputError
 from dovetail.file.measured_modes import MeasuredModes
-from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
-from fem.analysis.modes import Modes
+from fem import Modes
 from tests.frames import write_study
+from updating import Fault, MeasurementError
 from updating.diagnosis.fitted_modes import damped_modes
 from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import MeasurementError, sensor_rows
-from updating.quality.corrections import Fault
+from updating.measurement.measurement import sensor_rows
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"

@@ -5,9 +5,8 @@ import re
 import pytest
 
 from dovetail import StudyError, load_study
-from fem.analysis.modes import solve_modes
+from fem import assemble, solve_modes
 from fem.effects import candidate_kinds
-from fem.system import assemble
 from tests.studies import study_from
 
 TABLES = """

@@ -5,15 +5,14 @@ import pytest
 
 from dovetail import StudyError
 from dovetail.file.effects import effect_table
-from fem.analysis.frf import FRF
+from fem import FRF
 from fem.declarations import Environment
 from fem.effects import candidate_kinds
 from fem.model import parameter_values
 from fem.system import sum_contributions
 from tests.frames import STUDY
 from tests.studies import study_from
-from updating import propose
-from updating.measurement.measurement import Measurement
+from updating import Measurement, propose
 
 JOINTED = (
     STUDY.replace(

@@ -12,7 +12,7 @@ from dovetail.ensemble.run import run_ensemble
 from dovetail.ensemble.samples import SampledModel, check, compute
 from dovetail.units.folder import FolderError
 from dovetail.units.pool import ThisProcess
-from fem.analysis.frf import FRFKind
+from fem import FRFKind
 from tests.studies import study_from
 
 STUDY = """

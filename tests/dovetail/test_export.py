@@ -7,12 +7,11 @@ import warnings
 import numpy as np
 import pytest
 
+from dovetail import load_study
 from dovetail.cli import main
-from dovetail.study import load_study
+from fem import assemble
 from fem.analysis.modes import first_modes
-from fem.io import read_modes
-from fem.io.frame_model import read_model
-from fem.system import assemble
+from fem.io import read_model, read_modes
 
 STUDY = """
 [study]

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail import load_study
 from dovetail.cli import main
-from dovetail.study import load_study
+from fem import assemble
 from fem.analysis.modes import first_modes
-from fem.io.frame_model import read_model
-from fem.system import assemble
+from fem.io import read_model
 
 CORNERS = {
     11: (0, 0, 0),

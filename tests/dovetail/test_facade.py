@@ -9,7 +9,7 @@ import pytest
 import dovetail
 from dovetail.disk.output import OutputError
 from dovetail.update import update_study
-from fem.model import ModelError
+from fem import ModelError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FIRST = EXAMPLES / "first-frame" / "study.toml"

@@ -15,9 +15,8 @@ from dovetail.fleet.run import run_fleet
 from dovetail.fleet.triage import Fleet
 from dovetail.fleet.typical import between_units, typical_measurement
 from dovetail.units.pool import ThisProcess
-from fem.analysis.frf_solver import compute_frf
+from fem import assemble, compute_frf
 from fem.io import read_npz, write_npz
-from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
 
 FEW = STUDY.replace("step = 2.0", "step = 6.0")

@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail import StudyError
 from dovetail.cli import main
 from dovetail.export import WRITERS, exported_deck
 from dovetail.file import condensed, connections
 from dovetail.file.config import load_study
-from dovetail.file.table import StudyError
-from fem.analysis.modes import solve_modes
-from fem.effects.joint_stiffness import JointStiffness
-from fem.effects.superelement import Superelement
-from fem.elements.part_ties import Attachment
-from fem.io.arrays import write_npz
-from fem.io.frame_model import model_of, read_deck
-from fem.io.matrices import read_matrices, write_matrices
+from fem import Attachment, Superelement, assemble, solve_modes
+from fem.effects import JointStiffness
+from fem.io import model_of, read_matrices, write_matrices, write_npz
+from fem.io.frame_model import read_deck
 from fem.model import DIRECTIONS
-from fem.system import assemble
 from tests.frames import FLAT_STEEL
 
 FRAME = (

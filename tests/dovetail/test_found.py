@@ -14,21 +14,19 @@ from dovetail.file.toml import toml_value
 from dovetail.file.writing import with_damping, with_effects, with_parameters
 from dovetail.found import found_text
 from dovetail.pipeline import fit_problem
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
+from fem import FRF, Damping, assemble, compute_frf
 from fem.connection_damping import ConnectionDamping
-from fem.effects import candidate_kinds
-from fem.effects.joint_stiffness import JointStiffness
+from fem.effects import JointStiffness, candidate_kinds
 from fem.io import read_csv, read_npz, read_uff
 from fem.linalg.solvers import factorise
-from fem.model import Damping, parameter_values
-from fem.system import assemble, connection_stiffness, sum_contributions
+from fem.model import parameter_values
+from fem.system import connection_stiffness, sum_contributions
 from tests.dovetail.test_effects import JOINTED, candidates, loaded
 from tests.frames import STUDY, write_study
+from updating import Fault, Measurement
 from updating.diagnosis.begin import begin
 from updating.inference.parameters import DampingCurve
-from updating.measurement.measurement import Measurement, sensor_rows
-from updating.quality.corrections import Fault
+from updating.measurement.measurement import sensor_rows
 
 LINES = np.array([20.0, 47.0, 130.0, 290.0])
 """Frequencies at which the reported model and the one that was read are compared [Hz]."""

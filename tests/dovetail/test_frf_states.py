@@ -12,7 +12,7 @@ from dovetail.found import found_text
 from dovetail.pipeline import analyse
 from dovetail.report.words import headline
 from dovetail.result import frf_arrays
-from fem.effects.added_mass import PointMass
+from fem import PointMass
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
 from tests.noise import complex_normal

@@ -7,10 +7,9 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem import Damping, Section
+from fem import Damping, MeshError, Section
 from fem.io import model_of, read_mesh
 from fem.io.frame_deck import BarProperty
-from fem.mesh import MeshError
 from tests.decks import STEEL, deck, everything
 from tests.frames import frequencies
 

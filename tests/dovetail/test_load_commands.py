@@ -9,9 +9,7 @@ from dovetail import load_study
 from dovetail.cli import main
 from dovetail.disk.output import null_keys
 from dovetail.file.rotation import at_speed
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.campbell import solve_campbell
-from fem.analysis.complex_modes import solve_complex_modes
+from fem import assemble, compute_base_frf, solve_campbell, solve_complex_modes
 from fem.analysis.excitation import Excitation
 from fem.analysis.random_vibration import solve_random
 from fem.analysis.response_spectrum import solve_spectrum
@@ -20,7 +18,6 @@ from fem.analysis.tabulated import Tabulated
 from fem.analysis.transient import solve_transient
 from fem.analysis.unbalance import solve_unbalance
 from fem.io import read_mesh, read_npz
-from fem.system import assemble
 from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
+from fem import LineLoad, LoadCase, assemble, solve_static
 from fem.analysis.combinations import envelope
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.statics import solve_static
-from fem.system import assemble
 from tests.studies import study_from
 
 BEAM = """

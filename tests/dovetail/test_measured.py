@@ -12,13 +12,13 @@ from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.file.faults import fault_table
 from dovetail.file.suspicions import LazyComparison
-from fem.analysis.frf import FRF, WITHOUT_PHASE
-from fem.analysis.modes import Modes
-from fem.io import read_npz, write_csv, write_npz
-from fem.io.uff import Function, write_uff
+from fem import FRF, Modes
+from fem.analysis.frf import WITHOUT_PHASE
+from fem.io import read_npz, write_csv, write_npz, write_uff
+from fem.io.uff import Function
 from tests.frames import MAST
 from tests.studies import study_file, study_from
-from updating.quality.corrections import Fault
+from updating import Fault
 
 STUDY = (
     MAST.replace("1.0]", "1.2]")

@@ -8,8 +8,7 @@ from scipy.linalg import eigh
 
 from dovetail import load_study
 from dovetail.modes_pipeline import diagnose_study_modes
-from fem.analysis.modes import solve_modes
-from fem.system import assemble
+from fem import assemble, solve_modes
 
 
 def chain(stiffness, mass):

@@ -2,9 +2,8 @@
 
 import pytest
 
-from dovetail import load_study
-from dovetail.file.table import StudyError
-from fem.effects.support import Support
+from dovetail import StudyError, load_study
+from fem import Support
 from tests.fuzz.decks import GMSH_FRAME, GMSH_NAMES
 from tests.studies import study_file
 

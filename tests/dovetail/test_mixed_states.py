@@ -9,12 +9,9 @@ from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.file.contents import has_modes_alone
 from dovetail.modes_pipeline import by_modes, mode_problem
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
+from fem import FRF, PointMass, assemble, compute_frf
 from fem.analysis.modes import first_modes
-from fem.effects.added_mass import PointMass
 from fem.io import write_npz
-from fem.system import assemble
 from tests.frames import STUDY
 from tests.noise import complex_normal
 from tests.studies import study_file

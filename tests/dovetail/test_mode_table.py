@@ -5,9 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.file.mode_table import read_mode_table
-from dovetail.file.table import StudyError
 from dovetail.modes_pipeline import targets_of
 from tests.studies import study_from
 

@@ -21,12 +21,12 @@ from dovetail.modes_pipeline import mode_problem, targets_of
 from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
 from dovetail.report.outline import read_outline
 from dovetail.report.probable import probability_text
-from fem.analysis.modes import Modes, first_modes
+from fem import Modes, assemble
+from fem.analysis.modes import first_modes
 from fem.io import write_npz
-from fem.system import assemble
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
-from updating.diagnosis.candidates import propose
+from updating import Nuisance, propose
 from updating.diagnosis.mode_diagnosis import (
     Explanation,
     ModeDiagnosis,
@@ -36,7 +36,6 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.diagnosis.reported_modes import reported_modes
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import sensor_rows
 
 LINES = f"""{MAST}

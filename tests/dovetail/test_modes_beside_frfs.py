@@ -7,9 +7,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
+from fem import PointMass, assemble
 from fem.analysis.modes import first_modes
-from fem.effects.added_mass import PointMass
-from fem.system import assemble
 from tests.frames import write_study
 
 pytestmark = pytest.mark.slow

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import pyuff
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.file.table import StudyError
 from tests.studies import study_file
 
 E, RHO, B, H, L = 70e9, 2700.0, 0.03, 0.01, 1.0

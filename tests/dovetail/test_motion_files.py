@@ -10,8 +10,7 @@ import pyvista
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem.analysis.participation import compute_participation
-from fem.system import assemble
+from fem import assemble, compute_participation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PORTAL, FAN = EXAMPLES / "loaded-portal", EXAMPLES / "fan"

@@ -13,10 +13,8 @@ import fem
 import joint
 import updating
 from dovetail.pipeline import fit_problem
-from fem.analysis.frf import FRF, FRFError
-from fem.model import Effect, Parameter
+from fem import FRF, Effect, FRFError, Parameter, assemble
 from fem.summary import fields_summary, quantity, span
-from fem.system import assemble
 from tests.frames import write_study
 
 LONGEST = 300

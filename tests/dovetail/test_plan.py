@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dovetail import load_study, pipeline
+from dovetail import StudyError, load_study, pipeline
 from dovetail.cli import main
-from dovetail.file.table import StudyError
 from dovetail.plan import check_plan, plan_study
 from dovetail.report import missing, planning
 from dovetail.report.figures import Figures, packed, sizes
@@ -20,8 +19,8 @@ from dovetail.report.page import join, page
 from dovetail.report.pictures import Album
 from dovetail.report.shown import Shown
 from dovetail.result import excluded_dict
+from fem import ModelError
 from fem.declarations import Relevant
-from fem.model import ModelError
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
 from tests.studies import study_file

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail import StudyError
 from dovetail.file.config import read_study
-from dovetail.file.table import StudyError
-from fem.analysis.frf import FRF
+from fem import FRF
 from fem.io import write_npz
 from tests.frames import FLAT_STEEL
 

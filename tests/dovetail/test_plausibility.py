@@ -5,19 +5,28 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.cli import main
 from dovetail.file.plausible import naming_implausible
-from dovetail.file.table import StudyError
-from fem import AddedMass, Damping, Joint, Mesh, PropertyError, Section, check_model, solve_modes
+from fem import (
+    AddedMass,
+    Damping,
+    Joint,
+    Material,
+    Mesh,
+    MeshError,
+    Model,
+    ModelError,
+    PointMass,
+    PropertyError,
+    Section,
+    assemble,
+    check_model,
+    solve_modes,
+)
 from fem.analysis.modes import MOST_VALUES
 from fem.effects import effect_classes
-from fem.effects.added_mass import PointMass
-from fem.materials import Material
-from fem.mesh import MeshError
-from fem.model import Model, ModelError
 from fem.plausibility import suspicions, suspicions_of_material
-from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, portal
 
 SOLIDS = {

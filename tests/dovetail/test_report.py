@@ -25,15 +25,13 @@ from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import Uncertain, diagnosis_dict, result_dict
+from fem import Parameter
 from fem.effects import effect_classes
-from fem.model import Parameter
 from tests.frames import cross_beam, portal, write_study
-from updating.diagnosis.candidates import propose
+from updating import EffectParameter, Fault, Finding, propose
 from updating.diagnosis.departures import Departure
-from updating.diagnosis.findings import EffectParameter, Finding
 from updating.diagnosis.localisation import NOWHERE
 from updating.inference.belief import FORM_SECTION, FORM_ZONE
-from updating.quality.corrections import Fault
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 

@@ -22,13 +22,12 @@ from dovetail.report.outline import Picture, TableBlock, read_outline
 from dovetail.report.page import report_page
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
-from fem.analysis.frf import FRF
+from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
 from tests.frames import beam, write_study
+from updating import FAULT, Fault
 from updating.correlation import rms_db
-from updating.diagnosis.diagnosis import FAULT
 from updating.diagnosis.fitted_modes import modes_of
-from updating.quality.corrections import Fault
 from viz.interactive import frf, model, solids
 from viz.interactive.error import ranking_figure
 from viz.interactive.theme import CONFIG

@@ -6,11 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail import pipeline as run
 from dovetail.cli import main
 from dovetail.disk.output import OutputError
-from dovetail.file.table import StudyError
 from dovetail.pipeline import fit_problem
 from dovetail.report import pictures
 from dovetail.result import SCHEMA
@@ -104,7 +103,7 @@ def test_the_docs_list_every_kind_with_its_parameters(root):
     text = (root / "docs" / "result.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", text.split("## Kinds")[1], re.M))
     assert set(candidate_kinds()) <= set(rows)
-    from fem.elements.frame import Frame
+    from fem import Frame
 
     for kind in candidate_kinds():
         own = set(effect_classes()[kind].__dataclass_fields__)

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from dovetail import StudyError
 from dovetail.file.config import read_study
 from dovetail.file.paths import input_files
 from dovetail.file.section_table import rolled
-from dovetail.file.table import StudyError
-from fem.elements.frame import Frame
-from fem.sections.section import Section
+from fem import Frame, Section
 from tests.studies import study_file
 
 STUDY = """

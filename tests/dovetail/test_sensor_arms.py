@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from fem.analysis.frf_solver import compute_frf
-from fem.system import assemble
+from fem import assemble, compute_frf
 from tests.studies import study_from
 from updating.measurement.measurement import sensor_rows
 

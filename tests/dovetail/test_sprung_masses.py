@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.file.config import read_study
-from dovetail.file.table import StudyError
 from dovetail.file.writing import with_parameters
-from fem.analysis.modes import solve_modes
-from fem.system import assemble
+from fem import assemble, solve_modes
 from tests.studies import study_file
 from updating.measurement.measurement import sensor_rows
 

@@ -17,9 +17,9 @@ from fem.io import write_npz
 from tests.dovetail.test_effects import JOINTED, candidates
 from tests.frames import STUDY, measured_frf
 from tests.studies import study_file
+from updating import Fault
 from updating.live.fitting import fit_all
 from updating.live.hypothesis import Hypothesis
-from updating.quality.corrections import Fault
 
 MEMBER = """[members.{name}]
 from = "{start}"

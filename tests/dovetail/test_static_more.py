@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.file.table import StudyError
-from dovetail.study import load_study
 
 PANEL = """
 [mesh]

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study
 from dovetail.cli import main
-from dovetail.file.table import StudyError
-from fem.analysis.frf import FRF
-from fem.io import read_frf, write_npz
-from fem.io.uff import Points, read_uff, write_uff
+from fem import FRF
+from fem.io import read_frf, read_uff, write_npz, write_uff
+from fem.io.uff import Points
 from tests.studies import study_file, study_from
+from updating import MeasurementError, identify_modes
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.measurement.measurement import MeasurementError
-from updating.modal.identification import identify_modes
 
 L, B, H, E, RHO = 0.8, 0.03, 0.008, 70e9, 2700.0
 LOSS = 0.01

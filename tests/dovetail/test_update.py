@@ -22,11 +22,8 @@ from dovetail.pipeline import formed_fit_problem
 from dovetail.units.folder import FolderError
 from dovetail.units.pool import pool_of
 from dovetail.update import update_study
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import Modes, solve_modes
+from fem import FRF, Modes, assemble, compute_frf, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff
-from fem.system import assemble
 from tests.frames import on_fine_mesh
 from updating.measurement.measurement import sensor_rows
 

@@ -5,8 +5,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.update import update_study
+from fem import assemble
 from fem.analysis.modes import first_modes
-from fem.system import assemble
 from tests.frames import MAST
 
 UNCERTAIN = """

@@ -11,33 +11,37 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import (
+    Contribution,
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    Support,
+    assemble,
+    compute_frf,
+    reassemble,
+    solve_modes,
+)
+from fem.effects import MemberDensity, MemberStiffness, Preload, StiffnessLoss
 from fem.effects.clamp_form import ClampForm
 from fem.effects.crack import Crack, EndRelease
-from fem.effects.joint import Joint
-from fem.effects.member_change import MemberDensity, MemberStiffness
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
-from fem.effects.preload import Preload
 from fem.effects.rigid_end_zone import RigidEndZone
 from fem.effects.section_form import SectionForm
 from fem.effects.section_shear import SectionShear
 from fem.effects.side_spring import SideSpring
 from fem.effects.solid_corner import SolidCorner, _Zone
-from fem.effects.stiffness_loss import StiffnessLoss
-from fem.effects.support import Support
 from fem.effects.zone_form import ZoneForm
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Contribution, Model, lever_matrix
+from fem.model import DIRECTIONS, lever_matrix
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.sections.section import Section
 from fem.sensitivity.matrices import differentiate_matrices
-from fem.system import assemble, reassemble, sum_contributions
+from fem.system import sum_contributions
 from tests.frames import fix
 
 E, RHO = 210e9, 7850.0

@@ -3,18 +3,24 @@
 import numpy as np
 import pytest
 
-from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.joint import Joint
-from fem.effects.member_change import MemberStiffness
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    PointMass,
+    Section,
+    assemble,
+    reassemble,
+)
+from fem.effects import MemberStiffness
 from fem.elements.closed_form import closed_stiffness, global_blocks
-from fem.elements.frame import Frame
 from fem.elements.matrices import local_stiffness
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble, reassemble
 from tests.frames import FLAT, STEEL, fix, mounted
 
 ALLOY = Material("alloy", 70e9, 2700.0, loss_factor=0.02)

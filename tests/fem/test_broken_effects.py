@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from fem import Contribution, Effect, Frame, Parameter
 from fem.declarations import Role
-from fem.elements.frame import Frame
-from fem.model import Contribution, Effect, Parameter, dofs_of
+from fem.model import dofs_of
 from tests.fem.test_effects_contract import (
     CHECKS,
     MODELS,

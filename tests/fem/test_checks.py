@@ -8,14 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fem.analysis.modes import MechanismError, solve_modes
-from fem.checks import check_mesh, check_model
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.system import assemble
+from fem import (
+    Frame,
+    Joint,
+    MechanismError,
+    MemberProperties,
+    Mesh,
+    Model,
+    assemble,
+    check_mesh,
+    check_model,
+    solve_modes,
+)
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix, mounted, planar, portal, with_part
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]

@@ -4,17 +4,21 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from fem.analysis.complex_modes import DENSE_LIMIT, TOLERANCE, solve_complex_modes
-from fem.analysis.frf import FRFError
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.effects.viscoelastic import Viscoelastic
+from fem import (
+    AddedMass,
+    Damping,
+    FRFError,
+    Joint,
+    Material,
+    ModelError,
+    Viscoelastic,
+    assemble,
+    compute_frf,
+    solve_complex_modes,
+    solve_modes,
+)
+from fem.analysis.complex_modes import DENSE_LIMIT, TOLERANCE
 from fem.laws import Zener
-from fem.materials import Material
-from fem.model import Damping, ModelError
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, mounted, planar
 
 K, M = 4e4, 2.5

@@ -6,19 +6,22 @@ from functools import partial
 import numpy as np
 import pytest
 
+from fem import (
+    Damping,
+    Frame,
+    FRFKind,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
 from fem.analysis.condensed import _Pattern, condense, frf_function
-from fem.analysis.frf import FRFKind
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
 from fem.analysis.selection import dof_columns
 from fem.effects.rotor import Rotor
 from fem.effects.section_shear import SectionShear
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Damping, Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, braced, cross_beam, fix, mounted, portal, with_part
 
 LINES = np.array([3.0, 47.0, 111.0, 390.0])

@@ -3,8 +3,9 @@
 import pytest
 
 from dovetail.report.words import fitted_text, parameter_text
-from fem.model import Parameter
-from updating.diagnosis.findings import EffectParameter, _at_bound
+from fem import Parameter
+from updating import EffectParameter
+from updating.diagnosis.findings import _at_bound
 
 
 @pytest.mark.parametrize(

@@ -6,27 +6,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
+from fem import (
+    Frame,
+    Joint,
+    LoadCase,
+    Material,
+    Section,
+    assemble,
+    compute_frf,
+    differentiate_frf,
+    differentiate_modes,
+    prestressed,
+    solve_modes,
+    solve_static,
+)
 from fem.declarations import Role
 from fem.effects import candidate_kinds, effect_classes
-from fem.effects.joint import Joint
 from fem.effects.moving_base import base_moved
 from fem.effects.plane import Plane
 from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.section_shear import SectionShear
 from fem.effects.spin import Spin
 from fem.effects.sprung_mass import SprungMass
-from fem.elements.frame import Frame
-from fem.materials import Material
 from fem.model import Instruments, lever_matrix, parameter_values
-from fem.sections.section import Section
-from fem.sensitivity.frf import differentiate_frf
-from fem.sensitivity.modes import differentiate_modes
-from fem.system import assemble
 from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part
 
 SHEAR = SectionShear(

@@ -3,15 +3,25 @@
 import numpy as np
 import pytest
 
-from fem import FRF, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, compute_frf
-from fem.effects.support_flexibility import SupportFlexibility
-from fem.model import Damping, parameter_values
+from fem import (
+    FRF,
+    Damping,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    Support,
+    assemble,
+    compute_frf,
+)
+from fem.effects import SupportFlexibility
+from fem.model import parameter_values
 from tests.hidden.cases import make_case
 from tests.noise import complex_normal
-from updating import EFFECT, diagnose
+from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose
 from updating.diagnosis.diagnose import BASIS_LIMIT_DB
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Measurement, Sensor
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,14 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF, FRFError
-from fem.analysis.frf_solver import compute_frf
+from fem import FRF, Damping, FRFError, Joint, ModelError, Support, assemble, compute_frf, differentiate_frf
 from fem.effects.ground_damper import GroundDamper
-from fem.effects.joint import Joint
 from fem.effects.point_inertia import PointInertia
 from fem.effects.rotor import Rotor
 from fem.effects.side_spring import SideSpring
-from fem.effects.support import Support
-from fem.model import Damping, ModelError
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.sensitivity.frf import differentiate_frf
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
 from updating.diagnosis.evidence.screening import Grid, screen

@@ -5,16 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import (
+    FRF,
+    Damping,
+    Frame,
+    Joint,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
 from fem.declarations import Environment
 from fem.effects import candidate_kinds
 from fem.effects.crack import Crack, EndRelease
 from fem.effects.distributed_mass import DistributedMass, FluidAddedMass
 from fem.effects.ground_damper import GroundDamper
 from fem.effects.ground_spring import GroundSpring
-from fem.effects.joint import Joint
 from fem.effects.joint_mass import JointInertia, JointMass
 from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
@@ -22,13 +32,9 @@ from fem.effects.proportional_damping import MassDamping, StiffnessDamping
 from fem.effects.rigid_end_zone import RigidEndZone
 from fem.effects.rotor import Rotor
 from fem.effects.section_shear import SectionShear
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
 from fem.elements.stretches import mass_of_stretch
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, Model, ModelError, lever_matrix
-from fem.sections.section import Section
-from fem.system import assemble, sum_contributions
+from fem.model import DIRECTIONS, lever_matrix
+from fem.system import sum_contributions
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, propose
 

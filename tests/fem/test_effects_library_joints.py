@@ -4,16 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.joint import Joint
+from fem import Joint, Model, Viscoelastic, assemble, compute_frf, solve_modes
 from fem.effects.joint_coupling import JointCoupling
 from fem.effects.joint_offset import JointOffset
 from fem.effects.joint_viscoelastic import JointFractional, JointZener
-from fem.effects.viscoelastic import Viscoelastic
 from fem.laws import FractionalKelvinVoigt, Zener
-from fem.model import Model
-from fem.system import assemble
 from tests.fem.test_effects_library import sums
 from tests.frames import FLAT, cross_beam, portal
 from updating import propose

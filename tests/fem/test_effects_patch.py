@@ -8,16 +8,20 @@ from numpy.testing import assert_allclose
 
 import fem
 from dovetail.file.config import load_study
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.statics import solve_static
-from fem.effects.joint import Joint
+from fem import (
+    Damping,
+    Frame,
+    Joint,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+    solve_static,
+)
 from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Damping, Model, dofs_of, lever_matrix
-from fem.sections.section import Section
-from fem.system import assemble
+from fem.model import dofs_of, lever_matrix
 from tests.frames import FLAT, FLAT_STEEL, STEEL, fix
 from updating import Nuisance, update
 from updating.inference.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning

@@ -5,11 +5,11 @@ import pytest
 
 from fem import assemble, solve_modes
 from fem.declarations import Relevant
+from fem.effects import JointStiffness
 from fem.effects.crack import Crack, EndRelease
-from fem.effects.joint_stiffness import JointStiffness
 from fem.model import parameter_values
 from tests.frames import FLAT, STEEL, beam, braced, cross_beam, fix, mounted, portal, welded
-from updating.diagnosis.candidates import propose
+from updating import propose
 
 SIZES = Relevant(connections=0.3, members=0.1, cracks=0.25, masses=0.02)
 TOTAL = 12.0

@@ -6,34 +6,28 @@ import numpy as np
 import pytest
 
 import fem.reduction.reduced_model
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_eigenpairs, solve_modes
+from fem import Damping, Frame, Joint, Model, PointMass, Section, Support, assemble, compute_frf, solve_modes
+from fem.analysis.modes import solve_eigenpairs
 from fem.analysis.selection import dof_vectors
 from fem.effects import (
     JointStiffness,
     JointStructuralDamping,
     JointViscousDamping,
     MemberStiffness,
-    PointMass,
     StiffnessLoss,
     SupportFlexibility,
 )
 from fem.effects.crack import Crack
 from fem.effects.ground_spring import GroundSpring
-from fem.effects.joint import Joint
 from fem.effects.joint_coupling import JointCoupling
 from fem.effects.joint_offset import JointOffset
 from fem.effects.joint_viscoelastic import JointZener
 from fem.effects.member_damping import MemberDamping
 from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
-from fem.effects.support import Support
-from fem.elements.frame import Frame
-from fem.model import DIRECTIONS, Damping, Model
+from fem.model import DIRECTIONS
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, portal
 
 WIDE = Section.rectangle(0.04, 0.01)

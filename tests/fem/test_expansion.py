@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.modes import Modes, solve_modes
-from fem.model import ModelError
+from fem import ModelError, Modes, assemble, solve_modes
 from fem.reduction.condensation import reduce_guyan
 from fem.reduction.expansion import expand_dynamic, expand_hybrid, expand_serep, expand_smooth, expand_static
-from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, planar, portal
 
 PORTAL = assemble(portal(0.05))

@@ -5,20 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRFError
-from fem.analysis.frf_solver import compute_frf, frf_blocks
-from fem.analysis.modes import solve_modes
+from fem import (
+    Damping,
+    Frame,
+    FRFError,
+    Joint,
+    MemberProperties,
+    Viscoelastic,
+    assemble,
+    compute_frf,
+    frf_blocks,
+    solve_modes,
+)
 from fem.analysis.selection import dof_vectors
-from fem.effects.joint import Joint
-from fem.effects.viscoelastic import Viscoelastic
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
 from fem.laws import Zener
-from fem.model import Damping
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, cross_beam
 from tests.random_frames import random_frame
 

@@ -5,27 +5,30 @@ import warnings
 import numpy as np
 import pytest
 
-from fem.analysis.buckling import solve_buckling
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import (
+from fem import (
+    Attachment,
+    Frame,
     InitialStrain,
     LineLoad,
     LoadCase,
     MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    Superelement,
+    assemble,
+    prestressed,
+    solve_buckling,
+    solve_modes,
+    solve_static,
 )
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
-from fem.effects.prestress import Prestress
-from fem.effects.superelement import Superelement
-from fem.elements.frame import Frame
+from fem.effects import Prestress
 from fem.elements.levers import lever_stiffness
-from fem.elements.part_ties import Attachment
-from fem.elements.properties import MemberProperties
-from fem.io.matrices import matrices_of
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble, sum_contributions
+from fem.io import matrices_of
+from fem.model import DIRECTIONS
+from fem.system import sum_contributions
 from tests.frames import STEEL, beam, braced, fix, planar, portal
 
 STRIP = Section.rectangle(0.002, 0.06)

@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
+from fem import MeshError
 from fem.io import read_mesh, read_node_sets
 from fem.io.abaqus import read_abaqus
 from fem.io.abaqus_keywords import HARMLESS, NAMED, READ, REFUSED
-from fem.mesh import MeshError
 
 TWO = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=B31, ELSET=BAR\n1, 1, 2\n"
 THREE = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 2, 0, 0\n*ELEMENT, TYPE=B31, ELSET=BAR\n1, 1, 2\n2, 2, 3\n"

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.io.frame_model import model_of, read_deck
-from fem.system import assemble
+from fem import assemble, solve_modes
+from fem.io import model_of
+from fem.io.frame_model import read_deck
 
 # lbf, in, s; lbf, ft, s
 INCH, FOOT = (0.0254, 175.126835, 1.0), (0.3048, 14.593903, 1.0)

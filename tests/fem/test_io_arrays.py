@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
-from fem.analysis.modes import Modes
+from fem import FRF, Modes
 from fem.io import TableError, read_frf, read_modes, write_csv, write_npz
 
 TABLE = "1;1+2j;3-4j\n2;5+6j;7+8j\n"

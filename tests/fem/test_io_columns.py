@@ -270,7 +270,7 @@ def test_references_of_levels():
 
 
 def test_a_universal_file_with_another_ending_is_read_as_what_it_is(tmp_path):
-    from fem.analysis.frf import FRF
+    from fem import FRF
     from fem.io import write_uff
 
     frf = FRF.from_arrays(F, H, "accelerance", ["1Z+"], ["2Z+"])

@@ -6,36 +6,35 @@ import warnings
 import numpy as np
 import pytest
 
-from fem.analysis.modes import first_modes
-from fem.effects import (
+from fem import (
     AddedMass,
+    Damping,
+    Frame,
     Joint,
-    JointStiffness,
-    MemberDensity,
+    Material,
+    MemberProperties,
+    Mesh,
+    MeshError,
+    Model,
     MultiPointConstraint,
     PointMass,
     RigidLink,
-    StiffnessLoss,
+    Section,
     Support,
-    SupportFlexibility,
+    assemble,
 )
+from fem.analysis.modes import first_modes
+from fem.effects import JointStiffness, MemberDensity, StiffnessLoss, SupportFlexibility
 from fem.effects.crack import Crack, EndRelease
 from fem.effects.distributed_mass import DistributedMass
 from fem.effects.sprung_mass import SprungMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
+from fem.io import model_of, read_model
 from fem.io.abaqus_write import abaqus_text
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_nodes import connection_matrices, plain, with_nodes
-from fem.io.frame_model import model_of, read_model
 from fem.io.frame_of_model import deck_of
 from fem.io.nastran_write import nastran_text, number
-from fem.materials import Material
-from fem.mesh import Mesh, MeshError
-from fem.model import Damping, Model
-from fem.sections.section import Section
-from fem.system import assemble
 
 STEEL = Material("steel", 210e9, 7850.0, 0.3)
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.33)

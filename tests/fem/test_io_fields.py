@@ -8,14 +8,18 @@ import pyvista
 from meshio.xdmf import TimeSeriesReader
 from scipy.linalg import eig
 
-from fem.analysis.modes import Modes, solve_modes
-from fem.elements.frame import Frame
-from fem.io import read_modes, read_npz_modes, write_fields, write_modes
-from fem.io.fields import line_axial_force, line_strain_energy
-from fem.io.uff import UffError, write_uff
+from fem import Frame, MeshError, Modes, assemble, solve_modes
+from fem.io import (
+    UffError,
+    line_axial_force,
+    line_strain_energy,
+    read_modes,
+    read_npz_modes,
+    write_fields,
+    write_modes,
+    write_uff,
+)
 from fem.linalg.solvers import factorise
-from fem.mesh import MeshError
-from fem.system import assemble
 from tests.frames import FLAT, beam, fix, portal, with_part
 
 

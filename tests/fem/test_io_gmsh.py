@@ -6,8 +6,8 @@ import warnings
 import numpy as np
 import pytest
 
+from fem import MeshError
 from fem.io import read_mesh
-from fem.mesh import MeshError
 from tests.msh_files import FORMS, Model, msh2, msh4
 
 NODES = {1: (0.0, 0, 0), 2: (0.0, 0, 1), 4: (0.0, 0, 2), 7: (0.0, 1, 2), 9: (0.0, 3, 2)}

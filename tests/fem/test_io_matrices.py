@@ -11,12 +11,9 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.modes import solve_modes
-from fem.io.abaqus import read_node_sets
-from fem.io.matrices import matrices_of, read_calculix, read_matrices, write_matrices
-from fem.matrices import UNITS, Matrices, MatricesError
-from fem.model import Damping
-from fem.system import assemble
+from fem import Damping, Matrices, assemble, solve_modes
+from fem.io import MatricesError, matrices_of, read_calculix, read_matrices, read_node_sets, write_matrices
+from fem.matrices import UNITS
 from tests.frames import beam, cross_beam, fix, portal
 
 BRICK = Path(__file__).parents[1] / "data" / "bracket"

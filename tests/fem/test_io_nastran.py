@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
+from fem import MeshError
 from fem.io.nastran import read_nastran
 from fem.io.nastran_names import HARMLESS, NAMED, READ, REFUSED
-from fem.mesh import MeshError
 
 TWO = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\n"
 BAR = "CBAR,1,1,1,2,0.,0.,1.\n"

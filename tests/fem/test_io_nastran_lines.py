@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from fem import MeshError
 from fem.io.deck_units import Units
 from fem.io.nastran_cards import BulkData, each_card
 from fem.io.nastran_frame import read_nastran_frame
-from fem.mesh import MeshError
 
 GRIDS = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 21))
 BARS = "".join(f"CBAR,{k},1,{k},{k + 1},0.,1.,0.\n" for k in range(1, 20))

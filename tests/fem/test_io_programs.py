@@ -8,9 +8,9 @@ import pytest
 import scipy.io
 
 from dovetail.cli import main
+from fem import MeshError
 from fem.io import read_matrices, read_mesh, read_model
 from fem.io.programs import program_of
-from fem.mesh import MeshError
 from tests.fem.test_io_ansys_commands import BEAM
 
 NASTRAN = """\

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from fem.io import read_frf
-from fem.io.uff import UffError, label_of, parse_label, read_uff
+from fem.io import UffError, label_of, parse_label, read_frf, read_uff
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 EXAMPLES = sorted((SHARED / "data/uff-examples").glob("*.uff"))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from fem.io import TableError
+from fem.io import TableError, write_uff
 from fem.io.time_data import force_unit, motion_unit, read_time_data
-from fem.io.uff import Function, write_uff
+from fem.io.uff import Function
 from fem.io.units import G0
 
 RATE = 512.0

@@ -8,21 +8,9 @@ import numpy as np
 import pytest
 import pyuff
 
-from fem.analysis.frf import FRF
-from fem.analysis.modes import Modes
-from fem.io import read_frf, read_modes
-from fem.io.uff import (
-    Function,
-    Header,
-    Points,
-    TraceLine,
-    UffError,
-    label_of,
-    parse_label,
-    read_uff,
-    write_uff,
-)
-from fem.mesh import Mesh
+from fem import FRF, Mesh, Modes
+from fem.io import UffError, label_of, parse_label, read_frf, read_modes, read_uff, write_uff
+from fem.io.uff import Function, Header, Points, TraceLine
 
 
 def small_frf(kind="accelerance", outputs=("1Z+", "2X-"), inputs=("1Z+",), frequency=(0.0, 0.5, 1.0, 1.5)):

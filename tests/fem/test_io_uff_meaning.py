@@ -6,12 +6,11 @@ import warnings
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRFKind
-from fem.io import read_frf, read_mesh
-from fem.io.uff import Function, Points, TraceLine, UffError, read_uff, write_uff
+from fem import FRFKind, Mesh
+from fem.io import UffError, read_frf, read_mesh, read_uff, write_uff
+from fem.io.uff import Function, Points, TraceLine
 from fem.io.uff_units import force_factor, motion_factor
 from fem.io.units import FORCE, MOMENT, quotient_of
-from fem.mesh import Mesh
 
 VALUES = np.array([1 + 2j, -3 + 0.5j, 0.25 - 1j])
 NONE = ("NONE",) * 5

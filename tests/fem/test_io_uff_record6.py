@@ -2,8 +2,7 @@
 
 import pytest
 
-from fem.io import read_frf
-from fem.io.uff import UffError
+from fem.io import UffError, read_frf
 from tests.fem.test_io_uff_meaning import quietly, read, record
 
 

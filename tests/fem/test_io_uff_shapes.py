@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.analysis.modes import Modes
-from fem.io import read_modes, write_npz
-from fem.io.uff import UffError, write_uff
+from fem import Modes
+from fem.io import UffError, read_modes, write_npz, write_uff
 from tests.fem.test_io_uff_meaning import ints, quietly, read, shape
 
 

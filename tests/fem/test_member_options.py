@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from fem.analysis.modes import solve_modes
-from fem.effects.preload import Preload
+from fem import (
+    Frame,
+    Location,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    PropertyError,
+    Section,
+    assemble,
+    solve_modes,
+)
+from fem.effects import Preload
 from fem.elements.connections import end_slips
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
 from fem.elements.splitting import split
-from fem.materials import PropertyError
-from fem.mesh import Location, Mesh
-from fem.model import DIRECTIONS, Model, ModelError, dofs_of, lever_matrix
-from fem.sections.section import Section
-from fem.system import assemble, rigid_motions
+from fem.model import DIRECTIONS, dofs_of, lever_matrix
+from fem.system import rigid_motions
 from tests.frames import FLAT, STEEL, beam, braced, fix, frequencies, planar, welded
 from updating.inference.mode_preparation import fine_enough
 from updating.inference.mode_targets import ModeTargets

@@ -13,9 +13,10 @@ from dovetail.report.figures import Figures
 from dovetail.report.page import html
 from dovetail.report.shown import Shown
 from dovetail.report.small_print import notes
+from fem import Mesh, MeshError
 from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of
-from fem.mesh import Mesh, MeshError, MeshWarning
+from fem.mesh import MeshWarning
 
 MSH = """$MeshFormat
 2.2 0 8

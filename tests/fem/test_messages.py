@@ -3,19 +3,26 @@
 import numpy as np
 import pytest
 
-from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf import FRF, FRFError
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import (
+    FRF,
+    Damping,
+    Frame,
+    FRFError,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    MeshError,
+    Model,
+    ModelError,
+    PropertyError,
+    assemble,
+    compute_frf,
+    solve_complex_modes,
+    solve_modes,
+)
 from fem.directions import direction_vector, directions_from
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material, PropertyError
-from fem.mesh import Mesh, MeshError
-from fem.model import Damping, Model, ModelError
 from fem.summary import percent
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix
 
 PLAIN = MemberProperties(STEEL, FLAT)

@@ -6,24 +6,30 @@ import scipy.linalg as sla
 
 import fem.analysis.modes
 import fem.reduction.condensation
-from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf import FRFError
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import DENSE_LIMIT, UnstableError, solve_eigenpairs, solve_modes
-from fem.analysis.statics import solve_static
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.effects.preload import Preload
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    FRFError,
+    Joint,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    UnstableError,
+    assemble,
+    compute_frf,
+    differentiate_modes,
+    solve_complex_modes,
+    solve_modes,
+    solve_static,
+)
+from fem.analysis.modes import DENSE_LIMIT, solve_eigenpairs
+from fem.effects import Preload
 from fem.linalg.lanczos import RitzPairs
-from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError
 from fem.reduction.condensation import reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
 from fem.reduction.expansion import expand_smooth
-from fem.sections.section import Section
-from fem.sensitivity.modes import differentiate_modes
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal
 
 CLAMPED, FREE = 1.875104068711961**2, 4.730040744862704**2

@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
+from fem import AddedMass, Frame, Material, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from fem.effects.ground_spring import GroundSpring
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import FLAT, fix
 
 STIFF = Material("stiff", 2.1e13, 1e-6)

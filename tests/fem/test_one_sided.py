@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
-from fem.analysis.loads import InitialStrain, LoadCase
+from fem import (
+    Frame,
+    InitialStrain,
+    LoadCase,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    assemble,
+    solve_static,
+)
 from fem.analysis.one_sided import SLACK, solve_one_sided
-from fem.analysis.statics import solve_static
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import STEEL, fix, planar
 
 ROD = Section.circle(0.02)

@@ -4,9 +4,9 @@ import meshio
 import numpy as np
 import pytest
 
+from fem import Matrices
 from fem.elements.part_faces import PartFaces
-from fem.io.part_mesh import read_part_faces
-from fem.matrices import Matrices, MatricesError
+from fem.io import MatricesError, read_part_faces
 
 CUBE = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], dtype=float)
 MIDDLE = np.vstack([CUBE, [[0.5, 0.5, 0.5]]])

@@ -8,10 +8,8 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from fem.io import read_node_sets
-from fem.io.matrices import matrices_of, read_matrices
-from fem.matrices import Matrices, MatricesError
-from fem.system import assemble
+from fem import Matrices, assemble
+from fem.io import MatricesError, matrices_of, read_matrices, read_node_sets
 from tests.fem.test_io_matrices import beam
 
 BEAM = matrices_of(assemble(beam(3)))

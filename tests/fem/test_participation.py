@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.analysis.participation import compute_energies, compute_participation, rigid_motion_field
-from fem.effects.joint import Joint
-from fem.model import Damping
-from fem.system import assemble
+from fem import Damping, Joint, assemble, compute_energies, compute_participation, solve_modes
+from fem.analysis.participation import rigid_motion_field
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, mounted, portal
 
 

@@ -3,24 +3,29 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
-from fem.effects.added_mass import AddedMass
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    LineLoad,
+    LoadCase,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    Superelement,
+    assemble,
+    compute_base_frf,
+    compute_frf,
+    solve_complex_modes,
+    solve_modes,
+    solve_static,
+)
 from fem.effects.clamp_form import ClampForm
 from fem.effects.plane import Plane, refusals
-from fem.effects.superelement import Superelement
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, fix, planar, portal, with_part
-from updating.diagnosis.candidates import propose
+from updating import propose
 
 XZ = Plane(name="plane", plane="xz")
 

@@ -13,8 +13,8 @@ import pytest
 import scipy.sparse as sp
 
 from benchmarks.modes import block_of_cells
-from fem import assemble
-from fem.analysis.modes import DENSE_LIMIT, solve_modes
+from fem import assemble, solve_modes
+from fem.analysis.modes import DENSE_LIMIT
 from fem.linalg.processes import ProcessesError, _reason, _run, lowest_by_processes, write_petsc
 from fem.linalg.slepc_program import METIS, MINIMUM_FILL, SCOTCH
 

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.modes import solve_modes
+from fem import Contribution, Damping, Effect, Joint, Mesh, Model, ModelError, Section, assemble, solve_modes
 from fem.declarations import Role
-from fem.effects import Joint
-from fem.mesh import Mesh
-from fem.model import Contribution, Damping, Effect, Model, ModelError, dofs_of
+from fem.model import dofs_of
 from fem.reduction.condensation import (
     reduce_craig_bampton,
     reduce_dynamic,
@@ -21,8 +19,6 @@ from fem.reduction.condensation import (
     reduce_serep,
 )
 from fem.reduction.frequency_errors import frequency_errors
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import STEEL, beam, cross_beam, fix, planar, portal
 
 ROUNDING = 3e-9

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from dovetail.commands.static_cases import StaticCases
-from fem.analysis.loads import LoadCase
+from fem import LoadCase, MemberProperties, Section, assemble, solve_static
 from fem.analysis.section_stress import normal_stresses
-from fem.analysis.statics import solve_static
-from fem.elements.properties import MemberProperties
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import STEEL, beam, fix
 
 

@@ -11,17 +11,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRFError
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_eigenpairs, solve_modes
+from fem import (
+    AddedMass,
+    Contribution,
+    Damping,
+    Effect,
+    FRFError,
+    ModelError,
+    Parameter,
+    Section,
+    assemble,
+    compute_frf,
+    differentiate_frf,
+    differentiate_modes,
+    solve_modes,
+)
+from fem.analysis.modes import solve_eigenpairs
 from fem.declarations import Role
-from fem.effects import AddedMass, MemberStiffness, SupportFlexibility
-from fem.model import Contribution, Damping, Effect, ModelError, Parameter, dofs_of
-from fem.sections.section import Section
-from fem.sensitivity.frf import differentiate_frf
+from fem.effects import MemberStiffness, SupportFlexibility
+from fem.model import dofs_of
 from fem.sensitivity.matrices import differentiate_matrices
-from fem.sensitivity.modes import differentiate_modes
-from fem.system import assemble
 from tests.frames import beam, cross_beam, fix, portal
 
 SQUARE = Section.rectangle(0.02, 0.02)

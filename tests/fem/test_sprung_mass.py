@@ -3,23 +3,27 @@
 import numpy as np
 import pytest
 
-from fem.analysis.base_excitation import compute_base_frf
-from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.loads import LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.participation import compute_participation
-from fem.analysis.statics import solve_static
-from fem.effects.added_mass import AddedMass
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    LoadCase,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Section,
+    assemble,
+    compute_base_frf,
+    compute_frf,
+    compute_participation,
+    solve_complex_modes,
+    solve_modes,
+    solve_static,
+)
 from fem.effects.plane import Plane
 from fem.effects.sprung_mass import SprungMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import beam, fix, planar
 
 MASS, RATIO = 10.0, 0.05

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
+from fem import Frame, InitialStrain, LoadCase, MemberProperties, Mesh, Model, assemble, solve_static
 from fem.analysis.line_loads import line_dofs
-from fem.analysis.loads import InitialStrain, LoadCase
 from fem.analysis.section_forces import line_stiffness
-from fem.analysis.statics import solve_static
 from fem.analysis.stations import forces_on_lines
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.system import assemble, full_matrices
+from fem.system import full_matrices
 from tests.frames import FLAT, STEEL, fix
 
 STRAIN = 1e-3

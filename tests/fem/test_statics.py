@@ -3,24 +3,21 @@
 import numpy as np
 import pytest
 
-from fem.analysis.initial_stress import prestressed
-from fem.analysis.loads import (
+from fem import (
+    AddedMass,
     InitialStrain,
+    Joint,
     LineLoad,
     LoadCase,
     MemberForce,
+    ModelError,
+    PointMass,
+    assemble,
+    prestressed,
+    solve_modes,
+    solve_static,
 )
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
-from fem.effects.added_mass import AddedMass, PointMass
-from fem.effects.joint import Joint
-from fem.effects.member_change import MemberDensity, MemberStiffness
-from fem.effects.preload import Preload
-from fem.effects.prestress import Prestress
-from fem.effects.stiffness_loss import StiffnessLoss
-from fem.effects.support_flexibility import SupportFlexibility
-from fem.model import ModelError
-from fem.system import assemble
+from fem.effects import MemberDensity, MemberStiffness, Preload, Prestress, StiffnessLoss, SupportFlexibility
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal
 
 TIP = {(1, "z"): 5.0}

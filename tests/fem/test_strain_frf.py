@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF, FRFError
-from fem.io import read_csv, read_frf, write_csv, write_npz
-from fem.io.frf_files import read_frfs
+from fem import FRF, FRFError
+from fem.io import Asked, read_csv, read_frf, read_frfs, read_uff, write_csv, write_npz, write_uff
 from fem.io.frf_labels import Unit, frf_unit
-from fem.io.frf_reading import Asked
-from fem.io.uff import read_uff
-from fem.io.uff_write import write_uff
 from tests.fem.test_io_uff_meaning import VALUES, read, record, units
 
 STRAIN = (3, "m/m")

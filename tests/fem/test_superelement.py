@@ -10,20 +10,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import (
+    Attachment,
+    Damping,
+    Frame,
+    Matrices,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Superelement,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
 from fem.analysis.selection import dof_vectors
-from fem.effects.superelement import Superelement
-from fem.elements.frame import Frame
-from fem.elements.part_ties import Attachment
-from fem.elements.properties import MemberProperties
-from fem.io.matrices import matrices_of, read_matrices
-from fem.matrices import Matrices, MatricesError
-from fem.mesh import Mesh
-from fem.model import Damping, Model, ModelError, dofs_of, lever_matrix
+from fem.io import MatricesError, matrices_of, read_matrices
+from fem.model import dofs_of, lever_matrix
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, fix, with_part
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"

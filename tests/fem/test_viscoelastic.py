@@ -5,22 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import (
+    AddedMass,
+    Frame,
+    Joint,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    MultiPointConstraint,
+    RigidLink,
+    TabulatedStiffness,
+    Viscoelastic,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
 from fem.analysis.selection import dof_vectors
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
-from fem.effects.rigid_link import MultiPointConstraint, RigidLink
-from fem.effects.viscoelastic import TabulatedStiffness, Viscoelastic
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
 from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model, ModelError, lever_matrix
+from fem.model import DIRECTIONS, lever_matrix
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model, values_of
-from fem.system import assemble
 from tests.frames import FLAT, STEEL, TURNED, beam, fix, mounted
 
 LAWS = {

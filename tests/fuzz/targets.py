@@ -21,11 +21,10 @@ from dovetail.file.histories import read_columns
 from dovetail.file.named_points import read_named_points
 from dovetail.file.template import write_template
 from dovetail.units import folder as units_folder
-from fem.analysis.frf import FRF
-from fem.analysis.modes import Modes
-from fem.checks import check_model
+from fem import FRF, Mesh, Modes, check_model
 from fem.io import (
     Asked,
+    model_of,
     read_calculix,
     read_csv,
     read_frfs,
@@ -39,12 +38,11 @@ from fem.io import (
     write_npz,
     write_uff,
 )
-from fem.io.frame_model import model_of, read_deck
+from fem.io.frame_model import read_deck
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.named_frf import frf_of_arrays
 from fem.io.time_data import _arrays as time_of_arrays
 from fem.io.time_data import read_time_data
-from fem.mesh import Mesh
 from tests.fuzz import ansys_script, decks, drawing
 from tests.fuzz.worker import OURS, Target
 

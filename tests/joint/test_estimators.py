@@ -8,18 +8,21 @@ from benchmarks.joint_noise import ARMS, STEEL, full_joint, model_parts, noisy, 
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,
+    FormError,
     IdentificationError,
     Interface,
     SubstructureFRF,
+    Uncertain,
     couple,
+    fit_joint,
+    full_form,
+    identify_average,
     joint_impedance,
     relative_coordinates,
+    relative_form,
     stack_substructures,
+    with_masses,
 )
-from joint.average import identify_average
-from joint.form import FormError, full_form, relative_form, with_masses
-from joint.output_error import fit_joint
-from joint.parts import Uncertain
 
 FREQUENCY = np.linspace(20.0, 3200.0, 80)
 

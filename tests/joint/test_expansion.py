@@ -5,14 +5,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import beam
-from fem import assemble
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import assemble, compute_frf, solve_modes
 from fem.model import DIRECTIONS
-from joint import CoordinateSet, coordinates_of, identify_joint, joint_impedance
-from joint.expansion import ExpansionError, expand_semm, expand_serep, rigid_rows, virtual_point
-from joint.interface import Interface, partition_frf, stack_substructures
-from joint.synthesis import couple
+from joint import (
+    CoordinateSet,
+    ExpansionError,
+    Interface,
+    coordinates_of,
+    couple,
+    expand_semm,
+    expand_serep,
+    identify_joint,
+    joint_impedance,
+    partition_frf,
+    rigid_rows,
+    stack_substructures,
+    virtual_point,
+)
 
 FREQUENCY = np.linspace(30.0, 500.0, 40)
 TRANSLATIONS = [(p, d) for p in (0, 4, 7, 10, 14, 20) for d in ("x", "y", "z")]

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.effects.joint import Joint
-from fem.effects.viscoelastic import Viscoelastic
-from fem.system import assemble
-from joint.physics import effects_of, explain_stiffness
+from fem import Joint, Viscoelastic, assemble
+from joint import effects_of, explain_stiffness
 from tests.frames import cross_beam
 from tests.noise import complex_normal
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from joint.physics import explain_stiffness
-from joint.substructuring import l_curve
+from joint import explain_stiffness, l_curve
 from viz.joints import plot_l_curve, plot_stiffness_entries, plot_stiffness_laws
 from viz.style import figure_png
 

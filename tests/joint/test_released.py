@@ -11,15 +11,14 @@ from benchmarks.joint_noise import ARMS, parts
 from dovetail.cli import main
 from dovetail.file.config import load_study
 from dovetail.identify import read_task, write_proposal
-from fem import Damping, assemble
-from fem.analysis.frf_solver import compute_frf
-from fem.effects.joint import Joint
+from fem import Damping, Joint, assemble, compute_frf
 from fem.reduction.reduced_model import reduce_model
 from joint import ReleasedParts, couple, fit_joint, relative_coordinates, relative_form
 from joint.assembly import identify
 from joint.assembly_fit import estimate
 from tests.frames import CROSSED_BEAMS
-from updating.inference.parameters import DampingCurve, Nuisance
+from updating import Nuisance
+from updating.inference.parameters import DampingCurve
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 LINES = np.arange(30.0, 400.0, 5.0)

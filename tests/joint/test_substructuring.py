@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.effects.joint import Joint
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Damping, Model
-from fem.system import assemble
-from joint.substructuring import (
+from fem import FRF, Damping, Joint, Mesh, Model, assemble, compute_frf
+from fem.model import DIRECTIONS
+from joint import (
     Regularisation,
     SubstructuringError,
     couple_frf,

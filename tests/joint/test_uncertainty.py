@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.joint_noise import ARMS, model_parts, noisy, parts
-from joint import couple, relative_coordinates
-from joint.form import relative_form
-from joint.output_error import fit_joint
-from joint.parts import Uncertain
+from joint import Uncertain, couple, fit_joint, relative_coordinates, relative_form
 from joint.uncertainty import inverse_information, jackknife, model_share, peak_count
 from tests.noise import complex_normal
 

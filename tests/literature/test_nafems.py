@@ -7,9 +7,7 @@ is part of each tolerance, the rest is predicted or explained.
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import Section, assemble, solve_modes
 from tests.benchmarks.test_beams_closed_form import timoshenko_pinned
 from tests.literature.book.nafems import (
     COWPER,

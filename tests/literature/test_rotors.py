@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.campbell import solve_campbell
+from fem import solve_campbell
 from tests.literature.book.rotors import TWO_DISCS, at_4000, rotor
 
 

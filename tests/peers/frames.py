@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.exchange import EULER_BERNOULLI, PeerFrame, with_changes
-from fem.elements.frame import Frame
+from fem import Frame
 from tests.random_frames import metal_block, random_frame
 
 EPS = float(np.finfo(float).eps)

@@ -24,8 +24,8 @@ from benchmarks.peers.exchange import (
     run,
     with_changes,
 )
-from fem.analysis.modes import solve_modes
-from fem.system import assemble, sum_contributions
+from fem import assemble, solve_modes
+from fem.system import sum_contributions
 from tests.peers.frames import EPS, blocks, forces_of_uniform_loads, magnitudes, peer_frame, single_member
 
 pytestmark = pytest.mark.peer

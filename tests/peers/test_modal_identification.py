@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.modal_identification import FREQUENCY, RATIO, measured, sdypy
-from updating.modal.identification import identify_modes
+from updating import identify_modes
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
 

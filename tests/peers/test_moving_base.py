@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks.peers.exchange import PEERS_PYTHON
-from fem.analysis.frf_solver import compute_frf
-from fem.model import Damping
-from fem.system import assemble
+from fem import Damping, assemble, compute_frf
 from tests.frames import STEEL, beam, fix
-from updating.measurement.measurement import BaseMotion, Sensor, sensor_rows, with_moving_base
+from updating import Sensor
+from updating.measurement.measurement import BaseMotion, sensor_rows, with_moving_base
 
 pytestmark = pytest.mark.peer
 

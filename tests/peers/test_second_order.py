@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.second_order import Loaded
-from fem.elements.frame import Frame
+from fem import Frame
 
 pytestmark = pytest.mark.peer
 

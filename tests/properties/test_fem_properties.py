@@ -7,17 +7,23 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Location, Mesh
-from fem.model import Constraint, Damping, Model, lever_matrix
-from fem.sections.section import Section
-from fem.system import assemble, null_space
-from joint.interface import Interface, coordinates_of, partition_frf, stack_substructures
-from joint.synthesis import couple, joint_impedance
+from fem import (
+    Constraint,
+    Damping,
+    Frame,
+    Joint,
+    Location,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
+from fem.model import lever_matrix
+from fem.system import null_space
+from joint import Interface, coordinates_of, couple, joint_impedance, partition_frf, stack_substructures
 from tests.frames import FLAT, STEEL
 from tests.random_frames import random_frame
 

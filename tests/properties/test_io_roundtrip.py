@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fem.analysis.frf import FRF, FRFKind
-from fem.analysis.modes import Modes
+from fem import FRF, FRFKind, Mesh, MeshError, Modes
 from fem.io import (
     TableError,
     UffError,
@@ -26,7 +25,6 @@ from fem.io import (
     write_npz,
     write_uff,
 )
-from fem.mesh import Mesh, MeshError
 
 few = settings(max_examples=25)
 dofs = st.builds(label_of, st.integers(1, 999999), st.sampled_from([1, -1, 2, -2, 3, -3, 4, -5, 6]))

@@ -5,15 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.loads import (
-    InitialStrain,
-    LineLoad,
-    LoadCase,
-    MemberForce,
-)
-from fem.analysis.statics import solve_static
+from fem import InitialStrain, LineLoad, LoadCase, MemberForce, assemble, solve_static
 from fem.model import DIRECTIONS
-from fem.system import assemble
 from tests.frames import beam, fix, portal
 
 forces = st.tuples(*[st.floats(-1e3, 1e3)] * 3)

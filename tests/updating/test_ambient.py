@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from updating import AmbientError, identify_ambient
 from updating.ambient.correlations import Correlations, block_correlations
-from updating.ambient.identification import identify_ambient
-from updating.ambient.record import AmbientError, prepare_record
+from updating.ambient.record import prepare_record
 from updating.ambient.spectra import singular_spectra
 from updating.ambient.subspace import decompose, fit_orders
 

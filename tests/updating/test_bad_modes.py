@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.sections.section import Section
+from fem import Section
 from tests.frames import FLAT, STEEL, beam, fix
-from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating import EFFECT, NOTHING, Nuisance, Sensor, place_sensors
 from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.inference.mode_fit import n_below
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import ModeTargets, match
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Sensor, place_sensors
 
 E = Nuisance("frame", "E:steel", 0.02)
 KINDS = ["support_flexibility", "point_mass", "member_stiffness"]

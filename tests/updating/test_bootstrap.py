@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
-from fem.model import Damping, ModelError
-from fem.system import assemble
+from fem import Damping, ModelError, assemble, compute_frf, solve_modes
 from tests.frames import beam, fix, on_fine_mesh
 from tests.updating.test_update import textbook
 from updating import Unknown, UpdateSettings, update

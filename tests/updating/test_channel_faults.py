@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.model import Damping
-from fem.system import assemble
+from fem import FRF, Damping, assemble, compute_frf
 from tests.frames import beam, fix
 from tests.noise import complex_normal
-from updating import build_problem, find_faults
+from updating import Fault, Measurement, Sensor, build_problem, find_faults
 from updating.inference.fitting import assessed_fit
-from updating.measurement.measurement import Measurement, Sensor, sensor_rows
-from updating.quality.corrections import Fault, corrected, mirrored, mirrored_fault, set_right, uncorrected
+from updating.measurement.measurement import sensor_rows
+from updating.quality.corrections import corrected, mirrored, mirrored_fault, set_right, uncorrected
 from updating.quality.signs import log_odds, reversed_channels
 
 LINES = np.arange(4.0, 400.0, 2.0)

@@ -6,27 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import solve_modes
+from fem import assemble, compute_frf, solve_modes
 from fem.effects.sprung_mass import SprungMass
 from fem.io import read_frf, write_npz
-from fem.system import assemble
 from tests.frames import beam, fix
+from updating import Measurement, MeasurementError, Sensor, StrainGauge, place_sensors
 from updating.measurement.computed import computed_frf
 from updating.measurement.measurement import (
     MOTION,
     BaseMotion,
     Combination,
-    Measurement,
-    MeasurementError,
-    Sensor,
     motions_of,
-    place_sensors,
     sensor_rows,
     shapes_like_motions,
     with_moving_base,
 )
-from updating.measurement.strain_gauge import StrainGauge
 from updating.quality.phase import driven_points, phase_evidence
 
 X, Z = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])

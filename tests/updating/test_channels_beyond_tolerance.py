@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from dovetail.commands.diagnosis_words import found_lines
-from fem.effects import PointMass
+from fem import PointMass
 from tests.noise import complex_normal
 from tests.updating.test_channel_errors import bent, described, measured
-from updating import Measurement
-from updating.diagnosis.diagnose import diagnose
+from updating import Fault, Measurement, diagnose
 from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.readings import log_prior
 from updating.inference.fitting import fit_given
 from updating.inference.formed import formed_problem
 from updating.quality.channel_faults import channel_faults
-from updating.quality.corrections import Fault
 
 SENSORS, FORCES = described()
 

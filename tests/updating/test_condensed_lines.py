@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRF
+from fem import FRF
 from tests.noise import complex_normal
 from updating.modal import condensed_lines
 from updating.modal.condensed_lines import N_NODES, condense_lines

@@ -8,13 +8,12 @@ import pytest
 from tests.hidden.cases import make_case
 from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.diagnosis.evidence.absence import gains_without, left_out
 from updating.diagnosis.evidence.halving import Damped
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.search import Search
 from updating.inference.damped import LEAST_INSIDE, damped
-from updating.inference.preparation import build_problem
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.validation.cases import CaseSettings, draw_case
-from fem import FRF
-from fem.elements.frame import Frame
+from fem import FRF, Frame
 from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin

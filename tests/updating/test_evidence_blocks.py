@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.effects.joint_stiffness import JointStiffness
+from fem.effects import JointStiffness
 from tests.frames import cross_beam
 from tests.hidden.cases import make_case
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
 from updating.diagnosis.evidence.screening import Grid, look_at
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.evidence.shortlist import linear_gains
 from updating.inference.fitting import FULL_LINES, fit
-from updating.inference.preparation import build_problem
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,7 @@ import pytest
 from dovetail import load_study
 from dovetail.file.contents import measured, without_held_out
 from tests.frames import write_study
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
+from updating import EFFECT, NOTHING, UNEXPLAINED, diagnose, propose
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 from updating.diagnosis.evidence.search import Search
 from updating.inference.belief import TWIN_NATS

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from fem import assemble, solve_modes
+from fem import Section, assemble, solve_modes
 from fem.effects.clamp_form import ClampForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
-from fem.sections.section import Section
 from tests.frames import FLAT, STEEL, beam, fix, frequencies, portal
 from updating.inference.form import form_of
 

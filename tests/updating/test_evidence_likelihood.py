@@ -14,12 +14,13 @@ from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
 from tests.hidden.cases import make_case
 from tests.noise import complex_normal
+from updating import build_problem
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.fitting import assessed_fit, with_seen_noise
-from updating.inference.preparation import build_problem, direct_responses
+from updating.inference.preparation import direct_responses
 from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels
 

@@ -3,18 +3,15 @@
 import numpy as np
 import pytest
 
+from fem import PointMass, assemble
 from fem.analysis.modes import first_modes
-from fem.effects.added_mass import PointMass
-from fem.system import assemble
 from tests.frames import beam, fix
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnosis import EFFECT, NOTHING
+from updating import EFFECT, NOTHING, Nuisance, Sensor, place_sensors, propose
 from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import ModeTargets, match
-from updating.inference.parameters import Nuisance
 from updating.least_squares.mode_levels import ModeLevels
-from updating.measurement.measurement import Sensor, place_sensors, sensor_rows
+from updating.measurement.measurement import sensor_rows
 
 E = Nuisance("frame", "E:steel", 0.02)
 SENSORS = tuple(

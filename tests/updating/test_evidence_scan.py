@@ -2,12 +2,11 @@
 
 import pytest
 
-from fem.effects.added_mass import PointMass
+from fem import PointMass
 from tests.hidden.cases import make_case
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.diagnosis.evidence.places import place_of, places_of
 from updating.diagnosis.evidence.scan import Scan
-from updating.inference.preparation import build_problem
 
 
 @pytest.fixture(scope="module")

@@ -7,17 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fem.effects.added_mass import PointMass
+from fem import PointMass
+from fem.effects import SupportFlexibility
 from fem.effects.rigid_end_zone import RigidEndZone
-from fem.effects.support_flexibility import SupportFlexibility
 from fem.effects.support_shift import SupportShift
+from updating import FitResult
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
 from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
 from updating.diagnosis.evidence.hypothesis import Start, near_to
 from updating.diagnosis.evidence.search import Search
-from updating.inference.fit_result import FitResult
 from updating.inference.workers import ALONE
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
-from fem.analysis.modes import Modes
+from fem import FRF, Modes
 from tests.noise import complex_normal
 from updating import (
     MeasurementError,

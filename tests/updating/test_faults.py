@@ -9,17 +9,18 @@ from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from tests.hidden.cases import make_case
 from updating import (
+    Fault,
     build_problem,
     check_gates,
     confirm_faults,
+    diagnose,
     find_faults,
     noise_from_coherence,
     noise_from_repeats,
     settle_faults,
 )
-from updating.diagnosis.diagnose import diagnose
 from updating.inference.fitting import assessed_fit
-from updating.quality.corrections import Fault, combined, corrected, uncorrected
+from updating.quality.corrections import combined, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.fault_hypotheses import valued
 from updating.quality.sensor_faults import best_azimuth

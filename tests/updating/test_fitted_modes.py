@@ -9,10 +9,9 @@ import scipy.linalg as sla
 
 from dovetail import result
 from dovetail.report.pictures import mode_heading
+from fem import Damping, Joint, assemble
 from fem.effects import JointStiffness
-from fem.effects.joint import Joint
-from fem.model import Damping
-from fem.system import assemble, connection_stiffness
+from fem.system import connection_stiffness
 from tests.frames import cross_beam
 from updating.diagnosis.fitted_modes import FittedModePair, damped_modes, most_changed
 from updating.inference.parameters import DampingCurve

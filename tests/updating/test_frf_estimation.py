@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRF, FRFKind
-from updating.measurement.frf_estimation import EstimationError, estimate_frf, estimate_roving, split_hits
+from fem import FRF, FRFKind
+from updating import EstimationError, estimate_frf, estimate_roving, split_hits
 
 RATE, N = 1000.0, 256
 RNG = np.random.default_rng(1)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from fem.effects.added_mass import PointMass
+from fem import PointMass
 from tests.frames import write_study
+from updating import Nuisance
 from updating.correlation import log_ratio
 from updating.diagnosis.carried import Between, carried_over
 from updating.diagnosis.frf_states import (
@@ -17,7 +18,6 @@ from updating.diagnosis.frf_states import (
     poor_baseline,
 )
 from updating.inference.fit_data import MODEL_ERROR
-from updating.inference.parameters import Nuisance
 
 COMMON = PointMass(name="common", member="post", position=0.31, mass=0.08)
 """In both states: the model does not have it."""

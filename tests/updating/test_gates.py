@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dovetail import StudyError
 from dovetail.file.config import load_study
-from dovetail.file.table import StudyError
-from fem.analysis.frf import FRF
+from fem import FRF
 from fem.io import read_uff, write_uff
 from fem.io.uff_types import Function
 from tests.hidden.cases import make_case
 from tests.studies import study_file
-from updating import build_problem, check_gates
+from updating import Fault, MeasurementError, Reciprocity, build_problem, check_gates
 from updating.diagnosis.amplitude import force_levels
 from updating.inference.fitting import assessed_fit
-from updating.measurement.measurement import MeasurementError, at_values_of
-from updating.quality.corrections import Fault
-from updating.quality.gates import Reciprocity, reciprocity_check, with_last_faults
+from updating.measurement.measurement import at_values_of
+from updating.quality.gates import reciprocity_check, with_last_faults
 
 AVERAGES = 25
 

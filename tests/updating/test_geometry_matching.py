@@ -9,15 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fem.mesh import Mesh
-from updating.measurement.matching import (
-    GeometryMatchError,
-    _aligned,
-    _straight,
-    align_points,
-    match_geometry,
-    match_members,
-)
+from fem import Mesh
+from updating import GeometryMatchError, align_points, match_geometry, match_members
+from updating.measurement.matching import _aligned, _straight
 
 modest = settings(max_examples=25, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)

@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
-from fem.effects.joint import Joint
-from fem.effects.support import Support
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Model, ModelError
-from fem.system import assemble, reassemble
+from fem import (
+    Frame,
+    Joint,
+    MemberProperties,
+    Mesh,
+    Model,
+    ModelError,
+    Support,
+    assemble,
+    reassemble,
+    solve_modes,
+    solve_static,
+)
 from tests.frames import FLAT, STEEL
 
 ALONG = [(1.0, 0, 0), (0, 0, 1.0), (0.6, 0, 0.8), (2 / 3, -1 / 3, 2 / 3)]

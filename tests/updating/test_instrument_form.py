@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from dovetail.report.words import departure_text
+from fem import assemble
 from fem.effects.instrument_form import DriverForm, SensorForm
-from fem.system import assemble
 from tests.updating.test_channel_errors import bent, described, measured
+from updating import Nuisance
 from updating.diagnosis.departures import departures
 from updating.inference.belief import LIGHT, STATED_MASS
 from updating.inference.fitting import fit_given
 from updating.inference.form import form_of
 from updating.inference.formed import formed_problem
-from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import ChannelErrors
 from updating.measurement.measurement import instruments_on
 

@@ -7,8 +7,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
+from fem import assemble
 from fem.analysis.modes import first_modes
-from fem.system import assemble
 from tests.frames import write_study
 from updating.inference.fitting import fit
 from updating.inference.joint_fit import JointFunction, with_modes

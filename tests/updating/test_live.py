@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from dovetail.pipeline import fit_problem
-from fem.analysis.modes import solve_modes
-from fem.model import ModelError
-from fem.system import assemble
-from updating.correlation import compare
+from fem import ModelError, assemble, solve_modes
+from updating import Fault, compare
 from updating.inference.preparation import fitted_model
 from updating.live.engine import LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
@@ -19,7 +17,6 @@ from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import rank, twins
 from updating.live.sensitivity import frequency_sensitivities, sensitivities
 from updating.live.weighing import weigh
-from updating.quality.corrections import Fault
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING = "joint_stiffness:J.rx"

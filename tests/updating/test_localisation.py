@@ -7,8 +7,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
+from updating import locate
 from updating.diagnosis import localisation
-from updating.diagnosis.localisation import locate
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 

@@ -10,11 +10,11 @@ from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from dovetail.report.figures import measured_shapes
 from dovetail.report.words import level_label
-from fem.analysis.frf import FRF
+from fem import FRF
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
+from updating import Measurement, Sensor
 from updating.inference.fit_data import prepare
-from updating.measurement.measurement import Measurement, Sensor
 
 
 def of_amplitudes(folder, mass):

@@ -11,20 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fem.analysis.frf import FRF
+from fem import FRF
 from fem.io import read_frf
 from tests.noise import complex_normal
-from updating.correlation import mac
-from updating.correlation.complexity import (
+from updating import (
+    IdentificationError,
+    damping_matrix,
+    estimate_roving,
+    identify_modes,
+    mac,
     mean_phase_deviation,
     modal_complexity_factor,
     modal_phase_collinearity,
     real_shapes,
 )
-from updating.measurement.frf_estimation import estimate_roving
-from updating.modal.damping import damping_matrix
-from updating.modal.identification import identify_modes
-from updating.modal.poles import IdentificationError
 
 SOUTHAMPTON = Path(__file__).parents[2] / "examples" / "southampton-frame" / "accelerance_3x3.uff"
 

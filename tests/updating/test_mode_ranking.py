@@ -6,15 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fem.analysis.modes import first_modes, solve_modes
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Damping, Model
-from fem.system import assemble
+from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, solve_modes
+from fem.analysis.modes import first_modes
 from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
-from updating.diagnosis.candidates import propose
+from updating import propose
 from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
 from updating.diagnosis.evidence.screening import Grid, candidate_terms
 from updating.inference.mode_preparation import build_mode_problem

@@ -4,9 +4,8 @@ import re
 
 import pytest
 
+from fem import AddedMass, assemble
 from fem.analysis.modes import first_modes
-from fem.effects.added_mass import AddedMass
-from fem.system import assemble
 from tests.frames import beam, fix
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.separation import BAND_BEYOND

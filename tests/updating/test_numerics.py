@@ -5,17 +5,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRF, FRFError
-from fem.model import Parameter
+from fem import FRF, FRFError, Parameter
 from tests.frames import cross_beam
 from tests.noise import complex_normal
-from updating.correlation import DB_PER_NEPER, compare, frac, log_ratio, mac, rms_db
+from updating import (
+    Measurement,
+    MeasurementError,
+    Sensor,
+    Unknown,
+    compare,
+    frac,
+    mac,
+    place_sensors,
+    relative_noise,
+)
+from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Prior, solve_robust
-from updating.inference.unknowns import ScaledUnknown, Unknown
+from updating.inference.unknowns import ScaledUnknown
 from updating.least_squares.levels import Levels
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, place_sensors
-from updating.measurement.noise import relative_noise
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fem
-from updating import compare_modes
-from updating.correlation.pairing import pair_modes, track_modes
-from updating.correlation.shape_correlation import mac
+from updating import compare_modes, mac, pair_modes, track_modes
 
 modest = settings(max_examples=30, derandomize=True, deadline=None)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem.analysis.frf import FRF, FRFKind
+from fem import FRF, FRFKind
 from fem.io import read_uff
 from updating.quality.phase import LEAST_RINGING, misphased, phase_evidence
 

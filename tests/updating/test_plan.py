@@ -7,18 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fem import assemble, solve_modes
-from fem.analysis.frf_solver import compute_frf
+from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, compute_frf, solve_modes
 from fem.declarations import Relevant
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.mesh import Mesh
-from fem.model import Damping, Model, parameter_values
+from fem.model import parameter_values
 from tests.frames import FLAT, STEEL, beam, fix, planar, portal
+from updating import Nuisance, Sensor
 from updating.diagnosis.evidence.hypothesis import near_to
 from updating.inference.fitting import fit
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Sensor, sensor_rows
+from updating.measurement.measurement import sensor_rows
 from updating.plan.check import MULTIPLES, FailedTrial, trials
 from updating.plan.plan import plan_test, with_averages
 from updating.plan.planned import planned_measurement

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
+from fem import FRF
 from tests.noise import complex_normal
 from updating.modal.poles import LEAST_ORDERS, channel_sizes, fit_orders, track_poles
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.hidden.cases import make_case
-from updating import build_problem
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.inference.fit_function import ROBUST
 from updating.inference.fitting import FULL_LINES, assessed_fit
 from updating.least_squares.loss import pseudo_huber

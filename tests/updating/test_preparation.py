@@ -8,11 +8,10 @@ import fem
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem.connection_damping import ConnectionDamping
 from tests.hidden.cases import make_case
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference import preparation
 from updating.inference.fitting import assessed_fit
-from updating.inference.preparation import build_problem
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():

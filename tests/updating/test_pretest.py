@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fem
-from updating.correlation.shape_correlation import auto_mac
+from updating import auto_mac
 from updating.measurement import pretest as pt
 
 modest = settings(max_examples=25, derandomize=True, deadline=None)

@@ -10,11 +10,10 @@ from fem.effects.joint_complex_stiffness import JointComplexStiffness
 from fem.model import parameter_values
 from fem.system import sum_contributions
 from tests.frames import cross_beam, portal
-from updating.diagnosis.candidates import propose
+from updating import Ranked, propose
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.findings import Ranked
 from updating.inference.belief import TWIN_NATS
 
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from tests.hidden.cases import make_case
-from updating.diagnosis.candidates import propose
+from updating import build_problem, propose
 from updating.diagnosis.evidence import screening
 from updating.diagnosis.evidence import shortlist as listing
 from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.screening import Grid, screen
 from updating.inference.fitting import assessed_fit
-from updating.inference.preparation import build_problem
 
 
 @pytest.fixture(scope="module")

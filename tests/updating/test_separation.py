@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import fem
-from fem.analysis.frf import FRF
-from fem.effects import PointMass
+from fem import FRF, PointMass
 from tests.frames import beam, fix, frequencies
-from updating import Measurement, Sensor, place_sensors
-from updating.diagnosis.candidates import propose
+from updating import Measurement, Sensor, build_problem, place_sensors, propose
 from updating.diagnosis.separation import next_measurements, what_decides
 from updating.inference.fitting import assessed_fit
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.preparation import build_problem
 
 
 def two_cantilevers():

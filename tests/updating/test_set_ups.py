@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.modes import Modes
+from fem import Modes
 from tests.updating.test_ambient import FREQUENCY, RATE, SHAPES, ZETA, N, chain, within_chance
-from updating.ambient.identification import identify_ambient
-from updating.ambient.record import AmbientError
-from updating.ambient.set_ups import merge_set_ups
+from updating import AmbientError, identify_ambient, merge_set_ups
 
 NAMES = ("m1", "m2", "m3", "m4")
 

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
+from fem import AddedMass, assemble
 from fem.analysis.modes import first_modes
-from fem.effects.added_mass import AddedMass
-from fem.system import assemble
 from tests.frames import beam, fix
+from updating import Nuisance
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.states import changed_problem, corrected, diagnose_change
 from updating.inference.common_errors import CommonErrors
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import Nuisance
 
 NOISE, N_MODES = 1e-3, 6
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from tests.updating.test_evidence_modes import E, cantilever, measured
-from updating.diagnosis.candidates import propose
+from updating import propose
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search

@@ -7,17 +7,22 @@ import pytest
 from scipy.stats import binom, norm
 
 import fem
+from fem import ModelError
 from fem.effects import MemberStiffness
-from fem.model import ModelError
 from tests.frames import STEEL, beam, fix, on_fine_mesh, planar, portal
-from updating.inference.arrays import frf_data, mode_data
-from updating.inference.preparation import build_problem
-from updating.inference.sampling import MissingExtraError, sample
-from updating.inference.unknowns import Unknown
-from updating.inference.update import update
-from updating.inference.update_settings import UpdateSettings
-from updating.inference.updated import Ending
-from updating.measurement.measurement import Measurement, Sensor
+from updating import (
+    Ending,
+    Measurement,
+    MissingExtraError,
+    Sensor,
+    Unknown,
+    UpdateSettings,
+    build_problem,
+    frf_data,
+    mode_data,
+    update,
+)
+from updating.inference.sampling import sample
 
 textbook = partial(update, model_error=0.0)
 """Parameters alone vary, and nothing but noise and the mesh may be left."""

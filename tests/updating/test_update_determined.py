@@ -10,12 +10,7 @@ from fem.effects import SupportFlexibility
 from fem.effects.ground_spring import GroundSpring
 from tests.frames import beam, fix
 from tests.updating.test_update import RHO, E, frequencies_of, frfs_of, noisy, textbook
-from updating.inference.arrays import frf_data
-from updating.inference.preparation import build_problem
-from updating.inference.unknowns import Unknown
-from updating.inference.update_settings import UpdateSettings
-from updating.inference.updated import Ending
-from updating.measurement.measurement import Measurement, Sensor
+from updating import Ending, Measurement, Sensor, Unknown, UpdateSettings, build_problem, frf_data
 
 # -------------------------------------------------------------------- what is not determined, and bad starts
 

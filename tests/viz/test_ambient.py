@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from updating.ambient.identification import identify_ambient
+from updating import identify_ambient
 from viz import style
 from viz.ambient import plot_ambient
 

@@ -5,16 +5,16 @@ import pytest
 from matplotlib.patches import Rectangle
 
 import fem
-from updating.correlation.frf_correlation import (
+from updating import (
     band_error,
     cross_signature_assurance,
     cross_signature_scale,
     fdac,
+    match_geometry,
+    pair_modes,
+    plan_pretest,
     signature_assurance,
 )
-from updating.correlation.pairing import pair_modes
-from updating.measurement.matching import match_geometry
-from updating.measurement.pretest import plan_pretest
 from viz import correlation as pictures
 from viz.style import figure_png
 

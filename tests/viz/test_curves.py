@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from fem.analysis.frf import FRF
+from fem import FRF
 from viz import curves, heat_maps, joints, search, style
 
 F = np.linspace(1.0, 100.0, 200)

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.statics import solve_static
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import LineLoad, LoadCase, Section, assemble, solve_static
 from tests.frames import beam, fix
 from viz import diagrams
 

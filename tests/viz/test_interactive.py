@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF, FRFError
-from fem.analysis.modes import Modes, solve_modes
-from fem.system import assemble
+from fem import FRF, FRFError, Modes, assemble, solve_modes
 from tests.frames import beam, cross_beam, fix
-from updating.measurement.measurement import Sensor
+from updating import Sensor
 from viz import style
 from viz.interactive import error, frf, model, modes, solids, theme
 from viz.models import displacement_at, model_surface

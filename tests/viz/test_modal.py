@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.frf import FRF
-from updating.modal.identification import identify_modes
+from fem import FRF
+from updating import identify_modes
 from updating.modal.peaks import UnexplainedPeak
 from viz import style
 from viz.modal import plot_stabilisation, plot_synthesis

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from dovetail import StudyError
 from dovetail.file.config import load_study
-from dovetail.file.table import StudyError
-from fem.analysis.modes import solve_modes
-from fem.io.matrices import read_matrices
-from fem.system import assemble
+from fem import assemble, solve_modes
+from fem.io import read_matrices
 from viz.interactive.model import model_figure
 from viz.interactive.modes import modes_figure
 from viz.models import displacement_at, drawn_names, drawn_size, member_families, model_surface

@@ -11,20 +11,24 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from fem.analysis.modes import Modes, solve_modes
-from fem.checks import check_mesh, check_model
+from fem import (
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Modes,
+    Section,
+    Support,
+    assemble,
+    check_mesh,
+    check_model,
+    solve_modes,
+)
 from fem.effects import effect_classes
-from fem.effects.joint import Joint
-from fem.effects.support import Support
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import beam, chain, fix, with_part
-from updating.measurement.measurement import Sensor
+from updating import Sensor
 from viz import animation, render, shapes, style
 from viz.markers import COLOURS, SHAPES
 from viz.overlay import Mark, draw_marks

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
+from fem import Frame, Material, MemberProperties, Mesh, Model, Section
 from tests.noise import complex_normal
 from viz import models, shapes, surfaces
 from viz.layout import merge_names, place_labels

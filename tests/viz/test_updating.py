@@ -6,9 +6,8 @@ import pytest
 import fem
 from fem.effects import MemberStiffness
 from tests.frames import portal
+from updating import UpdateSettings, update
 from updating.inference.regularisation import l_curve
-from updating.inference.update import update
-from updating.inference.update_settings import UpdateSettings
 from viz import style
 from viz.updating import plot_convergence, plot_correlation, plot_l_curve, plot_parameters
 

@@ -13,12 +13,11 @@ import fem
 from benchmarks.validation.frames import build_model, constant_loss, draw_draft, sensors_of
 from benchmarks.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from benchmarks.validation.judging import same_place
+from fem import assemble
 from fem.model import DIRECTIONS
-from fem.system import assemble
 from tests.frames import rows_at
+from updating import Measurement, propose
 from updating.correlation import log_ratio
-from updating.diagnosis.candidates import propose
-from updating.measurement.measurement import Measurement
 
 ETA = 0.02
 STIFFER, LIGHTER, JOINTS = 1.15, 0.9, (1.3, 0.8, 1.2, 0.75, 1.3, 0.8)

@@ -19,8 +19,8 @@ from benchmarks.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidd
 from benchmarks.validation.judging import judge, same_place
 from benchmarks.validation.table import as_markdown
 from dovetail.units.folder import FolderError
+from updating import propose
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.diagnosis.candidates import propose
 
 SETTINGS = CaseSettings(3, small=True)
 FAMILY = {"joint": "cross", "support": "angle", "end": "angle", "rigid": "angle"}

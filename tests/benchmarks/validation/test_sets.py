@@ -10,9 +10,9 @@ from benchmarks.validation.cases import EACH_DB, CaseSettings, Implant, _Scale, 
 from benchmarks.validation.frames import Draft, build_model, draw_draft, on_elastic_feet
 from benchmarks.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from benchmarks.validation.truth import Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
-from fem.system import assemble
+from fem import assemble
 from tests.frames import rows_at
-from updating.diagnosis.candidates import propose
+from updating import propose
 
 SETTINGS = CaseSettings(3, small=True)
 E, NU, RHO = 207e9, 0.3, 7850.0

@@ -20,7 +20,7 @@ from benchmarks.validation.truth import (
     TrueSupport,
     rectangle_constants,
 )
-from fem.system import assemble
+from fem import assemble
 from tests.frames import rows_at
 
 E, NU, RHO, B, H, L = 70e9, 0.3, 2700.0, 0.03, 0.01, 0.8

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from fem import MeshError
 from fem.io.deck_units import Units
-from fem.mesh import MeshError
 from fem.model import DIRECTIONS
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, cantilever, deck_of, frequencies, line
 

@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from fem.io.frame_model import model_of
-from fem.mesh import MeshError
+from fem import MeshError
+from fem.io import model_of
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, STEEL, deck_of, line
 
 BEAM = line(2, "B31") + STEEL + RECT  # 7 + 5 + 3 lines; what follows begins with line 16

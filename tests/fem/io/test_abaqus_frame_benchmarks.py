@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
-from fem.io.frame_model import model_of
-from fem.system import assemble
+from fem import assemble, solve_modes
+from fem.io import model_of
 from tests.fem.io.abaqus_decks import deck_of, frequencies, line
 
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n200e9, 0.3\n*DENSITY\n8000\n"

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.analysis.modes import solve_modes
+from fem import assemble, solve_modes
+from fem.io import model_of
 from fem.io.deck_units import Units
 from fem.io.frame_deck import Body
-from fem.io.frame_model import model_of
 from fem.model import DIRECTIONS
-from fem.system import assemble
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, deck_of, frequencies, line
 
 A, I11, I22 = 6e-4, 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12

@@ -4,8 +4,8 @@ import pytest
 
 from dovetail import load_study
 from dovetail.cli import main
-from fem.elements.frame import Frame
-from fem.io.frame_model import read_model
+from fem import Frame
+from fem.io import read_model
 
 GRIDS = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 6))
 TUBE, FLAT = "PBARL,1,1,,TUBE\n+,.05,.04\n", "PBAR,2,1,1.-4,1.-8,1.-8,1.-8\n"

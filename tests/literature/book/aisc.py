@@ -7,10 +7,7 @@ test_AISC_PDelta_benchmarks, with and without shear the OpenSees examples of M. 
 
 import numpy as np
 
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.second_order import solve_second_order
-from fem.materials import Material
-from fem.sections.section import Section
+from fem import LineLoad, LoadCase, Material, Section, solve_second_order
 from tests.frames import beam, fix, planar
 from tests.literature.book.entry import Problem, Quantity
 

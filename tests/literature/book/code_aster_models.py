@@ -6,22 +6,28 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from fem import (
+    AddedMass,
+    Effect,
+    Frame,
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    MultiPointConstraint,
+    RigidLink,
+    Section,
+    assemble,
+    compute_frf,
+    solve_modes,
+    solve_static,
+)
 from fem.analysis.excitation import Excitation
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.loads import InitialStrain, LineLoad, LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import solve_static
 from fem.analysis.transient import solve_transient
-from fem.effects.added_mass import AddedMass
-from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Effect, Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.benchmarks.test_tapered_closed_form import shooting_frequencies
 from tests.frames import STEEL as OTHER
 from tests.frames import beam, fix, planar

@@ -14,18 +14,25 @@ from typing import Any
 
 import numpy as np
 
-from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import StaticSolution, solve_static
-from fem.effects.added_mass import AddedMass
-from fem.effects.support import Support
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import DIRECTIONS, Model
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import (
+    AddedMass,
+    Frame,
+    InitialStrain,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    StaticSolution,
+    Support,
+    assemble,
+    solve_modes,
+    solve_static,
+)
+from fem.model import DIRECTIONS
 from tests.literature.book.entry import Problem, Quantity
 
 DATA = Path(__file__).with_suffix("")

@@ -7,20 +7,23 @@ kip and inch, or kip and ft, with seconds.
 
 import numpy as np
 
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.second_order import solve_second_order
+from fem import (
+    Frame,
+    Joint,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    MultiPointConstraint,
+    Section,
+    assemble,
+    solve_modes,
+    solve_second_order,
+    solve_static,
+)
 from fem.analysis.section_stress import section_stresses
-from fem.analysis.statics import solve_static
-from fem.effects.joint import Joint
-from fem.effects.rigid_link import MultiPointConstraint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import beam, fix, planar
 from tests.literature.book.entry import Problem, Quantity
 

@@ -6,15 +6,7 @@ NAFEMS, Selected Benchmarks for Natural Frequency Analysis (1987), also printed 
 
 import numpy as np
 
-from fem.analysis.modes import solve_modes
-from fem.effects.added_mass import AddedMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
+from fem import AddedMass, Frame, Material, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from tests.frames import beam, fix, planar
 from tests.literature.book.entry import Problem, Quantity
 

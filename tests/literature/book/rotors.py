@@ -6,15 +6,9 @@ The numbers are those that ROSS publishes for the same meshes (R. Timbó et al.,
 
 import numpy as np
 
-from fem.analysis.campbell import solve_campbell
-from fem.analysis.complex_modes import solve_complex_modes
+from fem import AddedMass, Joint, Material, Section, assemble, solve_campbell, solve_complex_modes
 from fem.analysis.whirl import whirl
-from fem.effects.added_mass import AddedMass
-from fem.effects.joint import Joint
 from fem.effects.spin import Spin
-from fem.materials import Material
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import beam, fix
 from tests.literature.book.entry import Problem, Quantity
 

@@ -5,17 +5,21 @@ Units are those of the sources, kip and inch unless stated.
 
 import numpy as np
 
-from fem.analysis.loads import LineLoad, LoadCase, MemberForce
+from fem import (
+    Frame,
+    Joint,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberForce,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    solve_static,
+)
 from fem.analysis.one_sided import solve_one_sided
-from fem.analysis.statics import solve_static
-from fem.effects.joint import Joint
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import beam, fix, planar
 from tests.literature.book.entry import Problem, Quantity
 

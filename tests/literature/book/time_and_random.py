@@ -7,20 +7,23 @@ from functools import cache
 
 import numpy as np
 
+from fem import (
+    AddedMass,
+    Damping,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    solve_modes,
+)
 from fem.analysis.excitation import Excitation
-from fem.analysis.modes import solve_modes
 from fem.analysis.random_vibration import solve_random
 from fem.analysis.response_spectrum import solve_spectrum
 from fem.analysis.tabulated import Tabulated
 from fem.analysis.transient import solve_transient
-from fem.effects.added_mass import AddedMass
-from fem.elements.frame import Frame
-from fem.elements.properties import MemberProperties
-from fem.materials import Material
-from fem.mesh import Mesh
-from fem.model import Damping, Model
-from fem.sections.section import Section
-from fem.system import assemble
 from tests.frames import fix, planar
 from tests.literature.book.entry import Problem, Quantity
 
