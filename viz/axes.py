@@ -22,9 +22,9 @@ def shade(ax: Axes, bands: Sequence[Band]) -> None:
         ax.axvspan(low, high, color=style.HELD_OUT, linewidth=0, zorder=0)
 
 
-def curve_keys(ax: Axes, held_out: Sequence[Band] = (), *, floor: bool = False) -> list[Any]:
+def curve_keys(axes: Sequence[Axes], held_out: Sequence[Band] = (), *, floor: bool = False) -> list[Any]:
     """Return the legend's keys of the curves, of bands held out and of the noise."""
-    keys: list[Any] = list(ax.get_legend_handles_labels()[0])
+    keys = keys_of(*axes)
     if held_out:
         keys.append(
             Patch(facecolor=style.HELD_OUT, edgecolor="#e6d9a8", linewidth=0.5, label="held out from the fit")

@@ -26,6 +26,7 @@ def plot_frf(
     title: str = "",
     deviations: Mapping[str, ArrayLike] | None = None,
     label: str = "measured",
+    compared: ArrayLike | None = None,
 ) -> Figure:
     """Plot amplitude and phase of measured FRFs and of models; of amplitudes without phase these alone.
 
@@ -49,7 +50,10 @@ def plot_frf(
         interval is shaded.
     label : str
         Of the dark curve: ``"computed"`` where nothing was measured.
+    compared : array_like of bool, optional
+        Which measured values errors are of, of the shape of ``measured.H``; the others are drawn pale.
     """
+    counted = np.broadcast_to(True if compared is None else np.asarray(compared, bool), measured.H.shape)
     models = {name: model.as_kind(measured.kind) for name, model in (models or {}).items()}
     pairs = _pairs(measured, pairs, 4)
     sigma = None if floor is None else np.broadcast_to(np.asarray(floor, dtype=float), measured.H.shape)
@@ -71,10 +75,13 @@ def plot_frf(
                     shade(ax, held_out)
             if sigma is not None:
                 _floor_curve(top, measured.frequency, sigma[:, i, j])
-            h = measured.H[:, i, j]
-            _amplitude_phase(
-                top, low, measured.frequency, h, label, color=style.MEASURED, linewidth=2.1, zorder=2
-            )
+            h, known = measured.H[:, i, j], counted[:, i, j]
+            dark = {"color": style.MEASURED, "linewidth": 2.1, "zorder": 2}
+            seen = np.where(known, h, complex("nan"))
+            _amplitude_phase(top, low, measured.frequency, seen, label, **dark)
+            if not known.all():
+                pale = {"color": style.NOT_COMPARED, "linewidth": 1.4, "zorder": 1.8}
+                _amplitude_phase(top, low, measured.frequency, h, style.NOT_COMPARED_LABEL, **pale)
             for n, (name, model) in enumerate(models.items()):
                 colour, line = style.model_style(name, n)
                 part = model.select([output], [input_]).H[:, 0, 0]
@@ -106,7 +113,7 @@ def plot_frf(
                 )
             first = c == 0 or bool(measured.strain)  # panels of one row may have different units
             _frf_axes(top, low, measured, h, (output, input_), first=first, last=k + columns >= len(pairs))
-        legend_above(figure, title, curve_keys(figure.axes[0], held_out, floor=floor is not None))
+        legend_above(figure, title, curve_keys(figure.axes, held_out, floor=floor is not None))
     return figure
 
 
@@ -163,7 +170,7 @@ def plot_frf_error(
         ax.set_xlim(measured.frequency[0], measured.frequency[-1])
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("relative error [dB]")
-        legend_above(figure, title, curve_keys(ax, held_out, floor=floor is not None))
+        legend_above(figure, title, curve_keys([ax], held_out, floor=floor is not None))
     return figure
 
 

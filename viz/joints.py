@@ -277,7 +277,7 @@ def plot_joint_stiffness(
         for ax in axes[-1]:
             ax.set_xlabel("frequency [Hz]")
         figure.align_ylabels()
-        legend_above(figure, title, curve_keys(axes[0, 0], held_out))
+        legend_above(figure, title, curve_keys([axes[0, 0]], held_out))
     return figure
 
 

@@ -309,5 +309,5 @@ def plot_position(
         ax.set_ylim(low - pad, high + pad)
         ax.set_xlabel(f"place along {member} [m]" if member else "place along the member [m]")
         ax.set_ylabel("error [dB]")
-        legend_above(figure, title, curve_keys(ax))
+        legend_above(figure, title, curve_keys([ax]))
     return figure

@@ -31,6 +31,9 @@ SENSOR, EXCITATION, SUPPORT, JOINT, HIGHLIGHT = BLUE, VERMILION, INK, "#7B3294",
 AT_REST = "#98a1ab"
 HELD_OUT = "#fff4d6"
 NOISE = "#e6e8eb"
+NOT_COMPARED = "#b8bec6"
+NOT_COMPARED_LABEL = "measured, not compared"
+"""Label of measured values that no error is of, as those lost in noise."""
 
 MEMBERS = ("#8fb8d8", "#e8c38a", "#9fcfb8", "#d9a9c2", "#b9b4dc", "#e3a08a", "#c9cf94", "#b5bdc5")
 """Soft versions of the palette for surfaces, on which labels and arrows must stay readable."""

@@ -119,7 +119,7 @@ class Comparison(correlation.Comparison):
     ) -> Any:
         """Return an interactive plotly figure of one measured and computed FRF, magnitude [dB] and phase.
 
-        Bands that are held out from fits are shaded.
+        Bands that are held out from fits are shaded, and values that are not compared are pale.
 
         Parameters
         ----------
@@ -140,7 +140,8 @@ class Comparison(correlation.Comparison):
         pair = (output or worst[0], input_ or worst[1])
         models = {before.label: before.computed} if before is not None else {}
         label = self.label if self.label not in models else f"{self.label}, after"
-        return frf_figure(self.measured, {**models, label: self.computed}, pair, held_out=self.held_out)
+        marked = {"held_out": self.held_out, "compared": np.isfinite(self.log_ratio)}
+        return frf_figure(self.measured, {**models, label: self.computed}, pair, **marked)
 
     def plot_map(self) -> Any:
         """Return an interactive plotly figure of the error of each sensor in each band [dB]."""

@@ -205,10 +205,11 @@ def _frf(result: RunResult, figures: Figures) -> Figure:
         deviations=compared.deviations,
         held_out=held_out_bands(result),
         coherence=coherence,
+        compared=d.problem.data.mask,
         title="",
         height=560,
     )
-    curves = frf_curves(d.measured, frfs, compared.deviations)
+    curves = frf_curves(d.measured, frfs, compared.deviations, d.problem.data.mask)
     labels = list(compared.frfs)
     errors = {label: pair_errors(result, step) for label, step in zip(labels, compared.steps, strict=True)}
     figures.data["frf"] = frf_store(curves, coherence, errors)

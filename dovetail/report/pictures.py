@@ -170,6 +170,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
     measured, models, bands = d.measured, compared.frfs, compared.deviations
     shaded = "; shaded, the 95 % band of the last one's parameters." if bands else "."
     chosen = telling_pairs(result)
+    marked = {"held_out": unseen, "compared": d.problem.data.mask}
     for n, part in enumerate((chosen[k : k + 2] for k in range(0, len(chosen), 2)), 1):
         pairs = [(o, i) for o, i, _ in part]
         listed = " and ".join(f"{o} / {i} ({why})" for o, i, why in part)
@@ -178,7 +179,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
         )
         shown = measured, models, pairs
         caption = f"Response / force: {listed}."
-        album.plot(f"frf-{n}", alt, caption, curves.plot_frf, *shown, held_out=unseen, deviations=bands)
+        album.plot(f"frf-{n}", alt, caption, curves.plot_frf, *shown, deviations=bands, **marked)
     for k, against in rivals(result).items():
         rival, drawn = words.ranked_label(against), fits_of(result, k, against)
         decisive = d.findings[k].decisive
@@ -186,7 +187,7 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
         listed = " and ".join(f"{o} / {i}" for o, i in pairs)
         alt = f"The FRFs {listed}, measured, with the effect and with its rival {rival}."
         caption = f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted."
-        album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, held_out=unseen)
+        album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, **marked)
     alt = f"Relative error of all FRFs together over frequency, for {', '.join(models)}."
     more = {"floor": noise_of(d), "held_out": unseen, "smooth": smoothing(measured)}
     album.plot("frf-error", alt, FRF_ERROR, curves.plot_frf_error, measured, models, **more)

@@ -65,7 +65,7 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
 
 
 def _besides_text(d: Diagnosis | ModeDiagnosis) -> str:
-    """Return which hypothesis is more probable than the simpler one that is reported."""
+    """Return which hypothesis is more probable than the one that is reported, and whether by much."""
     posterior, effects, _ = _known(d)
     found, (names, p) = {e.name for e in effects}, posterior[0]
     if found == set(names):
@@ -76,7 +76,9 @@ def _besides_text(d: Diagnosis | ModeDiagnosis) -> str:
         other = f"with {label_of(d, [n for n in names if n not in found])} in addition"
     else:
         other = label_of(d, names)
-    return f"; {other}: {percent(p)}, too close to decide, so the simpler answer is reported"
+    text = f"; {other}: {percent(p)}"
+    close = p < math.exp(TWIN_NATS) * (exactly(posterior, found) or 0.0)
+    return f"{text}, too close to decide, so the simpler answer is reported" if close else text
 
 
 def reported(d: Diagnosis) -> int:

@@ -151,9 +151,16 @@ class DeviatingFRF(ParametricFRF):
         size = -of_inward * of_outward
         rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
         n = stack.shape[1]
-        forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
-        products = forces.reshape(n_lines, -1, n) @ outward.reshape(n_lines, -1, n).transpose(0, 2, 1)
-        (rr, ri), (ir, ii) = products.reshape(n_lines, n_in, 2, -1, n_out, 2).transpose(2, 5, 3, 0, 4, 1)
+        # Of few inputs the forces dZ Hᵢ are formed, of few outputs Hₒ dZ: a roving hammer has one output.
+        if n_in <= n_out:
+            forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
+            products = forces.reshape(n_lines, -1, n) @ outward.reshape(n_lines, -1, n).transpose(0, 2, 1)
+            parts = products.reshape(n_lines, n_in, 2, -1, n_out, 2).transpose(2, 5, 3, 0, 4, 1)
+        else:
+            forces = outward.reshape(-1, n) @ stack.transpose(0, 2, 1).reshape(-1, n).T
+            products = forces.reshape(n_lines, -1, n) @ inward.reshape(n_lines, -1, n).transpose(0, 2, 1)
+            parts = products.reshape(n_lines, n_out, 2, -1, n_in, 2).transpose(5, 2, 3, 0, 1, 4)
+        (rr, ri), (ir, ii) = parts
         moved = _complex(rr - ii, ri + ir)
         moved *= (size * np.array(factors)).astype(np.complex64)[:, :, None, None]
         n_refs = len(self.refs)

@@ -195,11 +195,12 @@ def test_a_comparison_draws_the_worst_pair_beside_another_model(study, compariso
     better = study.add("point_mass:arm", mass=0.25, position=0.3).compare()
     figure = better.plot(before=comparison)
     curves = {t.meta["series"]: t for t in figure.data if (t.meta or {}).get("quantity") == "magnitude"}
-    assert list(curves) == ["measured", "nominal", "with point_mass:arm"]
+    assert list(curves) == ["measured, not compared", "measured", "nominal", "with point_mass:arm"]
     output, input_ = comparison.worst_pairs(1)[0]
     square = np.nanmean(comparison.log_ratio.real**2, axis=0)
     assert square[comparison.outputs.index(output), comparison.inputs.index(input_)] == np.nanmax(square)
-    for label, frf in (("measured", better.measured), ("with point_mass:arm", better.computed)):
+    drawn = {"measured, not compared": better.measured, "with point_mass:arm": better.computed}
+    for label, frf in drawn.items():
         np.testing.assert_allclose(curves[label].y, 20 * np.log10(np.abs(frf[output, input_])), rtol=1e-5)
     with pytest.raises(FRFError, match="no output 'B'"):
         comparison.plot("B")

@@ -290,6 +290,8 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
     assert probable.reported(d) == 1
     assert "too close to decide" not in probability_text(found.diagnosis)
+    clear = with_posterior(found, ((other.name, name), 0.99), ((name,), 0.01)).diagnosis
+    assert probability_text(clear).endswith(f"with {label} in addition: 99\u00a0%")
 
 
 def test_an_effect_counts_in_every_answer_that_has_it(found, album):

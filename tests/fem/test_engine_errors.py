@@ -124,6 +124,19 @@ def test_derivatives_by_deviations_against_finite_differences():
         assert abs(dH[k] - near).max() <= bound < 0.01 * abs(near).max()
 
 
+def test_derivatives_of_the_transpose_are_the_transpose():
+    """Changes of the matrices are multiplied by the side with fewer columns, one way or the other."""
+    model, refs = cross_beam(0.1), [("frame", "E:steel"), ("bolt", "kry")]
+    e, _ = deviating(model, refs)
+    values = np.concatenate([values_of(model, refs), np.zeros(len(e.refs) - len(refs))])
+    few, many, zeta, slopes = e.inputs[:, :1], e.outputs, np.full(FREQUENCY.size, 0.01), []
+    for e.outputs, e.inputs in ((many, few), (few, many)):
+        e._last = None
+        slopes.append(e.evaluate(values, zeta)[1])
+    turned = np.swapaxes(slopes[1], 2, 3)
+    np.testing.assert_allclose(turned, slopes[0], rtol=1e-4, atol=1e-5 * abs(turned).max())
+
+
 def test_without_deviations_nothing_changes():
     model, refs = cross_beam(0.1), [("frame", "E:steel"), ("bolt", "kry")]
     e, _ = deviating(model, refs)

@@ -13,7 +13,7 @@ from updating.diagnosis.evidence.absence import gains_without, left_out
 from updating.diagnosis.evidence.halving import Damped
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.search import Search
-from updating.inference.damped import LEAST_INSIDE, damped
+from updating.inference.damped import LEAST_INSIDE, Continuation, damped
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +70,16 @@ def test_noise_is_not_raised(problem):
     exact = oscillator(problem, 2 * np.pi * f - 1j * own.decay)
     there = own.data.mask[:, 0, 0]
     assert np.median(np.abs(own.data.H[there, 0, 0] / exact[there] - 1)) < 0.02
+
+
+def test_a_roving_hammer_is_continued_as_the_responses_to_one_force(problem):
+    """The poles are the same: a denominator over all forces would have eight times as many."""
+    f, rng = problem.data.frequency, np.random.default_rng(1)
+    H = oscillator(problem, 2 * np.pi * f)[:, None, None] * rng.uniform(0.5, 2, (1, 8, 1))
+    H = H * (1 + 0.02 * complex_normal(rng, H.shape))
+    responses, forces = Continuation.of(f, H), Continuation.of(f, np.swapaxes(H, 1, 2))
+    np.testing.assert_array_equal(forces.poles, responses.poles)
+    np.testing.assert_allclose(np.swapaxes(forces.at(2.0)[0], 1, 2), responses.at(2.0)[0], rtol=1e-9)
 
 
 def test_the_model_is_computed_at_the_same_frequencies(problem):

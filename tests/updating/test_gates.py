@@ -104,7 +104,7 @@ def test_what_the_gates_say_of_forces_and_of_reciprocity_is_what_failed(sound):
     assert frf.inputs[0] in said.found
     gain = Fault("sensor_gain", frf.outputs[1], 1.2, 0.01)
     for last, outcome, found in (
-        ((gain,), "failed", f"1 fault(s) were corrected, at {gain.sensor}; the apparent fault of"),
+        ((gain,), "failed", f"1 fault corrected, at {gain.sensor}; the apparent fault of"),
         ((), "passed", f"the apparent fault of {frf.inputs[0]} is explained by the effects that were found"),
     ):
         after = {c.name: c for c in with_last_faults(gates, faults, last).checks}

@@ -1,5 +1,6 @@
 """The places where a model fails: all small changes solved for, or one for each place by the first order."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,20 @@ def test_of_many_changes_the_first_order_chooses_those_that_are_solved_for(monke
         assert share <= best[place] * (1 + 1e-9)
     for member, share in few.members.items():
         assert 0 < share <= every.members[member] * (1 + 1e-9)
+
+
+def test_errors_of_sensors_are_those_of_the_corrected_data(monkeypatch):
+    """The measurement keeps the labels as they were read; the data of the fit have them set right."""
+    monkeypatch.setattr(localisation, "_changes", lambda problem: ())
+    problem = fit_problem(load_study(STUDY))
+    fitted = problem.nominal()
+    order = np.roll(np.arange(len(problem.data.measurement.sensors)), 1)
+    frf = problem.data.measurement.frf
+    as_read = problem.data.measurement.with_frf(replace(frf, H=2 * frf.H[:, order]))
+    right = replace(problem, data=replace(problem.data, measurement=as_read))
+    where, expected = locate(right, fitted), locate(problem, fitted)
+    np.testing.assert_allclose(where.by_sensor_db, expected.by_sensor_db, rtol=1e-12)
+    assert where.by_sensor_db.max() > 1.2 * where.by_sensor_db.min()
 
 
 def shares(members, places):

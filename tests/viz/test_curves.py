@@ -75,6 +75,19 @@ def test_frf_marks_held_out_bands_and_the_noise(measured):
     assert shaded.max() == pytest.approx(1e-3)
 
 
+def test_values_that_no_error_is_of_are_pale(measured):
+    compared = np.ones(measured.H.shape, dtype=bool)
+    compared[:50, 1, 0] = False
+    figure = curves.plot_frf(measured, {}, [("U1z", "F1"), ("U2z", "F1")], compared=compared)
+    whole, parted = (figure.axes[k].get_lines() for k in (0, 2))
+    assert [line.get_label() for line in whole] == ["measured"]
+    dark, pale = parted
+    np.testing.assert_array_equal(np.isfinite(dark.get_ydata()), compared[:, 1, 0])
+    np.testing.assert_allclose(pale.get_ydata(), np.abs(measured.H[:, 1, 0]))
+    assert pale.get_zorder() < dark.get_zorder()
+    assert legend_texts(figure) == ["measured", "measured, not compared"]
+
+
 def test_the_phase_is_broken_where_it_wraps():
     f = np.linspace(1, 10, 50)
     h = np.exp(-1j * f)

@@ -89,6 +89,16 @@ def test_held_out_bands_and_coherence_are_drawn(measured):
     assert figure.layout.yaxis3.domain[1] < figure.layout.yaxis2.domain[0] < figure.layout.yaxis.domain[0]
 
 
+def test_values_that_no_error_is_of_are_in_a_pale_curve_alone(measured):
+    compared = np.arange(40)[:, None, None] * np.ones((1, 2, 2)) >= 10
+    figure = frf.frf_figure(measured, None, ("r1", "f1"), compared=compared)
+    dark, pale = (np.asarray(trace(figure, "magnitude", s).y) for s in ("measured", "measured, not compared"))
+    H = measured.H[:, 0, 0]
+    assert pale == pytest.approx(20 * np.log10(np.abs(H)), abs=1e-4)
+    np.testing.assert_array_equal(np.isfinite(dark), compared[:, 0, 0])
+    assert figure.layout.yaxis.range == frf.frf_figure(measured, None, ("r1", "f1")).layout.yaxis.range
+
+
 def test_curves_differ_in_colour_and_in_line(measured):
     labels = ("nominal", "fitted", "with the effect", "rival: mass")
     figure = frf.frf_figure(measured, dict.fromkeys(labels, measured))

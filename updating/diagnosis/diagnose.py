@@ -11,7 +11,7 @@ import numpy as np
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model
-from fem.summary import percent
+from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.candidates import propose, situated
@@ -442,8 +442,8 @@ def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
         )
     if faults:
         return FAULT, (
-            f"with {len(faults)} fault(s) of the measurement corrected, nothing improves the model further; "
-            f"residual level {level} dB; probability {exactly}"
+            f"with {counted(len(faults), 'fault')} of the measurement corrected, nothing improves the model "
+            f"further; residual level {level} dB; probability {exactly}"
         )
     return NOTHING, (
         f"no candidate improves the fitted model, whose residual level is {level} dB; probability {exactly}"

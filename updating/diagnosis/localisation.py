@@ -98,7 +98,7 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     n_bands : int
         Equal bands for the map.
     """
-    m = problem.data.measurement.frf
+    m = problem.measured  # set right for faults, unlike the FRFs of the measurement
     comparison = compare(m, problem.frf(result), n_bands, problem.data.mask)
     members: dict[str, float] = dict.fromkeys(problem.reduced.model.mesh.members, 0.0)
     places: dict[str, float] = {}

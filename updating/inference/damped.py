@@ -59,8 +59,11 @@ class Continuation:
         if order < 2 or not H[known].any():
             return cls(frequency, H, np.zeros(0, dtype=complex), np.zeros((3, *H.shape[1:])))
         f, there = frequency[known], H[known]
-        size, _ = channel_sizes(there)
-        poles = poles_of_order(f, there, order, size)
+        # The transpose has the same poles. A denominator over many forces has many more roots, at a cost
+        # that rises with their third power.
+        few = there if there.shape[2] <= there.shape[1] else np.swapaxes(there, 1, 2)
+        size, _ = channel_sizes(few)
+        poles = poles_of_order(f, few, order, size)
         flat = there.reshape(len(f), -1)
         sizes = np.maximum(np.sqrt((np.abs(flat) ** 2).mean(axis=0)), 1e-300)
         weight = 1 / np.maximum((np.abs(flat) / sizes).mean(axis=1), QUIET)[:, None]

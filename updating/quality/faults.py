@@ -393,15 +393,8 @@ def _likeliest(
 
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
-    """Fit again after a correction: from the nominal start, or from the last values of the effects.
-
-    Of few responses to many forces the transpose is fitted: the FRFs are the same, and need fewer solutions.
-    """
-    m = problem.data.measurement
-    turned = _transpose(problem, result) if m.moving_forces else None
-    fitted, start = (problem, result) if turned is None else turned[:2]
-    again = [refit(fitted, start)]
+    """Fit again after a correction: from the nominal start, or from the last values of the effects."""
+    again = [refit(problem, result)]
     if not result.effects:
-        again.append(fit(fitted))
-    best = min(again, key=lambda r: r.solution.cost)
-    return problem.assessed(best if turned is None else _transposed(best, len(m.excitations)))
+        again.append(fit(problem))
+    return problem.assessed(min(again, key=lambda r: r.solution.cost))

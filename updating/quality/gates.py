@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.summary import counted
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData, prepare
@@ -282,7 +283,7 @@ def _fault_check(gates: Gates, faults: Sequence[Fault], withdrawn: Sequence[Faul
         taken_back = f"the apparent fault of {names} is explained by the effects that were found"
     if faults:  # of forces also where sensors are too few to check one another
         names = ", ".join(dict.fromkeys(f.sensor for f in faults))
-        found = f"{len(faults)} fault(s) were corrected, at {names}"
+        found = f"{counted(len(faults), 'fault')} corrected, at {names}"
         return Check("sensors and forces", FAILED, f"{found}; {taken_back}" if taken_back else found)
     if withdrawn:
         return Check("sensors and forces", PASSED, taken_back)

@@ -63,6 +63,7 @@ def frf_curves(
     measured: FRF | None,
     models: Mapping[str, FRF] | None = None,
     deviations: Mapping[str, ArrayLike] | None = None,
+    compared: ArrayLike | None = None,
 ) -> tuple[Curves, ...]:
     """Return measured FRFs and those of models in decibels and degrees.
 
@@ -73,9 +74,15 @@ def frf_curves(
         By label, in the order nominal, fitted, with the effect, its rival; converted to the measured kind.
     deviations : mapping of str to array_like, optional
         Standard deviation of ln|H| of some models, by label, of the shape of their H [-].
+    compared : array_like of bool (n_freq, n_out, n_in), optional
+        Which measured values errors are of: the dark curve has these alone, a pale one below it has all.
     """
     kind = measured.kind if measured else None
     out = [_curves(MEASURED, measured, style.MEASURED, "solid", None)] if measured else []
+    if measured is not None and compared is not None and not np.all(compared):
+        seen = replace(measured, H=np.where(compared, measured.H, 0.0))
+        pale = replace(out[0], label=style.NOT_COMPARED_LABEL, colour=style.NOT_COMPARED)
+        out = [pale, _curves(MEASURED, seen, style.MEASURED, "solid", None)]
     for n, (label, frf) in enumerate((models or {}).items()):
         colour, line = style.model_style(label, n)
         spread = (deviations or {}).get(label)
@@ -106,6 +113,7 @@ def frf_figure(
     deviations: Mapping[str, ArrayLike] | None = None,
     held_out: Sequence[Band] = (),
     coherence: ArrayLike | None = None,
+    compared: ArrayLike | None = None,
     log_frequency: bool = False,
     title: str | None = None,
     height: float = 520,
@@ -132,6 +140,8 @@ def frf_figure(
         Bands that were kept from the fit, shaded [Hz].
     coherence : array_like (n_freq, n_out, n_in), optional
         Coherence of the measured FRFs, 0 to 1; drawn below the phase.
+    compared : array_like of bool (n_freq, n_out, n_in), optional
+        Which measured values errors are of; the others are drawn pale.
     log_frequency : bool
         Whether the axis of frequency is logarithmic.
     title : str
@@ -154,7 +164,7 @@ def frf_figure(
     for frf in (measured, *(models or {}).values()):
         if frf is not None:
             frf.select([pair[0]], [pair[1]])
-    curves = frf_curves(measured, models, deviations)
+    curves = frf_curves(measured, models, deviations, compared)
     traces = [trace for c in curves for trace in curve_traces(c, pair)]
     with_coherence = False
     if coherence is not None and measured is not None:
@@ -201,6 +211,11 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
     name = plain(curve.label)
     line = {"color": curve.colour, "dash": curve.dash, "width": 2.4 if curve.label == MEASURED else 1.6}
     common = {"type": "scatter", "mode": "lines", "legendgroup": name, "x": single(curve.frequency)}
+    pale = curve.label == style.NOT_COMPARED_LABEL  # below the dark curve, which has the same values
+
+    def hover(template: str) -> dict[str, str]:
+        return {"hoverinfo": "skip"} if pale else {"hovertemplate": template}
+
     out = []
     if spread is not None:
         r, g, b = (round(255 * c) for c in to_rgb(curve.colour))
@@ -232,7 +247,7 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
             "name": name,
             "line": line,
             "meta": _meta(curve, MAGNITUDE),
-            "hovertemplate": "%{y:.2f} dB",
+            **hover("%{y:.2f} dB"),
         },
     )
     if phase is not None:
@@ -247,7 +262,7 @@ def curve_traces(curve: Curves, pair: tuple[str, str]) -> list[dict[str, Any]]:
                 "line": line,
                 "meta": _meta(curve, PHASE),
                 "showlegend": False,
-                "hovertemplate": "%{y:.1f}°",
+                **hover("%{y:.1f}°"),
             },
         )
     return out

@@ -424,7 +424,11 @@ class Search:
             short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
             best = max([best, *(fits[0].score for fits, _ in short)])
         if settled and isinstance(free, FitProblem):
-            self.promised |= {key_of((*base.effects, *p.effects)): Promise(base.key, p) for p in proposals}
+            # A short fit says more than the look: what it did not reach is no promise any more.
+            fitted_worth = {fits[0].key: fits[0].score - now for fits, _ in short}
+            for p in proposals:
+                key = key_of((*base.effects, *p.effects))
+                self.promised[key] = Promise(base.key, replace(p, worth=fitted_worth.get(key, p.worth)))
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
