@@ -1,11 +1,14 @@
 """Laplace's evidence is exact where a model is linear."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from fem import PointMass
+from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fitting import _density
 from updating.inference.marginal import Quadratic, by_size, log_evidence
 
@@ -22,6 +25,21 @@ def test_evidence_of_a_linear_model_is_exact():
     r = y - A @ mean
     exact = -0.5 * r @ np.linalg.solve(C, r) - 0.5 * np.linalg.slogdet(C)[1] - 3 * np.log(2 * np.pi)
     assert log_evidence(fit, z - mean, std, curvature) == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize(("n_deviations", "error"), [(5.0, 0.06), (20.0, 0.004)])
+def test_occam_factor_is_the_share_of_the_prior_that_the_data_leave(n_deviations, error):
+    """A size of any order between two has the density 1 / (x ln(most / least)), and a normal likelihood."""
+    mass = PointMass(name="m", member="arm", position=0.1, mass=0.2)
+    problem = SimpleNamespace(surroundings=lambda key: 1.0)
+    grid = [point["mass"] for point in mass.starts(problem.surroundings)]
+    x = np.geomspace(min(grid), max(grid), 200_001)
+    best = np.sqrt(min(grid) * max(grid))
+    likelihood = np.exp(-0.5 * ((x - best) * n_deviations / best) ** 2)
+    exact = np.trapezoid(likelihood / x, x) / np.log(max(grid) / min(grid))
+    found = log_occam_factor(problem, mass, n_deviations, 1)
+    assert found == pytest.approx(np.log(exact), abs=error)
+    assert log_occam_factor(problem, mass, n_deviations, 7) == pytest.approx(found - np.log(7))
 
 
 def test_evidence_of_a_size_is_that_of_a_fit_with_it():

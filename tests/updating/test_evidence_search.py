@@ -169,6 +169,7 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
+    monkeypatch.setattr(Search, "_likely_worth", lambda self, base, p: p.worth)
     search.from_near(base, SimpleNamespace(), now=0.0)
     assert {p.effects[0].name: p.score for p in search.promises()} == {**looks, **reached}
 

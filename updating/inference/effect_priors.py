@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from fem.model import Effect
-from updating.inference.unknowns import ScaledUnknown
+from fem.model import Effect, parameter_values
+from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 if TYPE_CHECKING:
     from updating.inference.fit import FitProblem
@@ -73,3 +73,18 @@ def prior_of(problem: "FitProblem | ModeProblem", effect: Effect, variable: Scal
     width = hi - lo if np.isfinite(hi - lo) else 6.0
     centre = float(x.mean()) if len(x) else (lo + hi) / 2
     return EffectPrior(centre, float(min(width / 12**0.5, 10.0)))
+
+
+def log_occam_factor(
+    problem: "FitProblem | ModeProblem", effect: Effect, n_deviations: float, n_positions: int
+) -> float:
+    """Return ln of the share of an effect's sizes and positions that are as likely as its best one.
+
+    A size of so many of its standard deviations is known to 1 / ``n_deviations`` of itself, and one of
+    ``n_positions`` is the best: the factor by which the evidence of the effect is less than its likelihood
+    (MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, ch. 28).
+    """
+    variables = effect_unknowns((effect,), (parameter_values(effect),))
+    first = effect.name, effect.parameters()[0].name
+    span = next((prior_of(problem, effect, v).range for v in variables if v.ref == first), 0.0)
+    return -float(np.log(max(span, 1.0) * n_deviations / np.sqrt(2 * np.pi)) + np.log(max(n_positions, 1)))

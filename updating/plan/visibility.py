@@ -29,13 +29,12 @@ from updating.diagnosis.evidence.screening import (
     SmallChange,
     distance,
 )
-from updating.inference.effect_priors import prior_of
+from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
-from updating.inference.unknowns import effect_unknowns
 from updating.least_squares.loss import pseudo_huber
 
 POWER = 0.9
@@ -304,12 +303,7 @@ def odds_against(problem: FitProblem, effect: Effect, odds: Odds, n_positions: i
 
     As if its size were known to a ``KNOWN``th of itself.
     """
-    values = {p.name: p.value for p in effect.parameters()}
-    first = effect.name, effect.parameters()[0].name
-    variables = effect_unknowns((effect,), (values,))
-    wide = next((prior_of(problem, effect, v).range for v in variables if v.ref == first), 0.0)
-    dilution = np.log(max(wide, 1.0) * KNOWN / np.sqrt(2 * np.pi)) + np.log(max(n_positions, 1))
-    return odds.against((), (effect,)) + float(dilution)
+    return odds.against((), (effect,)) - log_occam_factor(problem, effect, KNOWN, n_positions)
 
 
 def _in_proportion(model: Model, ref: ParameterRef) -> bool:

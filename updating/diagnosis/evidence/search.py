@@ -43,6 +43,7 @@ from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
+from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
@@ -428,7 +429,8 @@ class Search:
             fitted_worth = {fits[0].key: fits[0].score - now for fits, _ in short}
             for p in proposals:
                 key = key_of((*base.effects, *p.effects))
-                self.promised[key] = Promise(base.key, replace(p, worth=fitted_worth.get(key, p.worth)))
+                worth = fitted_worth[key] if key in fitted_worth else self._likely_worth(base, p)
+                self.promised[key] = Promise(base.key, replace(p, worth=worth))
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
@@ -438,6 +440,19 @@ class Search:
             and (k == 0 or not settled or fits[0].score > best - behind)
         ]
         return self.workers.map(_continued, (self.fits, free, base), promising)
+
+    def _likely_worth(self, base: Hypothesis, proposal: NextHypotheses) -> float:
+        """Return by how much a fit would raise the score: the promise less what its free sizes cost."""
+        new, problem = proposal.effects, self.fits.problem
+        gain = (proposal.worth + self.fits.odds.against(base.effects, new)) / len(new)
+        n_deviations = float(np.sqrt(2 * max(gain, 0.5)))
+        occam = 0.0
+        for e in new:
+            positions = [p.name for p in e.parameters() if p.position]
+            grid = e.starts(problem.surroundings)
+            places = {tuple(point.get(name) for name in positions) for point in grid}
+            occam += min(0.0, log_occam_factor(problem, e, n_deviations, len(places)))
+        return proposal.worth + occam
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
