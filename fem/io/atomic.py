@@ -16,8 +16,11 @@ LONGEST_NAME = 80
 _NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
 """Errors of file systems that cannot flush."""
 
-_UNLOCKED = ".new"
-"""Suffix of a temporary file until it is locked."""
+_UNLOCKED, _LOCK = ".new", ".lock"
+"""Suffixes of the file next to a temporary one that its process has locked, before it is locked and then.
+
+The temporary file itself is not locked: HDF5 locks the files that it writes, and finds them locked.
+"""
 
 _UNLOCKED_SECONDS = 60.0
 """Age from which a temporary file without a lock is that of an ended process: locking takes less [s]."""
@@ -73,14 +76,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     _tidy(target.parent, prefix, suffix)
     with _named(path, target, before is not None):
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=_UNLOCKED, dir=target.parent)
-    scratch = Path(name)
+    lock = Path(name)
+    stem = lock.name.removesuffix(_UNLOCKED)
+    scratch = lock.with_name(f"{stem}{suffix}")
     try:
-        if not _locked(handle):  # no locks here: nothing would tell it from one of an ended process
-            os.close(handle)
-            handle = -1
-        # it gets its name once it is locked, so that no other process takes it for one without owner
-        scratch = scratch.rename(scratch.with_name(f"{scratch.name.removesuffix(_UNLOCKED)}{suffix}"))
+        if _locked(handle):
+            # it gets its name once it is locked, so that no other process takes it for one without owner
+            lock = lock.rename(lock.with_name(f"{stem}{_LOCK}"))
         with _named(path, scratch, before is not None):
+            os.close(os.open(scratch, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
             yield scratch
             flushed(scratch)
             scratch.chmod(0o666 & ~umask() if before is None else stat.S_IMODE(before.st_mode))
@@ -92,8 +96,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         scratch.unlink(missing_ok=True)
         raise
     finally:
-        if handle >= 0:
-            os.close(handle)
+        os.close(handle)
+        lock.unlink(missing_ok=True)
 
 
 def is_temporary(name: str, prefix: str, suffix: str = "") -> bool:
@@ -107,17 +111,18 @@ def is_old(path: Path) -> bool:
 
 
 def _tidy(folder: Path, prefix: str, suffix: str) -> None:
-    """Remove temporary files that no process has locked any more."""
+    """Remove temporary files whose lock no process holds any more."""
     with suppress(OSError), os.scandir(folder) as entries:
-        names = [e.name for e in entries]
-        found = [(folder / n, False) for n in names if is_temporary(n, prefix, suffix)]
-        found += [(folder / n, True) for n in names if is_temporary(n, prefix, _UNLOCKED)]
-        for path, unlocked in found:
-            if path.is_symlink() or not path.is_file() or (unlocked and not is_old(path)):
+        for name in [e.name for e in entries]:
+            lock, is_new = folder / name, is_temporary(name, prefix, _UNLOCKED)
+            if not (is_new or is_temporary(name, prefix, _LOCK)) or (is_new and not is_old(lock)):
                 continue
-            with path.open("rb") as file:
+            if lock.is_symlink() or not lock.is_file():
+                continue
+            with lock.open("rb") as file:
                 if _locked(file.fileno()):
-                    path.unlink(missing_ok=True)
+                    lock.with_name(f"{lock.stem}{suffix}").unlink(missing_ok=True)
+                    lock.unlink(missing_ok=True)
 
 
 def _locked(handle: int) -> bool:

@@ -455,14 +455,20 @@ def test_temporary_file_of_a_killed_process_is_removed_by_the_next_run(tmp_path)
     target = tmp_path / "frf.csv"
     done = subprocess.run([sys.executable, "-c", KILLED_FILE, str(target)], check=False)
     assert done.returncode == -signal.SIGKILL
-    (left,) = tmp_path.iterdir()
+    assert len(list(tmp_path.iterdir())) == 2  # the file and its lock
     mine = tmp_path / ".frf.csv-notes.csv"
     mine.touch()
     (tmp_path / ".frf.csv-abcd1234.new").touch()  # killed before it was locked
     aged(tmp_path / ".frf.csv-abcd1234.new")
-    assert left.name != target.name
     written(target)
     assert sorted(p.name for p in tmp_path.iterdir()) == [mine.name, target.name]
+
+
+def test_hdf5_may_lock_what_it_writes(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with replacing(tmp_path / "a.h5") as scratch, h5py.File(scratch, "w") as file:
+        file["x"] = 1.0
+    assert [p.name for p in tmp_path.iterdir()] == ["a.h5"]
 
 
 def test_temporary_file_of_a_living_process_stays(tmp_path):

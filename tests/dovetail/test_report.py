@@ -96,6 +96,7 @@ def test_the_page_loads_nothing(text):
 
 def test_the_curves_that_are_drawn_have_the_errors_that_are_stated(found):
     d, measured = found.diagnosis, found.diagnosis.measured
+    drawn = {}
     for k, rival in rivals(found).items():
         drawn = fits_of(found, k, rival)
         for piece in d.findings[k].decisive:
