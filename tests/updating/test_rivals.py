@@ -115,11 +115,12 @@ def test_the_probability_of_a_place_counts_hypotheses_with_more_effects():
     every = {e.name: e for e in propose(portal(0.5))}
     foot, other = every["support_flexibility:foot0.rx"], every["support_flexibility:foot1.rx"]
     alone, both, else_ = Scored((foot,), 0.0), Scored((foot, other), -0.1), Scored((other,), -1.0)
-    search = SimpleNamespace(
-        known={h.key: h for h in (alone, both, else_)}, elsewhere=[], promises=list, unknown=lambda h: -50.0
-    )
+    nothing = Scored((), -2.0)
+    every = {h.key: h for h in (nothing, alone, both, else_)}
+    search = SimpleNamespace(known=every, elsewhere=[], promises=list, unknown=lambda h: -50.0)
     done = Searched(search, alone, (), 0.0, portal(0.5))
     p = {h: done.probability(h) for h in (alone, both, else_)}
     assert done.probability_there(alone) == pytest.approx(p[alone] + p[both])
     assert done.probability_there(both) == pytest.approx(p[both])
+    assert done.probability_there(nothing) == pytest.approx(done.probability(nothing))
     assert done.probability_of_answer(alone) == pytest.approx(p[alone])

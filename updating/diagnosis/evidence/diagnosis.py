@@ -148,8 +148,12 @@ class Searched:
         return float(np.exp(self.unknown - self.evidence))
 
     def probability_there(self, h: Hypothesis) -> float:
-        """Return the probability that something is missing at all places of a hypothesis, alone or not."""
-        return sum(self.probability(k) for k in self.weighed if h.places <= k.places)
+        """Return the probability that something is missing at all places of a hypothesis, alone or not.
+
+        Of a hypothesis without effects, that nothing is missing.
+        """
+        there = (k for k in self.weighed if (h.places <= k.places if h.places else not k.places))
+        return sum(map(self.probability, there))
 
 
 def search_by_evidence(
