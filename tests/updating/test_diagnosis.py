@@ -111,7 +111,7 @@ def test_a_mass_is_placed_between_the_sensors():
             0,
             1,
             FAULT,
-            r"^with 1 fault\(s\) of the measurement corrected, nothing improves.*; probability 26\s%$",
+            r"^with 1 fault of the measurement corrected, nothing improves.*; probability 26\s%$",
         ),
         (-9.0, 0, 0, NOTHING, r"^no candidate improves the fitted model.*; probability 26\s%$"),
     ],
