@@ -125,11 +125,12 @@ class FrfRanking:
         if against is not None:
             gains = linear_gains(problem, current, grids)
             promised = gains - np.array([against(e) for e in effects])
-            order = np.argsort(-promised, kind="stable")
-            least = [i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]
-            kept = [int(i) for i in order if promised[i] > 0.0 or i in least]
+            order = [int(i) for i in np.argsort(-promised, kind="stable")]
+            deserves = promised > 0.0
+            deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
+            kept = [i for i in order if deserves[i]]
             looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
-            rest = (int(i) for i in order if i not in kept and np.isfinite(gains[i]))
+            rest = (i for i in order if not deserves[i] and np.isfinite(gains[i]))
             return (*looked, *(Screened(effects[i], (), float(gains[i])) for i in rest))
         # Damped FRFs bend nothing.
         bases = (current,) if problem.decay else (current, problem.at_nominal(current))
