@@ -174,6 +174,7 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
         noise_limit=floor,
         problem=problem,
         model=fitted_model(problem.reduced.model, found),
+        searched=None,
         notes=(BY_HAND,),
         seconds=seconds,
     )

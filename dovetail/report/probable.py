@@ -6,13 +6,9 @@ from collections.abc import Collection, Iterable, Sequence
 from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect
 from fem.summary import percent
-from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import AS_READ, UNKNOWN
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.diagnosis.verdict import UNEXPLAINED, Posterior, Verdict
 from updating.inference.belief import RARE, TWIN_NATS
-
-Posterior = Sequence[tuple[Collection[str], float]]
-"""Hypotheses by the names of their effects, each with its probability [-]."""
 
 
 def included(posterior: Posterior, names: Collection[str]) -> float:
@@ -34,12 +30,12 @@ def without(posterior: Posterior, names: Collection[str]) -> tuple[Collection[st
     return best if best[1] > least else None
 
 
-def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
+def probability_text(d: Verdict) -> str:
     """Return how probable it is that the effects found are missing, and that no other is besides.
 
     Empty where the search gives no probabilities.
     """
-    posterior, found, candidates = _known(d)
+    posterior, found = d.posterior, d.found
     exact = exactly(posterior, [e.name for e in found])
     if exact is None:
         return ""
@@ -48,46 +44,48 @@ def probability_text(d: Diagnosis | ModeDiagnosis) -> str:
         return f"Probability of a cause that the library does not have: {outside}"
     if not found:
         return f"Probability among all hypotheses: {percent(exact)}{_besides_text(d)}"
-    shares = [percent(included(posterior, with_extensions(e, candidates))) for e in found]
+    shares = [percent(included(posterior, with_extensions(e, d.candidates))) for e in found]
     if len(found) == 1:
         text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
     else:
         each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
         text = f"Probability of each effect: {'; '.join(each)}; of exactly these effects: {percent(exact)}"
-    if isinstance(d, ModeDiagnosis):  # the reason of a diagnosis by FRFs tells of the place
-        here = next(p for known, p in posterior if set(known) == {e.name for e in found})
-        if here < exact:
-            text += f"; at this position: {percent(here)}"
-        text += f"; of the place: {percent(d.searched.probability_there(d.final))}"
-        return text + _besides_text(d)
+    here = next(p for known, p in posterior if set(known) == {e.name for e in found})
+    if here < exact:
+        text += f"; at this position: {percent(here)}"
     text += _besides_text(d)
     return f"{text}. {vague}" if (vague := vague_text(d)) else text
 
 
-def _besides_text(d: Diagnosis | ModeDiagnosis) -> str:
+def _besides_text(d: Verdict) -> str:
     """Return which hypothesis is more probable than the one that is reported, and whether by much."""
-    posterior, effects, _ = _known(d)
-    found, (names, p) = {e.name for e in effects}, posterior[0]
+    found, (names, p) = {e.name for e in d.found}, d.posterior[0]
     if found == set(names):
         return ""
-    if isinstance(d, ModeDiagnosis):
-        other = d.explanations[0].label
-    elif found and found < set(names):
+    if found and found < set(names):
         other = f"with {label_of(d, [n for n in names if n not in found])} in addition"
     else:
         other = label_of(d, names)
     text = f"; {other}: {percent(p)}"
-    close = p < math.exp(TWIN_NATS) * (exactly(posterior, found) or 0.0)
+    close = p < math.exp(TWIN_NATS) * (exactly(d.posterior, found) or 0.0)
     return f"{text}, too close to decide, so the simpler answer is reported" if close else text
 
 
-def reported(d: Diagnosis) -> int:
+def reported(d: Verdict) -> int:
     """Return the number of the hypothesis that is reported, in the order of their probabilities."""
-    found = {f.effect.name for f in d.findings}
-    return next((k for k, (names, _) in enumerate(d.posterior) if set(names) == found), 0)
+    found = {e.name for e in d.found}
+    return next((k for k, (names, _) in enumerate(_merged(d)) if set(names) == found), 0)
 
 
-def vague_text(d: Diagnosis) -> str:
+def _merged(d: Verdict) -> list[tuple[tuple[str, ...], float]]:
+    """Return the hypotheses with their probabilities, those of the same effects at all positions as one."""
+    out: dict[tuple[str, ...], float] = {}
+    for names, p in d.posterior:
+        out[tuple(names)] = out.get(tuple(names), 0.0) + float(p)
+    return list(out.items())
+
+
+def vague_text(d: Verdict) -> str:
     """Return which values found are smaller than their standard deviations; empty if none is."""
     vague = [
         f"{effect_label(f.effect.kind, f.effect.where)} is not known in size: the standard deviation of its "
@@ -104,7 +102,7 @@ def with_extensions(effect: Effect, candidates: Iterable[Effect]) -> list[str]:
     return [effect.name, *(e.name for e in candidates if e.covers(effect))]
 
 
-def replaced_text(d: Diagnosis, subject: str, effect: Effect) -> str:
+def replaced_text(d: Verdict, subject: str, effect: Effect) -> str:
     """Return which answer could replace an effect that has no twin alone, or that none could."""
     other = without(d.posterior, with_extensions(effect, d.candidates))
     if other is None:
@@ -113,9 +111,9 @@ def replaced_text(d: Diagnosis, subject: str, effect: Effect) -> str:
     return f"{subject} may be replaced by another answer: {label} ({p})."
 
 
-def hypotheses(d: Diagnosis) -> list[tuple[str, float]]:
+def hypotheses(d: Verdict) -> list[tuple[str, float]]:
     """Return the hypotheses in words with their probabilities; none where the search gives none."""
-    return without_rare([(label_of(d, names), float(p)) for names, p in d.posterior], reported(d))
+    return without_rare([(label_of(d, names), p) for names, p in _merged(d)], reported(d))
 
 
 def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tuple[str, float]]:
@@ -134,20 +132,13 @@ def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tupl
     return [*known[: last + 1], (f"{len(rare)} others, together", sum(p for _, p in rare))]
 
 
-def label_of(d: Diagnosis, names: Iterable[str]) -> str:
+def label_of(d: Verdict, names: Iterable[str]) -> str:
     """Return a hypothesis in words."""
-    effects = [*d.candidates, *(f.effect for f in d.findings)]
+    fitted = [e for x in reversed(d.explanations) for e in x.effects]  # the most probable position counts
+    effects = [*d.candidates, *fitted, *d.found]
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
     known[UNKNOWN] = "something that the library does not have"
     if d.searched is not None:
         faults = {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.proposed_faults}
         known |= faults | {f"{AS_READ}{name}": f"not {text}" for name, text in faults.items()}
     return " and ".join(known.get(n, n) for n in names) or "nothing missing"
-
-
-def _known(d: Diagnosis | ModeDiagnosis) -> tuple[Posterior, Sequence[Effect], Sequence[Effect]]:
-    """Return the posterior of a diagnosis, the effects that it has found, and those that it knows."""
-    if isinstance(d, Diagnosis):
-        return d.posterior, [f.effect for f in d.findings], d.candidates
-    named = [([x.name for x in e.effects] if e.known else [UNKNOWN], e.probability) for e in d.explanations]
-    return named, d.found, [x for e in d.explanations for x in e.effects]

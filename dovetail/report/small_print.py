@@ -33,6 +33,7 @@ MODULES_OF_MODES = (
     "updating.inference.belief",
     "updating.diagnosis.evidence.search",
     "updating.diagnosis.evidence.mode_ranking",
+    "updating.diagnosis.verdict",
     "updating.diagnosis.mode_diagnosis",
     "updating.diagnosis.states",
     "updating.inference.mode_preparation",

@@ -27,14 +27,10 @@ from fem.io import write_npz
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
 from updating import Nuisance, propose
-from updating.diagnosis.mode_diagnosis import (
-    Explanation,
-    ModeDiagnosis,
-    ModeTable,
-    _reason,
-    diagnose_modes,
-)
+from updating.diagnosis.findings import Finding
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, ModeTable, _reason, diagnose_modes
 from updating.diagnosis.reported_modes import reported_modes
+from updating.diagnosis.verdict import Explanation
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import sensor_rows
 
@@ -292,7 +288,8 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     assert set(re.findall(r'<figure data-figure="([^"]+)"', text)) == figures
     first = text[: text.index("<nav")]
     assert "Verdict: effect" in first
-    assert "alone or with others: above 99\u00a0%; alone: above 99\u00a0%; of the place: " in first
+    assert "alone or with others: above 99\u00a0%; alone: above 99\u00a0%" in first
+    assert "probability of the place above 99\u00a0%" in first
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text
@@ -420,12 +417,28 @@ def told(verdict, reported, *explanations):
     result = SimpleNamespace(values={}, std={}, effects=reported)
     best = SimpleNamespace(effects=reported, fitted=result)
     searched = SimpleNamespace(
-        best=best, lead=best, explains=verdict != "unexplained", probability_there=lambda h: 0.5
+        best=best,
+        lead=best,
+        explains=verdict != "unexplained",
+        probability_there=lambda h: 0.5,
+        proposed_faults=(),
     )
     searched.search = SimpleNamespace(known={frozenset(): best})
     known = [Explanation(e, tuple(() for _ in e), p) for e, p in explanations]
     every = (*known, Explanation((), (), 0.01, known=False))
-    found = ModeDiagnosis(verdict, "", every, table, (), (), None, None, searched, (), 0.0)
+    found = ModeDiagnosis(
+        verdict=verdict,
+        reason="",
+        findings=tuple(Finding(e, (), ()) for e in reported),
+        explanations=every,
+        posterior=tuple((tuple(x.name for x in e.effects), e.probability) for e in known),
+        modes=table,
+        problem=None,
+        model=None,
+        searched=searched,
+        notes=(),
+        seconds=0.0,
+    )
     return replace(found, reason=_reason(found))
 
 
@@ -438,7 +451,7 @@ def test_the_probability_next_to_a_statement_is_that_of_the_statement():
     nothing = told("nothing missing", (), ((mass,), 0.39), ((), 0.26))
     assert re.search(r"; probability 26\s%", nothing.reason)
     assert not re.search(r"39\s%", nothing.reason)
-    assert re.search(r"hypotheses: 26\s%; mass at A: 39\s%, too close to decide", probability_text(nothing))
+    assert re.search(r"hypotheses: 26\s%; mass: A: 39\s%, too close to decide", probability_text(nothing))
     change = StateChange("later", np.zeros(2), np.zeros(2), nothing)
     assert (change.answer, change.probability) == ("nothing", 0.26)
     one = told("effect", (mass,), ((mass, both), 0.55), ((mass,), 0.40))

@@ -20,8 +20,6 @@ from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
-    CREDIBLE,
-    HALF,
     Baseline,
     Calibrated,
     ModeDiagnosis,
@@ -30,6 +28,7 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.diagnosis.unfitted import looked_at
+from updating.diagnosis.verdict import CREDIBLE, HALF
 from updating.inference.bases import N_BASES, better_basis
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult

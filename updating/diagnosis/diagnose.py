@@ -11,7 +11,6 @@ import numpy as np
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, Model
-from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
 from updating.diagnosis.candidates import propose, situated
@@ -21,7 +20,6 @@ from updating.diagnosis.departures import departed
 from updating.diagnosis.diagnosis import (
     CALIBRATED,
     DAMPED,
-    EFFECT,
     FAULT,
     FITTED,
     N_CHECKED,
@@ -32,7 +30,6 @@ from updating.diagnosis.diagnosis import (
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.diagnosis import (
-    UNKNOWN,
     Searched,
     candidates_for_test,
     prepare_search,
@@ -41,10 +38,11 @@ from updating.diagnosis.evidence.diagnosis import (
 )
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
-from updating.diagnosis.findings import Finding, Ranked, Step, labels, parameters_of, step_added, step_of
+from updating.diagnosis.findings import Finding, Ranked, Step, parameters_of, step_added, step_of
 from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
+from updating.diagnosis.verdict import explanations_of, posterior_of, reason_of, verdict_of
 from updating.inference.belief import TWIN_NATS
 from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
 from updating.inference.fit_result import FitResult
@@ -227,14 +225,11 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         findings, steps = [], steps[:2]
     current = steps[-1].result
     of_channels = channel_faults(problem, current) if done.explains else ()
-    verdict, reason = _verdict(done, (*faults, *of_channels), gates)
     floor = float(np.hypot(problem.data.noise_level, done.mesh_db / DB_PER_NEPER))
-    posterior = [(done.names(h), done.probability(h)) for h in sorted(done.weighed, key=lambda h: -h.score)]
-    posterior.append(((UNKNOWN,), done.unknown_probability))
     basis_db = basis_error(problem, current, N_CHECKED)
-    return Diagnosis(
-        verdict=verdict,
-        reason=reason,
+    out = Diagnosis(
+        verdict=verdict_of(done, (*faults, *of_channels)),
+        reason="",
         findings=tuple(findings),
         faults=faults,
         steps=tuple(steps),
@@ -252,10 +247,13 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         candidates=search.candidates,
         searched=done,
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
-        posterior=tuple(posterior),
+        explanations=explanations_of(done),
+        posterior=posterior_of(done),
         departures=departed(done, problem, current),
         channel_faults=of_channels,
     )
+    verdict, reason = _verdict(out, done, gates)
+    return replace(out, verdict=verdict, reason=reason)
 
 
 def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:
@@ -407,44 +405,15 @@ def _ranked(effect: Effect, result: FitResult, similarity: float, score: float) 
     )
 
 
-def _verdict(done: Searched, faults: Sequence[Fault], gates: Gates) -> tuple[str, str]:
-    """Return the verdict and why."""
-    verdict, reason = _of_posterior(done, faults)
-    n = done.n_levels
-    if n > 1:
-        before, after = (h.fitted.level * DB_PER_NEPER for h in (done.search.known[frozenset()], done.best))
-        reason += f"; over the {n} force levels together from {before:.2g} to {after:.2g} dB"
+def _verdict(d: Diagnosis, done: Searched, gates: Gates) -> tuple[str, str]:
+    """Return the verdict, which a structure that is not linear may change, and why."""
+    before, after, lead = (
+        f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (done.search.known[frozenset()], done.best, done.lead)
+    )
+    verdict, reason = d.verdict, reason_of(d, done, "residual level", "dB", before, after, lead)
+    if done.n_levels > 1:
+        reason += f"; over the {done.n_levels} force levels together from {before} to {after} dB"
     if not gates.linear and not any(e.amplitude_dependent for e in done.best.effects):
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict
     return verdict, reason
-
-
-def _of_posterior(done: Searched, faults: Sequence[Fault]) -> tuple[str, str]:
-    """Return what is most probable, and how probable it is."""
-    search, best = done.search, done.best
-    nothing = search.known[frozenset()]
-    before, level = (f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (nothing, best))
-    share, exactly = map(percent, (done.probability_there(best), done.probability_of_answer(best)))
-    names = labels(best.effects)
-    if not done.explains:
-        lead, lead_db = done.lead, f"{done.lead.fitted.level * DB_PER_NEPER:.2g}"
-        so_far = f"; best so far, not explained: {labels(lead.effects)}, {lead_db} dB" if lead.effects else ""
-        return UNEXPLAINED, (
-            f"the residual level stays at {before} dB, more than a right model leaves{so_far}"
-        )
-    if best.effects:
-        lower = "lower" if len(best.effects) > 1 else "lowers"
-        return (
-            EFFECT,
-            f"{names} {lower} the residual level from {before} to {level} dB; probability of the place "
-            f"{share}",
-        )
-    if faults:
-        return FAULT, (
-            f"with {counted(len(faults), 'fault')} of the measurement corrected, nothing improves the model "
-            f"further; residual level {level} dB; probability {exactly}"
-        )
-    return NOTHING, (
-        f"no candidate improves the fitted model, whose residual level is {level} dB; probability {exactly}"
-    )

@@ -6,19 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
-from fem.model import Effect, Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
 from updating.diagnosis.departures import Departure
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.findings import Finding, Ranked, Step
+from updating.diagnosis.findings import Ranked, Step
+from updating.diagnosis.verdict import EFFECT, FAULT, NOTHING, UNEXPLAINED, Verdict
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
-from updating.quality.faults import Fault
 from updating.quality.gates import Gates
 
-NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 FITTED = "uncertain parameters fitted"
 """Label of the step before effects."""
 CALIBRATED, DAMPED = "calibrated on the baseline", "damping fitted"
@@ -27,18 +24,16 @@ N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Diagnosis:
-    """What is missing, and how sure that is.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Diagnosis(Verdict):
+    """What is missing by measured FRFs, and how sure that is.
 
     Attributes
     ----------
-    verdict : str
-        ``"nothing missing"``, ``"effect"``, ``"measurement fault"`` or ``"unexplained"``.
-    reason : str
-        Why, in a sentence.
-    findings : tuple of Finding
-    faults : tuple of Fault
+    problem : FitProblem
+        Data, reduced model, sensors: what is needed to compute the FRFs of any step.
+    baseline : CalibratedFrfs or None
+        The fit to an earlier state, where the change since then was searched for.
     steps : tuple of Step
         From the nominal model over fitted nuisances to each added effect.
     rounds : tuple of tuple of Ranked
@@ -49,37 +44,14 @@ class Diagnosis:
         Residual level up to which the model counts as right [nepers].
     noise_limit : float
         Residual level that noise and the mesh leave [nepers].
-    problem : FitProblem
-        Data, reduced model, sensors: what is needed to compute the FRFs of any step.
-    model : Model
-        The full model with fitted parameters and found effects.
-    notes : tuple of str
-        What a reader should know.
-    seconds : float
     gates : Gates or None
         What was checked of the measurement before effects were searched for.
-    candidates : tuple of Effect
-        All that were looked at.
-    posterior : tuple of (tuple of str, float)
-        Names of the effects of each hypothesis, and its probability, the most probable first; the last is
-        that of what the library does not have, under the name ``"unknown"``.
-    places : tuple of (str, float)
-        Places by the share of the misfit that free forces there leave, the best first [-].
-    searched : Searched or None
-        The search that led to it.
-    baseline : CalibratedFrfs or None
-        The fit to an earlier state, where the change since then was searched for.
     departures : tuple of Departure
         Sections and connections whose form is outside its usual range.
-    channel_faults : tuple of Fault
-        Errors of channels far outside their tolerances, which the fitted model has: the data are not
-        corrected for them. Empty where the model does not explain the data.
     """
 
-    verdict: str
-    reason: str
-    findings: tuple[Finding, ...]
-    faults: tuple[Fault, ...]
+    problem: FitProblem
+    baseline: CalibratedFrfs | None = None
     steps: tuple[Step, ...]
     rounds: tuple[tuple[Ranked, ...], ...]
     noise_db: float
@@ -87,29 +59,14 @@ class Diagnosis:
     basis_db: float
     limit: float
     noise_limit: float
-    problem: FitProblem
-    model: Model
-    notes: tuple[str, ...]
-    seconds: float
     gates: Gates | None = None
-    candidates: tuple[Effect, ...] = ()
-    posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
-    places: tuple[tuple[str, float], ...] = ()
-    searched: Searched | None = None
-    baseline: CalibratedFrfs | None = None
     departures: tuple[Departure, ...] = ()
-    channel_faults: tuple[Fault, ...] = ()
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""
         steps = " → ".join(f"{s.fit_db:.2f}" for s in self.steps)
         found = listed(f.effect.name for f in self.findings)
         return summary(self, f"{self.verdict}: {self.reason}; found: {found}; error {steps} dB")
-
-    @property
-    def every_fault(self) -> tuple[Fault, ...]:
-        """Faults that the data are corrected for, and those that the fitted model has."""
-        return (*self.faults, *self.channel_faults)
 
     @property
     def more_than_noise(self) -> bool:
@@ -139,3 +96,6 @@ class Diagnosis:
     def measured(self) -> FRF:
         """The measured FRFs as they were compared: in the band, wrong signs set right."""
         return self.problem.measured
+
+
+__all__ = ["EFFECT", "FAULT", "NOTHING", "UNEXPLAINED", "Diagnosis"]

@@ -11,17 +11,29 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.model import Effect, Model
-from fem.summary import percent
+from fem.summary import percent, summary
 from updating.diagnosis.candidates import propose, situated
-from updating.diagnosis.diagnosis import EFFECT, NOTHING, UNEXPLAINED
 from updating.diagnosis.elsewhere import weigh_elsewhere
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, search_progress, searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of
+from updating.diagnosis.evidence.diagnosis import Searched, search_progress, searched
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.findings import EffectParameter, labels, parameters_of
+from updating.diagnosis.findings import Finding, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
+from updating.diagnosis.verdict import (
+    CREDIBLE,
+    EFFECT,
+    HALF,
+    UNEXPLAINED,
+    BadReading,
+    Explanation,
+    Verdict,
+    explanations_of,
+    posterior_of,
+    reason_of,
+    verdict_of,
+)
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed, formed_mode_problem
@@ -32,7 +44,6 @@ from updating.inference.mode_fit import (
     LARGEST_DISCREPANCY,
     ComputedModes,
     ModeProblem,
-    ModeReading,
     n_below,
 )
 from updating.inference.mode_targets import ModeTargets
@@ -40,40 +51,8 @@ from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
 from updating.least_squares.mode_levels import ModeLevels
 
-CREDIBLE = 0.9
-"""Probability that the explanations of a credible set have together [-]."""
 MOST_NAMED = 3
 """Modes that are named as missed."""
-HALF = 0.5
-"""An explanation that is less probable than all others together is not put first in words [-]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Explanation:
-    """One way to explain the data.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-        At their fitted values; none for "nothing missing".
-    parameters : tuple of tuple of EffectParameter
-        Of each effect.
-    probability : float
-    known : bool
-        False for what the library does not have.
-    """
-
-    effects: tuple[Effect, ...]
-    parameters: tuple[tuple[EffectParameter, ...], ...]
-    probability: float
-    known: bool = True
-
-    @property
-    def label(self) -> str:
-        """Effects and places in words."""
-        if not self.known:
-            return "something that the library does not have"
-        return labels(self.effects) if self.effects else "nothing missing"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,30 +117,6 @@ def frequency_error(
     return float(np.sqrt(np.mean(np.log(computed[some] / measured[some]) ** 2)))
 
 
-@dataclass(frozen=True, slots=True)
-class BadReading:
-    """A frequency, damping ratio or shape that probably does not belong to the structure's model.
-
-    Attributes
-    ----------
-    reading : ModeReading
-    frequency : float
-        Of the measured mode [Hz].
-    probability : float
-    """
-
-    reading: ModeReading
-    frequency: float
-    probability: float
-
-    @property
-    def text(self) -> str:
-        """A sentence without a full stop."""
-        mode = f"mode {self.reading.mode + 1} ({self.frequency:.5g} Hz)"
-        subject = mode if self.reading.kind == FREQUENCY else f"the {self.reading.words} of {mode}"
-        return f"{subject} does not belong to the structure's model: probability {percent(self.probability)}"
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibrated:
     """A model that was fitted to the modes of one state.
@@ -208,51 +163,30 @@ class Calibrated:
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModeDiagnosis:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ModeDiagnosis(Verdict):
     """What is missing by measured modes, and how sure that is.
 
     Attributes
     ----------
-    verdict : str
-        ``"nothing missing"``, ``"effect"`` or ``"unexplained"``.
-    reason : str
-        Why, in a sentence.
-    explanations : tuple of Explanation
-        All that were fitted, the most probable first.
-    modes : ModeTable
-    places : tuple of (str, float)
-        Places by the share of the misfit that changes there leave, the best first [-].
-    next_measurements : tuple of str
-        What would tell the explanations of the credible set apart.
-    model : Model
-        With fitted parameters and found effects.
     problem : ModeProblem
     searched : Searched
-    notes : tuple of str
-    seconds : float
+    modes : ModeTable
     baseline : Calibrated or None
         The fit to an earlier state, where the change since then was searched for.
-    bad_readings : tuple of BadReading
-        More probable than not.
     judged : Baseline or None
         What that state says of the model.
     """
 
-    verdict: str
-    reason: str
-    explanations: tuple[Explanation, ...]
-    modes: ModeTable
-    places: tuple[tuple[str, float], ...]
-    next_measurements: tuple[str, ...]
-    model: Model
     problem: ModeProblem
     searched: Searched
-    notes: tuple[str, ...]
-    seconds: float
+    modes: ModeTable
     baseline: Calibrated | None = None
-    bad_readings: tuple[BadReading, ...] = ()
     judged: Baseline | None = None
+
+    def __repr__(self) -> str:
+        """Return verdict and reason on one line."""
+        return summary(self, f"{self.verdict}: {self.reason}")
 
     @property
     def final(self) -> Hypothesis:
@@ -260,34 +194,9 @@ class ModeDiagnosis:
         return _reported(self.searched)
 
     @property
-    def reported(self) -> Explanation:
-        """The explanation of the verdict: simpler ones are reported where data do not require more."""
-        if self.verdict == UNEXPLAINED:
-            return next(e for e in self.explanations if not e.known)
-        effects = self.final.effects
-        same = [e for e in self.explanations if e.known and key_of(e.effects) == key_of(effects)]
-        return next((e for e in same if e.effects == effects), same[0])
-
-    @property
-    def sure(self) -> bool:
-        """Whether the explanation of the verdict is more probable than all others together."""
-        return self.reported.probability >= HALF
-
-    @property
-    def credible(self) -> tuple[Explanation, ...]:
-        """The fewest explanations that have ``CREDIBLE`` together."""
-        before = np.cumsum([0.0, *(e.probability for e in self.explanations)])
-        return tuple(e for e, p in zip(self.explanations, before, strict=False) if p < CREDIBLE)
-
-    @property
     def noise_limit(self) -> float:
         """Relative deviation of frequencies that noise and the mesh account for [-]."""
         return self.searched.search.fits.floor
-
-    @property
-    def found(self) -> tuple[Effect, ...]:
-        """Effects of the verdict."""
-        return self.searched.best.effects if self.verdict == EFFECT else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -438,23 +347,19 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
     search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
-    explanations = [
-        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
-        for h, p in _with_probabilities(done)
-    ]
-    explanations.append(Explanation((), (), done.unknown_probability, known=False))
-    explanations.sort(key=lambda e: -e.probability)
-    verdict = UNEXPLAINED if not done.explains else EFFECT if best.effects else NOTHING
+    verdict = verdict_of(done)
     nothing, final = search.known[frozenset()], _reported(done)
+    found = best.effects if verdict == EFFECT else ()
     bad = _bad_readings(done, problem)
-    table = _table(problem, nothing, final, bad)
     out = ModeDiagnosis(
         verdict=verdict,
         reason="",
-        explanations=tuple(explanations),
-        modes=table,
+        findings=tuple(Finding(e, parameters_of(e, final.fitted), ()) for e in found),
+        explanations=explanations_of(done),
+        posterior=posterior_of(done),
+        candidates=search.candidates,
+        modes=_table(problem, nothing, final, bad),
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
-        next_measurements=(),
         model=fitted_model(done.model, final.fitted),
         problem=problem.with_forces_of(final.fitted),
         searched=done,
@@ -462,26 +367,8 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
         seconds=0.0,
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )
-    return replace(
-        out, reason=_reason(out), next_measurements=_next(out), seconds=time.perf_counter() - start_time
-    )
-
-
-def _with_probabilities(done: Searched) -> list[tuple[Hypothesis, float]]:
-    """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
-    every = [(h, done.probability(h)) for h in done.hypotheses]
-    if not done.otherwise:
-        return every
-    ways = [done, *done.otherwise]
-    out = {h.key: (h, 0.0) for way in reversed(ways) for h in way.search.known.values()}
-    alone = []
-    for h, p in every:
-        if any(way.search.known.get(h.key) is h for way in ways):
-            best, sum_ = out[h.key]
-            out[h.key] = best, sum_ + p
-        else:
-            alone.append((h, p))
-    return [*out.values(), *alone]
+    out = replace(out, reason=_reason(out), next_measurements=_next(out))
+    return replace(out, seconds=time.perf_counter() - start_time)
 
 
 def _reported(done: Searched) -> Hypothesis:
@@ -540,29 +427,24 @@ def _table(
 
 def _reason(d: ModeDiagnosis) -> str:
     """Return why the verdict is what it is."""
-    return "; ".join([_verdict_reason(d), *(b.text for b in d.bad_readings)])
+    before, after = (f"{100 * d.modes.errors(f, False):.2g}" for f in (d.modes.fitted, d.modes.found))
+    text = reason_of(d, d.searched, "error of the natural frequencies", "%", before, after, _lead_error(d))
+    n, shared = len(d.credible), f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
+    if d.verdict == EFFECT and not d.sure:
+        none = ", none is sure" if d.explanations[0].probability < HALF else ""
+        which = "first" if d.reported is d.explanations[0] else "simplest that is nearly as probable"
+        text = f"{shared}{none}; the {which}, {percent(d.reported.probability)}: {text}"
+    elif n > 1 and d.verdict != UNEXPLAINED:
+        text = f"{text}; {shared}"
+    return "; ".join([text, *(b.text for b in d.bad_readings)])
 
 
-def _verdict_reason(d: ModeDiagnosis) -> str:
-    m, first, p = d.modes, d.explanations[0], percent(d.reported.probability)
-    before, after = (f"{100 * m.errors(f, False):.2g} %" for f in (m.fitted, m.found))
-    if d.verdict == UNEXPLAINED:
-        lead = d.searched.lead
-        so_far = f"; best so far, not explained: {labels(lead.effects)}" if lead.effects else ""
-        return f"the frequencies stay {before} off, more than a right model leaves{so_far}"
-    n = len(d.credible)
-    many = f"; {n} explanations share {CREDIBLE:.0%}".replace("%", " %") if n > 1 else ""
-    if d.verdict == NOTHING:
-        return f"the fitted model's frequencies are {after} off; probability {p}{many}"
-    place = percent(d.searched.probability_there(d.searched.best))
-    lower = "bring" if len(d.found) > 1 else "brings"
-    text = f"{labels(d.found)} {lower} the frequencies from {before} to {after}"
-    if not d.sure:
-        none = ", none is sure" if first.probability < HALF else ""
-        which = "first" if d.reported is first else "simplest that is nearly as probable"
-        shared = f"{n} explanations share {CREDIBLE:.0%}".replace("%", " %")
-        return f"{shared}{none}; the {which}, {p}: {text}"
-    return f"{text}; probability {p}, of the place {place}{many}"
+def _lead_error(d: ModeDiagnosis) -> str:
+    """Return the error of the best explanation that explains too little; empty without effects."""
+    lead, m = d.searched.lead, d.modes
+    if d.verdict != UNEXPLAINED or not lead.effects:
+        return ""
+    return f"{100 * m.errors(d.problem.computed(lead.fitted).frequency, False):.2g}"
 
 
 def _notes(problem: ModeProblem) -> tuple[str, ...]:
@@ -584,4 +466,4 @@ def _notes(problem: ModeProblem) -> tuple[str, ...]:
     return tuple(out)
 
 
-__all__ = ["UNKNOWN", "ModeDiagnosis", "diagnose_modes", "search_modes"]
+__all__ = ["ModeDiagnosis", "diagnose_modes", "search_modes"]

@@ -1,0 +1,252 @@
+"""The result of every search for missing effects, whatever was measured: verdict, effects, probabilities."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.model import Effect, Model
+from fem.summary import counted, percent
+from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
+from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
+from updating.diagnosis.findings import EffectParameter, Finding, labels, parameters_of
+from updating.inference.fit import FitProblem
+from updating.inference.mode_fit import FREQUENCY, ModeProblem, ModeReading
+from updating.quality.faults import Fault
+
+NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+CREDIBLE = 0.9
+"""Probability that the explanations of a credible set have together [-]."""
+HALF = 0.5
+"""An explanation that is less probable than all others together is not put first in words [-]."""
+
+Posterior = tuple[tuple[tuple[str, ...], float], ...]
+"""Hypotheses by the names of their effects, each with its probability [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """One way to explain the data.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        At their fitted values; none for "nothing missing".
+    parameters : tuple of tuple of EffectParameter
+        Of each effect.
+    probability : float
+    known : bool
+        False for what the library does not have.
+    """
+
+    effects: tuple[Effect, ...]
+    parameters: tuple[tuple[EffectParameter, ...], ...]
+    probability: float
+    known: bool = True
+
+    @property
+    def label(self) -> str:
+        """Effects and places in words."""
+        if not self.known:
+            return "something that the library does not have"
+        return labels(self.effects) if self.effects else "nothing missing"
+
+
+@dataclass(frozen=True, slots=True)
+class BadReading:
+    """A frequency, damping ratio or shape that probably does not belong to the structure's model.
+
+    Attributes
+    ----------
+    reading : ModeReading
+    frequency : float
+        Of the measured mode [Hz].
+    probability : float
+    """
+
+    reading: ModeReading
+    frequency: float
+    probability: float
+
+    @property
+    def text(self) -> str:
+        """A sentence without a full stop."""
+        mode = f"mode {self.reading.mode + 1} ({self.frequency:.5g} Hz)"
+        subject = mode if self.reading.kind == FREQUENCY else f"the {self.reading.words} of {mode}"
+        return f"{subject} does not belong to the structure's model: probability {percent(self.probability)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Verdict:
+    """What is missing, and how sure that is.
+
+    Attributes
+    ----------
+    verdict : str
+        ``"nothing missing"``, ``"effect"``, ``"measurement fault"`` or ``"unexplained"``.
+    reason : str
+        Why, in a sentence.
+    findings : tuple of Finding
+    problem : FitProblem or ModeProblem
+        Data, reduced model, sensors.
+    model : Model
+        The full model with fitted parameters and found effects.
+    searched : Searched or None
+        The search that led to it.
+    notes : tuple of str
+        What a reader should know.
+    seconds : float
+    explanations : tuple of Explanation
+        Hypotheses that were fitted, and what the library does not have, the most probable first.
+    posterior : tuple of (tuple of str, float)
+        Names of the effects of each hypothesis, and its probability, the most probable first; the last is
+        that of what the library does not have, under the name ``"unknown"``.
+    candidates : tuple of Effect
+        All that were looked at.
+    places : tuple of (str, float)
+        Places by the share of the misfit that changes there leave, the best first [-].
+    baseline : CalibratedFrfs, Calibrated or None
+        The fit to an earlier state, where the change since then was searched for.
+    faults : tuple of Fault
+        Of sensors and forces; the data are corrected for them.
+    channel_faults : tuple of Fault
+        Errors of channels far outside their tolerances, which the fitted model has: the data are not
+        corrected for them. Empty where the model does not explain the data.
+    bad_readings : tuple of BadReading
+        Readings of modes that more probably do not belong to the structure's model.
+    next_measurements : tuple of str
+        What would tell the first two explanations apart.
+    """
+
+    verdict: str
+    reason: str
+    findings: tuple[Finding, ...]
+    problem: FitProblem | ModeProblem
+    model: Model
+    searched: Searched | None
+    notes: tuple[str, ...]
+    seconds: float
+    explanations: tuple[Explanation, ...] = ()
+    posterior: Posterior = ()
+    candidates: tuple[Effect, ...] = ()
+    places: tuple[tuple[str, float], ...] = ()
+    baseline: object | None = None
+    faults: tuple[Fault, ...] = ()
+    channel_faults: tuple[Fault, ...] = ()
+    bad_readings: tuple[BadReading, ...] = ()
+    next_measurements: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> tuple[Effect, ...]:
+        """Effects of the verdict."""
+        return tuple(f.effect for f in self.findings)
+
+    @property
+    def every_fault(self) -> tuple[Fault, ...]:
+        """Faults that the data are corrected for, and those that the fitted model has."""
+        return (*self.faults, *self.channel_faults)
+
+    @property
+    def reported(self) -> Explanation:
+        """The explanation of the verdict: simpler ones are reported where data do not require more.
+
+        Raises
+        ------
+        ValueError
+            If it was no search that led to the verdict.
+        """
+        if not self.explanations:
+            msg = "no search led to this verdict; it has no explanations with probabilities"
+            raise ValueError(msg)
+        if self.verdict == UNEXPLAINED:
+            return next(e for e in self.explanations if not e.known)
+        names = {e.name for e in self.found}
+        same = [e for e in self.explanations if e.known and {x.name for x in e.effects} == names]
+        return next((e for e in same if e.effects == self.found), same[0])
+
+    @property
+    def sure(self) -> bool:
+        """Whether the explanation of the verdict is more probable than all others together."""
+        return self.reported.probability >= HALF
+
+    @property
+    def credible(self) -> tuple[Explanation, ...]:
+        """The fewest explanations that have ``CREDIBLE`` together."""
+        before = np.cumsum([0.0, *(e.probability for e in self.explanations)])
+        return tuple(e for e, p in zip(self.explanations, before, strict=False) if p < CREDIBLE)
+
+
+def posterior_of(done: Searched) -> Posterior:
+    """Return all hypotheses of a search by the names of their effects; the last is the unknown cause.
+
+    A hypothesis that several searches have is one, with the sum of its probabilities.
+    """
+    out = [(done.names(h), p) for h, p in _weighed(done)]
+    return (*sorted(out, key=lambda each: -each[1]), ((UNKNOWN,), done.unknown_probability))
+
+
+def explanations_of(done: Searched) -> tuple[Explanation, ...]:
+    """Return the hypotheses of a search that were fitted, and the unknown cause, the most probable first."""
+    out = [
+        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
+        for h, p in _weighed(done)
+        if isinstance(h, Hypothesis)
+    ]
+    out.append(Explanation((), (), done.unknown_probability, known=False))
+    return tuple(sorted(out, key=lambda e: -e.probability))
+
+
+def _weighed(done: Searched) -> list[tuple[Hypothesis | Promised, float]]:
+    """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
+    evidence = done.evidence
+    every = [(h, float(np.exp(h.score - evidence))) for h in done.weighed]
+    if not done.otherwise:
+        return every
+    known = {id(h) for way in (done, *done.otherwise) for h in way.search.known.values()}
+    same: dict[tuple[str, ...], tuple[Hypothesis | Promised, float]] = {}
+    for h, p in every:
+        if id(h) in known:
+            first, others = same.get(done.names(h), (h, 0.0))
+            same[done.names(h)] = first, others + p
+    return [*same.values(), *((h, p) for h, p in every if id(h) not in known)]
+
+
+def verdict_of(done: Searched, faults: Sequence[Fault] = ()) -> str:
+    """Return what is most probable after a search."""
+    if not done.explains:
+        return UNEXPLAINED
+    return EFFECT if done.best.effects else FAULT if faults else NOTHING
+
+
+def reason_of(
+    d: Verdict, done: Searched, quantity: str, unit: str, before: str, after: str, lead: str
+) -> str:
+    """Return why a verdict is what it is.
+
+    Parameters
+    ----------
+    d : Verdict
+    done : Searched
+        The search that led to it.
+    quantity, unit : str
+        The error that effects lower, in words.
+    before, after, lead : str
+        Its values without effects, with those of the verdict, and with the best that explain too little.
+    """
+    if d.verdict == UNEXPLAINED:
+        best = done.lead.effects
+        so_far = f"; best so far, not explained: {labels(best)}, {lead} {unit}" if best else ""
+        return f"the {quantity} stays at {before} {unit}, more than a right model leaves{so_far}"
+    if d.verdict == EFFECT:
+        lower = "lower" if len(d.found) > 1 else "lowers"
+        place = percent(done.probability_there(done.best))
+        text = f"{labels(d.found)} {lower} the {quantity} from {before} to {after} {unit}"
+        return f"{text}; probability of the place {place}"
+    p = percent(d.reported.probability)
+    if d.verdict == FAULT:
+        n = counted(len(d.every_fault), "fault")
+        return (
+            f"with {n} of the measurement corrected, nothing improves the model further; {quantity} "
+            f"{after} {unit}; probability {p}"
+        )
+    return f"no candidate improves the fitted model, whose {quantity} is {after} {unit}; probability {p}"
