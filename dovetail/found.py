@@ -20,12 +20,13 @@ from dovetail.file.writing import (
     with_element_sizes,
     with_parameters,
 )
-from dovetail.mode_result import ModeRunResult
 from dovetail.report.words import fault_text
-from dovetail.result import FRFS, RunResult
+from dovetail.result import FRFS, RunResult, by_frfs, by_modes_alone
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.diagnosis.baseline import uncommon
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.diagnosis.verdict import Verdict
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import Connections, fitted_damping
@@ -33,7 +34,7 @@ from updating.measurement.measurement import Measurement
 from updating.quality.corrections import Fault
 
 
-def found_text(result: RunResult, folder: Path) -> str:
+def found_text(result: RunResult[Verdict], folder: Path) -> str:
     """Return the study with the reported model in it, as a file in a folder.
 
     It has the fitted values of uncertain parameters and of the damping, the effects and the patches of
@@ -47,6 +48,9 @@ def found_text(result: RunResult, folder: Path) -> str:
         Where the text will lie, beside the FRFs of the run.
     """
     d = result.diagnosis
+    if by_modes_alone(d):
+        return mode_found_text(result.study, d, folder)
+    assert by_frfs(d)
     effects, found = (*patches(result), *form(result)), tuple(f.effect for f in d.findings)
     fit = result.study, folder / FRFS, d.problem, d.steps[-1].result, d.model
     if d.baseline is not None:  # faults of the second state alone are not those of the baseline
@@ -115,7 +119,7 @@ def with_test(text: str, measurement: Measurement) -> str:
     return with_values(text, values)
 
 
-def mode_found_text(result: ModeRunResult, folder: Path) -> str:
+def mode_found_text(study: Study, d: ModeDiagnosis, folder: Path) -> str:
     """Return the study with the model that a run on modes reports, as a file in a folder.
 
     Damping is that of the study where no damping ratio was measured. What has changed between two states is
@@ -124,11 +128,11 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
 
     Parameters
     ----------
-    result : ModeRunResult
+    study : Study
+    d : ModeDiagnosis
     folder : Path
         Where the text will lie.
     """
-    study, d = result.study, result.diagnosis
     known = {e.name for e in study.model.effects}
     forms = [e for e in d.model.effects if e.is_form and e.name not in known]
     two = d.baseline is not None
@@ -200,13 +204,13 @@ def _fitted_values(study: Study, result: FitResult, model: Model) -> dict[Parame
     return values | rebased_values(model, study.model.effects)
 
 
-def patches(result: RunResult) -> tuple[Spread, ...]:
+def patches(result: RunResult[Verdict]) -> tuple[Spread, ...]:
     """Return the joints' patches that the fitted model has and the study has not, with its values."""
     known, model = {e.name for e in result.study.model.effects}, result.diagnosis.model
     return tuple(e.fitted_in(model) for e in model.of_kind(Spread) if e.name not in known)
 
 
-def form(result: RunResult) -> tuple[Effect, ...]:
+def form(result: RunResult[Verdict]) -> tuple[Effect, ...]:
     """Return the uncertain form of sections and connections of the fitted model that the study has not."""
     d, model = result.diagnosis, result.diagnosis.model
     known = (*result.study.model.effects, *patches(result), *(f.effect for f in d.findings))

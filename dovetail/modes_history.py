@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from dovetail.file.contents import Study
 from dovetail.file.table import StudyError
-from dovetail.mode_result import mode_diagnosis_dict
 from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
 from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
+from dovetail.result import diagnosis_dict
 from fem.summary import percent
 from updating.diagnosis.diagnosis import EFFECT, NOTHING
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
@@ -115,7 +115,7 @@ def history_dict(study: Study, history: tuple[StateChange, ...]) -> dict[str, An
                 "shift": s.shift,
                 "shift_std": s.std,
                 "answer": s.answer,
-                **mode_diagnosis_dict(s.diagnosis),
+                **diagnosis_dict(s.diagnosis),
             }
             for s in history
         ],

@@ -1,30 +1,17 @@
-"""Studies with measured modes alone: their diagnosis, and what is written of it."""
+"""Measured modes of a study as data of fits and of diagnoses, identified in its FRFs where need be."""
 
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dovetail.disk.output import Output, check_outputs, result_folder, write_json
 from dovetail.file.contents import Study
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
-from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
-from dovetail.found import mode_found_text
-from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
-from dovetail.report.probable import probability_text
-from dovetail.report.table import Column, Table
-from dovetail.report.words import explanation_text, far_text
-from dovetail.result import FOUND, JSON, PICTURES, REPORT
-from fem.io.atomic import replacing
 from fem.model import Effect, Model
-from fem.summary import percent
-from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis, ModeTable, diagnose_modes
-from updating.diagnosis.reported_modes import reported_modes
+from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis, diagnose_modes
 from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
@@ -34,10 +21,6 @@ from updating.modal.identification import identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
 Progress = Callable[[str, float], None]
-NAMES = (REPORT, JSON, PICTURES, FOUND)
-"""What the folder of a run on modes holds."""
-MOST_PRINTED = 12
-"""Explanations that are printed."""
 
 
 def by_modes(study: Study) -> Study:
@@ -151,81 +134,6 @@ def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
         return study.model, ()
     changes = tuple(e for e in study.model.effects if e.name in study.changes)
     return study.model.without_effect(*study.changes), changes
-
-
-def run_modes(
-    study: Study, out: Path, progress: Progress | None = None, *, force: bool = False
-) -> ModeRunResult:
-    """Diagnose a study by its modes, and write a report.
-
-    ``out`` gets ``report.html``, ``result.json``, ``pictures/`` and ``found.toml``, all of them or none.
-
-    Raises
-    ------
-    OutputError
-        If ``out`` holds something else.
-    """
-    say = progress or (lambda text, done: None)
-    check_outputs(input_files(study.path), Output("out", out, NAMES))
-    study = by_modes(study)
-    with result_folder(out, force) as scratch:
-        d = diagnose_study_modes(study, lambda text, done: say(text, 0.85 * done))
-        done = ModeRunResult(study, d, mode_uncertain(d), datetime.now().astimezone(), out)
-        _write(done, scratch, lambda text, done: say(text, 0.85 + 0.15 * done))
-    return done
-
-
-def _write(result: ModeRunResult, folder: Path, say: Progress) -> None:
-    """Write pictures, ``result.json``, the report and ``found.toml`` into a folder."""
-    from dovetail.report.mode_drawn import draw_modes
-    from dovetail.report.modes import write_report
-
-    drawn = reported_modes(result.diagnosis)
-    album = draw_modes(result, drawn, folder / PICTURES, say)
-    write_json(folder / JSON, mode_result_dict(result))
-    write_report(result, drawn, album, folder / REPORT)
-    with replacing(folder / FOUND) as scratch:
-        # the folder's own name: files that the text names are found from there, not from where it is made
-        scratch.write_bytes(mode_found_text(result, result.folder).encode())
-
-
-def mode_lines(name: str, d: ModeDiagnosis) -> list[str | Table]:
-    """Return a diagnosis from modes as printed lines and tables."""
-    m, few, rest = d.modes, d.credible[:MOST_PRINTED], len(d.credible) - MOST_PRINTED
-    explanations = Table.of(
-        "explanations",
-        Column("probability", [e.probability for e in few], show=".2f"),
-        Column("explanation", [explanation_text(e) for e in few]),
-    )
-    off = {"nominal": m.nominal, "fitted": m.fitted, "found": m.found}
-    modes = Table.of(
-        "modes",
-        Column("measured", m.measured, "Hz"),
-        *(Column(name, f / m.measured - 1, "%", "+.2f", 100) for name, f in off.items()),
-        Column("MAC", m.mac_found, show=".3f"),
-        Column("", [_remark(m, k) for k in range(len(m.measured))]),
-    )
-    proposals = [f"  {text}" for text in d.next_measurements]
-    return [
-        f"{name}: {d.verdict}; {d.reason}",
-        *filter(None, (probability_text(d), far_text(mode_uncertain(d)))),
-        "",
-        explanations,
-        *([f"{'':11}  and {rest} more that share the rest of 90 %"] if rest > 0 else []),
-        "",
-        modes,
-        *(["", "would distinguish the first two explanations:", *proposals] if proposals else []),
-        *(f"note: {note}" for note in d.notes),
-    ]
-
-
-def _remark(m: ModeTable, k: int) -> str:
-    """Return what a row of the table of modes ends with."""
-    if not m.belongs[k]:
-        return f"does not belong to the model ({percent(m.bad[k])})"
-    if not m.held_out[k]:
-        return ""
-    return "predicted, not fitted" + (f": {m.predicted_text(k)}" if np.isfinite(m.found_std[k]) else "")
 
 
 def with_more_sensors(data: Measurement, model: Model) -> Measurement:

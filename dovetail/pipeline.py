@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
-from dovetail.file.contents import Study, measured, without_held_out
+from dovetail.file.contents import Study, has_modes_alone, measured, without_held_out
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
 from dovetail.found import found_text
-from dovetail.mode_partners import mode_partners
-from dovetail.modes_pipeline import first_state, targets_of
+from dovetail.modes_pipeline import by_modes, diagnose_study_modes, first_state, targets_of
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -24,6 +23,8 @@ from dovetail.result import (
     PICTURES,
     REPORT,
     RunResult,
+    by_frfs,
+    by_modes_alone,
     frf_arrays,
     result_dict,
     uncertain_parameters,
@@ -39,11 +40,16 @@ from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
 from updating.diagnosis.localisation import locate
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.diagnosis.mode_table import ModeTable
+from updating.diagnosis.reported_modes import reported_modes
+from updating.diagnosis.verdict import Verdict
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.form import with_form
 from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import beating
+from updating.inference.joint_fit import mode_problem_of
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan, plan_from_search
@@ -55,11 +61,11 @@ Progress = Callable[[str, float], None]
 
 def run(
     study: Study, out: Path, progress: Progress | None = None, *, force: bool = False, processes: int = 1
-) -> RunResult:
+) -> RunResult[Any]:
     """Find what a study's model lacks, and write a report.
 
-    ``out`` gets ``report.html``, ``result.json``, ``frf.npz``, ``pictures/`` and ``found.toml``, the study
-    with the reported model in it, all of them or none.
+    ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` of a study with FRFs, ``pictures/`` and
+    ``found.toml``, the study with the reported model in it, all of them or none.
 
     Parameters
     ----------
@@ -76,12 +82,13 @@ def run(
     Raises
     ------
     StudyError
-        If the study has no measurement.
+        If the study has neither FRFs nor modes.
     OutputError
         If ``out`` holds something else.
     """
-    say = progress or (lambda text, done: None)
-    measured(study, phases=False)
+    say, study = progress or (lambda text, done: None), by_modes(study)
+    if not has_modes_alone(study):
+        measured(study, phases=False)
     check_outputs(input_files(study.path), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85), processes)
@@ -89,23 +96,32 @@ def run(
     return result
 
 
-def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult:
+def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult[Any]:
     """Compare, diagnose and locate; nothing is drawn or written."""
     start_time = time.perf_counter()
-    diagnosis = diagnose_study(study, _part(say, 0.0, 0.9), processes)
+    diagnosis = diagnose_any(study, _part(say, 0.0, 0.9), processes)
     say("comparing", 0.9)
     return analysed(study, diagnosis, folder, start_time, _part(say, 0.9, 1.0))
 
 
+def diagnose_any(
+    study: Study, say: Progress | None = None, processes: int = 1, budget: str = "normal"
+) -> Diagnosis | ModeDiagnosis:
+    """Diagnose by the FRFs of a study, or by its modes where it has no FRFs or a baseline has modes."""
+    if has_modes_alone(study):
+        return diagnose_study_modes(study, say)
+    return diagnose_study(study, say, processes, budget)
+
+
 def analysed(
-    study: Study, diagnosis: Diagnosis, folder: Path, start_time: float, progress: Progress | None = None
-) -> RunResult:
+    study: Study, diagnosis: Verdict, folder: Path, start_time: float, progress: Progress | None = None
+) -> RunResult[Any]:
     """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
 
     Parameters
     ----------
     study : Study
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     folder : Path
         Where the report will be.
     start_time : float
@@ -113,36 +129,59 @@ def analysed(
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    problem, steps = diagnosis.problem, diagnosis.steps
-    frf = problem.measured
-    comparisons = tuple(compare(frf, diagnosis.frf(k), N_BANDS, problem.data.mask) for k in range(len(steps)))
-    nominal, _, fitted = modes_of(diagnosis)
+    more: dict[str, Any] = {}
+    if by_frfs(diagnosis):
+        more = _compared_frfs(study, diagnosis, progress)
+    if by_modes_alone(diagnosis):
+        more = {"measured_modes": diagnosis.modes, "reported": reported_modes(diagnosis)}
     return RunResult(
-        study,
-        diagnosis,
-        comparisons,
-        held_out_errors(study, diagnosis),
-        locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
-        pair_modes(nominal, fitted, diagnosis.model.mesh.n_points),
-        uncertain_parameters(diagnosis),
-        diagnosis.notes,
-        datetime.now().astimezone(),
-        time.perf_counter() - start_time,
-        folder,
-        mode_partners(diagnosis),
-        excluded(study, diagnosis, progress),
+        study=study,
+        diagnosis=diagnosis,
+        uncertain=uncertain_parameters(diagnosis),
+        finished=datetime.now().astimezone(),
+        seconds=time.perf_counter() - start_time,
+        folder=folder,
+        **more,
     )
 
 
-def write(result: RunResult, folder: Path, say: Progress) -> None:
+def _compared_frfs(study: Study, d: Diagnosis, progress: Progress | None) -> dict[str, Any]:
+    """Return what measured FRFs tell beside the diagnosis."""
+    problem, steps = d.problem, d.steps
+    nominal, _, fitted = modes_of(d)
+    frfs = (d.frf(k) for k in range(len(steps)))
+    return {
+        "comparisons": tuple(compare(problem.measured, frf, N_BANDS, problem.data.mask) for frf in frfs),
+        "held_out_channels": held_out_errors(study, d),
+        "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
+        "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
+        "measured_modes": measured_modes(d),
+        "excluded": excluded(study, d, progress),
+    }
+
+
+def measured_modes(d: Diagnosis) -> ModeTable | None:
+    """Return the measured modes of a diagnosis by FRFs with the partners in its models; None without any."""
+    targets, steps = d.problem.modes, {}
+    if targets is None:
+        return None
+    for step in d.steps:
+        problem = mode_problem_of(d.problem, step.result.effects)
+        assert problem is not None
+        steps[step.label] = problem.computed(step.result)
+    return ModeTable.of(targets, steps)
+
+
+def write(result: RunResult[Verdict], folder: Path, say: Progress) -> None:
     """Write pictures, FRFs, ``result.json`` and the report into a folder."""
     from dovetail.report.pictures import draw_all
     from dovetail.report.report import write_report
 
     album = draw_all(result, folder / PICTURES, say)
-    arrays: dict[str, Any] = frf_arrays(result.diagnosis)
-    with replacing(folder / FRFS) as scratch, scratch.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    if by_frfs(result.diagnosis):
+        arrays: dict[str, Any] = frf_arrays(result.diagnosis)
+        with replacing(folder / FRFS) as scratch, scratch.open("wb") as file:
+            np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
     with replacing(folder / FOUND) as scratch:

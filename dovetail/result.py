@@ -1,24 +1,27 @@
 """The result of a run: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.file.contents import Study
-from dovetail.mode_partners import ModePartners, partners_dict
-from fem.model import Effect, Model
+from fem.model import Effect
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, parameters_of
 from updating.diagnosis.fitted_modes import FittedModePair
 from updating.diagnosis.localisation import Localisation
+from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis
+from updating.diagnosis.mode_table import ModeTable
+from updating.diagnosis.reported_modes import ReportedModes
+from updating.diagnosis.verdict import Explanation, Verdict
 from updating.inference.belief import FAR_STD
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -116,14 +119,17 @@ class Uncertain:
         return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResult:
+V = TypeVar("V", bound=Verdict, covariant=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RunResult(Generic[V]):
     """Everything that a run found.
 
     Attributes
     ----------
     study : Study
-    diagnosis : Diagnosis
+    diagnosis : Diagnosis or ModeDiagnosis
     comparisons : tuple of Comparison
         For each step of the diagnosis, on all lines.
     held_out_channels : mapping of str to tuple of float
@@ -133,30 +139,37 @@ class RunResult:
     modes : tuple of FittedModePair
         Natural frequencies and damping before and after.
     uncertain : tuple of Uncertain
-    notes : tuple of str
+        Before and after the fit; of two states, that to the first one.
     finished : datetime
     seconds : float
     folder : Path
         Where the files are.
-    measured_modes : ModePartners or None
-        Measured modes that were fitted beside the FRFs or held out, and those of each step.
+    measured_modes : ModeTable or None
+        Measured modes, fitted or held out, and those of the model of each step.
     excluded : Plan or None
         What data in which nothing is missing would have shown.
+    reported : ReportedModes or None
+        Modes of the reported model, of a diagnosis by modes alone.
     """
 
     study: Study
-    diagnosis: Diagnosis
-    comparisons: tuple[Comparison, ...]
-    held_out_channels: Mapping[str, tuple[float, ...]]
-    localisation: Localisation | None
-    modes: tuple[FittedModePair, ...]
+    diagnosis: V
     uncertain: tuple[Uncertain, ...]
-    notes: tuple[str, ...]
     finished: datetime
     seconds: float
     folder: Path
-    measured_modes: ModePartners | None = None
+    comparisons: tuple[Comparison, ...] = ()
+    held_out_channels: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    localisation: Localisation | None = None
+    modes: tuple[FittedModePair, ...] = ()
+    measured_modes: ModeTable | None = None
     excluded: Plan | None = None
+    reported: ReportedModes | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know."""
+        return self.diagnosis.notes
 
     @property
     def report(self) -> Path:
@@ -167,6 +180,10 @@ class RunResult:
     def json(self) -> Path:
         """The result for programs."""
         return self.folder / JSON
+
+
+FrfResult: TypeAlias = RunResult[Diagnosis]
+"""A run by FRFs."""
 
 
 def least_frac(c: Comparison) -> NDArray[np.float64]:
@@ -185,17 +202,12 @@ def bands_of_lines(
     return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
-    """Return the uncertain parameters before and after the last fit; of two states, that to the first."""
-    if d.baseline is not None:
-        return uncertain_of(d.baseline.problem, d.baseline.result, d.baseline.model)
-    return uncertain_of(d.problem, d.steps[-1].result, d.model)
+def uncertain_parameters(d: Verdict) -> tuple[Uncertain, ...]:
+    """Return the uncertain parameters before and after the last fit; of two states, that to the first.
 
-
-def uncertain_of(
-    problem: FitProblem | ModeProblem, final: FitResult, model: Model, *, damped: bool = True
-) -> tuple[Uncertain, ...]:
-    """Return the uncertain parameters before and after a fit, with the damping if asked."""
+    The damping is among them where any was measured.
+    """
+    problem, final, model = d.calibration
     out = []
     there = {e.name for e in model.effects}
     for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
@@ -219,7 +231,7 @@ def uncertain_of(
         )
     if isinstance(problem, FitProblem):
         out += channels_of(problem, final)
-    if not damped:
+    if isinstance(problem, ModeProblem) and not np.isfinite(problem.targets.zeta).any():
         return tuple(out)
     curve = problem.damping
     first = len(final.values)
@@ -308,12 +320,38 @@ def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, An
     return {"frequency_Hz": curve.knots, "ratio": members, **connected}
 
 
-def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
-    """Return a diagnosis in plain types: verdict, effects, faults, errors, ranking."""
+def by_frfs(d: Verdict) -> TypeGuard[Diagnosis]:
+    """Whether FRFs led to a verdict."""
+    return bool(d.steps)
+
+
+def has_frfs(result: RunResult[Verdict]) -> TypeGuard[FrfResult]:
+    """Whether a run compared FRFs."""
+    return by_frfs(result.diagnosis)
+
+
+def by_modes_alone(d: Verdict) -> TypeGuard[ModeDiagnosis]:
+    """Whether measured modes alone led to a verdict."""
+    return d.modes is not None
+
+
+def diagnosis_dict(d: Verdict) -> dict[str, Any]:
+    """Return a diagnosis in plain types: verdict, effects, probabilities, and what its data have to tell."""
     return {
         "verdict": d.verdict,
         "reason": d.reason,
-        "effects": [_finding(f) for f in d.findings],
+        "effects": [_finding(f) | (_rivals(f) if by_frfs(d) else {}) for f in d.findings],
+        "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
+        "credible": [_explanation(e) for e in d.credible],
+        "places": [{"place": name, "misfit_left": share} for name, share in d.places],
+        "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
+        **(_of_frfs(d) if by_frfs(d) else {}),
+        **(_of_modes(d) if by_modes_alone(d) else {}),
+    }
+
+
+def _of_frfs(d: Diagnosis) -> dict[str, Any]:
+    return {
         "faults": [fault_dict(f) for f in d.every_fault],
         "error_db": [
             {"step": s.label, "fit": s.fit_db, "held_out": s.held_out_db, "level": s.level * DB_PER_NEPER}
@@ -325,10 +363,81 @@ def diagnosis_dict(d: Diagnosis) -> dict[str, Any]:
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
         "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
-        "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
-        "places": [{"place": name, "misfit_left": share} for name, share in d.places],
         "form": [_departure(f) for f in d.departures],
-        "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
+    }
+
+
+def _of_modes(d: ModeDiagnosis) -> dict[str, Any]:
+    m = d.modes
+    columns = {
+        "measured_Hz": m.measured,
+        "std": m.std,
+        "nominal_Hz": m.nominal,
+        "fitted_Hz": m.fitted,
+        "found_Hz": m.found,
+        "zeta": m.zeta,
+        "zeta_found": m.zeta_found,
+        "mac_nominal": m.mac_nominal,
+        "mac_found": m.mac_found,
+        "held_out": m.held_out,
+        "found_std": m.found_std,
+        "bad_probability": m.bad,
+    }
+    bad = [
+        {"mode": b.reading.mode + 1, "measured_Hz": b.frequency, "reading": b.reading.words}
+        | {"probability": b.probability}
+        for b in d.bad_readings
+    ]
+    return {
+        "bad_readings": bad,
+        "next_measurements": list(d.next_measurements),
+        "modes": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+        "frequency_error": mode_errors(m),
+        **({} if d.judged is None else {"baseline": _baseline(d.judged)}),
+    }
+
+
+def mode_errors(m: ModeTable) -> dict[str, dict[str, float]]:
+    """Return the error of natural frequencies of each step, of fitted and of held-out modes [-]."""
+    return {
+        step: {"fit": m.errors(f, False), "held_out": m.errors(f, True)} for step, f in m.computed.items()
+    }
+
+
+def modes_dict(m: ModeTable | None) -> dict[str, Any]:
+    """Return measured modes and their partners of each step in plain types; nothing without any."""
+    if m is None:
+        return {}
+    rows = [
+        {
+            "measured_Hz": m.measured[k],
+            "std": m.std[k],
+            "held_out": bool(m.held_out[k]),
+            "computed_Hz": {step: f[k] for step, f in m.computed.items()},
+            "mac": {step: mac[k] for step, mac in m.mac.items()},
+        }
+        for k in range(len(m.measured))
+    ]
+    return {"measured_modes": {"modes": rows, "error": mode_errors(m)}}
+
+
+def _baseline(judged: Baseline) -> dict[str, Any]:
+    """Return what the first state says of the calibrated model."""
+    t, found = judged.first.problem.targets, judged.first.computed.frequency
+    rows = zip(t.frequency, found, judged.first.missed, strict=True)
+    return {
+        "stands": judged.diagnosis is None,
+        "modes": [{"measured_Hz": f, "calibrated_Hz": g, "missed_std": off} for f, g, off in rows],
+        "causes": [_explanation(c) for c in judged.causes],
+    }
+
+
+def _explanation(e: Explanation) -> dict[str, Any]:
+    effects = zip(e.effects, e.parameters, strict=True)
+    return {
+        "explanation": e.label,
+        "probability": e.probability,
+        "effects": [_finding(Finding(x, parameters, ())) for x, parameters in effects],
     }
 
 
@@ -357,25 +466,34 @@ def _departure(d: Departure) -> dict[str, Any]:
     }
 
 
-def result_dict(result: RunResult) -> dict[str, Any]:
+def result_dict(result: RunResult[Verdict]) -> dict[str, Any]:
     """Return a result in plain types, as in ``result.json``; see docs/result.md."""
     d, study = result.diagnosis, result.study
-    last = d.steps[-1].result
     return {
         "schema": SCHEMA,
         "version": program_version(),
         "study": study.name,
         "finished": result.finished.isoformat(timespec="seconds"),
         "seconds": result.seconds,
+        "model": {"values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()}},
+        "assumptions": list(study.assumptions),
+        "mesh_notes": list(study.model.mesh.notes),
+        "measured_notes": list(study.measured_notes),
+        "notes": list(result.notes),
+        "warnings": list(study.warnings),
         **diagnosis_dict(d),
+        **(_compared_frfs(result, d) if by_frfs(d) else {}),
+    }
+
+
+def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
+    damping = _damping(d.problem.damping, d.steps[-1].result.zeta)
+    return {
         **excluded_dict(result.excluded),
         "held_out_channels": [
             {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
         ],
-        "model": {
-            "values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()},
-            "damping": _damping(d.problem.damping, last.zeta),
-        },
+        "model": {"values": {f"{a}.{b}": v for (a, b), v in d.model.values().items()}, "damping": damping},
         "modes": [
             {
                 "nominal_Hz": m.nominal,
@@ -386,13 +504,8 @@ def result_dict(result: RunResult) -> dict[str, Any]:
             }
             for m in result.modes
         ],
-        **({"measured_modes": partners_dict(result.measured_modes)} if result.measured_modes else {}),
+        **modes_dict(result.measured_modes),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
-        "assumptions": list(study.assumptions),
-        "mesh_notes": list(study.model.mesh.notes),
-        "measured_notes": list(study.measured_notes),
-        "notes": list(result.notes),
-        "warnings": list(study.warnings),
     }
 
 
@@ -456,11 +569,13 @@ def _deviation(d: Diagnosis) -> NDArray[np.float64]:
 
 
 def _finding(f: Finding) -> dict[str, Any]:
+    parameters = [_parameter(p) for p in f.parameters]
+    return {"kind": f.effect.kind, "where": f.effect.where, "name": f.effect.name, "parameters": parameters}
+
+
+def _rivals(f: Finding) -> dict[str, Any]:
+    """Return what could stand in the place of a finding, and what tells them apart."""
     return {
-        "kind": f.effect.kind,
-        "where": f.effect.where,
-        "name": f.effect.name,
-        "parameters": [_parameter(p) for p in f.parameters],
         "twins": [_ranked(t) for t in f.twins],
         "rival": _ranked(f.rival) if f.rival else None,
         "equal_fits": [_ranked(r) for r in f.equal_fits],

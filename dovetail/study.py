@@ -47,11 +47,10 @@ from updating.measurement.computed import computed_frf
 
 # Methods that compare, fit and diagnose import what they need: modes and static responses need none of it.
 if TYPE_CHECKING:
-    from dovetail.mode_result import ModeRunResult
     from dovetail.notebook.candidates import Candidates
     from dovetail.notebook.comparison import Comparison, Misfit
-    from dovetail.notebook.diagnosis import Diagnosis
-    from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
+    from dovetail.notebook.diagnosis import Diagnosis, ModeDiagnosis
+    from dovetail.notebook.modes import ModeComparison
     from dovetail.notebook.planned import Planned
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
@@ -303,18 +302,16 @@ class Study(config.Study):
         StudyError
             If the study has no measurement, or there is no such budget.
         """
-        from dovetail.modes_pipeline import diagnose_study_modes
-        from dovetail.notebook.diagnosis import Diagnosis
-        from dovetail.notebook.modes import ModeDiagnosis
-        from dovetail.pipeline import diagnose_study
+        from dovetail.notebook.diagnosis import Diagnosis, ModeDiagnosis
+        from dovetail.pipeline import diagnose_any
+        from dovetail.result import by_frfs
         from updating.diagnosis.evidence.budget import BUDGETS
 
         if budget not in BUDGETS:
             message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
             raise StudyError(message)
-        if has_modes_alone(self):
-            return ModeDiagnosis.of(diagnose_study_modes(self, progress))
-        return Diagnosis.of(diagnose_study(self, progress, processes, budget))
+        found = diagnose_any(self, progress, processes, budget)
+        return Diagnosis.of(found) if by_frfs(found) else ModeDiagnosis.of(found)
 
     def plan(
         self,
@@ -540,16 +537,13 @@ class Study(config.Study):
 
     def run(
         self, out: str | os.PathLike[str], progress: Progress | None = None, processes: int = 1
-    ) -> RunResult | ModeRunResult:
+    ) -> RunResult[Any]:
         """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`.
 
         By FRFs; by measured modes where the study has nothing else.
         """
-        from dovetail.modes_pipeline import run_modes
         from dovetail.pipeline import run
 
-        if has_modes_alone(self):
-            return run_modes(self, Path(out), progress)
         return run(self, Path(out), progress, processes=processes)
 
 

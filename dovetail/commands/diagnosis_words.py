@@ -1,17 +1,17 @@
 """Results of a diagnosis as lines of text."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from updating.diagnosis.diagnosis import Diagnosis
     from updating.diagnosis.findings import Ranked
+    from updating.diagnosis.mode_table import ModeTable
+    from updating.diagnosis.verdict import Verdict
 
 
-def found_lines(d: "Diagnosis") -> list[str]:
+def found_lines(d: "Verdict") -> list[str]:
     """Return found effects with values, twins and probability, doubts, and sensor faults, a line each."""
     from dovetail.report import words
     from dovetail.report.probable import probability_text
@@ -32,17 +32,27 @@ def found_lines(d: "Diagnosis") -> list[str]:
     return out + [f"  {words.fault_text(f)}" for f in d.every_fault]
 
 
-def staircase(d: "Diagnosis", held_out: Mapping[str, tuple[float, ...]] | None = None) -> Table:
-    """Return the errors after each step, and the noise floor."""
-    from dovetail.report.words import step_label
+def diagnosis_lines(
+    d: "Verdict", modes: "ModeTable | None", held_out: "Mapping[str, tuple[float, ...]] | None" = None
+) -> "list[str | Table]":
+    """Return what a diagnosis has found, with its errors, measured modes, and explanations.
 
-    return Table.of(
-        "steps",
-        Column("error after each step", [*(step_label(s.label) for s in d.steps), "noise floor"]),
-        Column("fitted", [*(s.fit_db for s in d.steps), d.noise_floor_db], "dB", ".2f"),
-        Column("held-out", [*(s.held_out_db for s in d.steps), math.nan], "dB", ".2f"),
-        *(Column(name, [*db, math.nan], show=".2f") for name, db in (held_out or {}).items()),
-    )
+    Parameters
+    ----------
+    d : Verdict
+    modes : ModeTable or None
+        Measured modes beside those of each step.
+    held_out : mapping of str to tuple of float, optional
+        Errors of channels that no fit has seen, by step [dB].
+    """
+    from dovetail.report.sections import explanations, measured_modes, staircase
+
+    lines: list[str | Table] = [*found_lines(d), "", staircase.table(d, held_out)]
+    lines += ["", measured_modes.table(d, modes)] if modes is not None else []
+    if d.modes is not None:
+        lines += explanations.lines(d)
+    proposals = [f"  {text}" for text in d.next_measurements]
+    return lines + (["", "would distinguish the first two explanations:", *proposals] if proposals else [])
 
 
 def table_of_candidates(ranked: "Sequence[Ranked]", k: int) -> Table:

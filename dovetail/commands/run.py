@@ -6,9 +6,8 @@ from pathlib import Path
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_processes
 from dovetail.commands.common import Options, check_places, loaded, noted
-from dovetail.commands.diagnosis_words import found_lines, staircase
+from dovetail.commands.diagnosis_words import diagnosis_lines
 from dovetail.disk.output import Output, Progress
-from dovetail.file.contents import has_modes_alone
 
 EXAMPLE = "dovetail run study.toml --out out/report"
 
@@ -29,9 +28,6 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> Answer:
     """Run the diagnosis, write the report and print the verdict."""
     from dovetail import pipeline
-    from dovetail.mode_partners import partner_lines
-    from dovetail.mode_result import mode_result_dict
-    from dovetail.modes_pipeline import mode_lines, run_modes
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
     from updating.inference.workers import cores
@@ -39,24 +35,18 @@ def run(options: Options, progress: Progress) -> Answer:
     out = Output("--out", options.out, NAMES)
     check_places(options, out)
     study = loaded(options)
-    if has_modes_alone(study):
-        found = run_modes(study, options.out, progress, force=options.force)
-        notes = noted(found.study.measured_notes)
-        printed = [*mode_lines(study.name, found.diagnosis), *notes, "", str(found.report)]
-        return Answer(None, printed, mode_result_dict(found))
     done = pipeline.run(
         study, options.out, progress, force=options.force, processes=options.processes or cores()
     )
+    d = done.diagnosis
     return Answer(
         None,  # JSON is result.json
         [
-            f"{study.name}: {done.diagnosis.verdict}",
+            f"{study.name}: {d.verdict}",
             words.headline(done),
-            *found_lines(done.diagnosis),
-            "",
-            staircase(done.diagnosis, done.held_out_channels),
-            *(["", *partner_lines(done.measured_modes)] if done.measured_modes else []),
-            *noted(done.notes, study.measured_notes),
+            *(f"  {b.text}" for b in d.bad_readings),
+            *diagnosis_lines(d, done.measured_modes, done.held_out_channels),
+            *noted(done.notes, done.study.measured_notes),
             "",
             str(done.report),
         ],

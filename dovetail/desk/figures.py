@@ -11,7 +11,7 @@ from plotly.graph_objects import Figure
 from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.session import Desk
 from dovetail.report import words
-from dovetail.report.mode_drawn import shape_at
+from dovetail.report.sections.mode_shapes import shape_at
 from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation

@@ -1,31 +1,53 @@
-"""A diagnosis as a user meets it: the verdict and the staircase of errors as tables."""
+"""Diagnoses as a user meets them: the verdict and the staircase of errors as tables."""
 
 from dataclasses import dataclass, fields
 from html import escape
-from typing import Any
+from typing import Any, TypeVar
 
-from dovetail.notebook.html import number, table
+from dovetail.notebook.html import table
 from dovetail.report import words
+from dovetail.report.sections import explanations, measured_modes, staircase
 from fem.analysis.labelled import imported
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis import diagnose
+from updating.diagnosis import diagnose, mode_diagnosis
+from updating.diagnosis.verdict import Verdict
+
+V = TypeVar("V", bound=Verdict)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Diagnosis(diagnose.Diagnosis):
-    """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
+class Shown:
+    """Tables and the figure that all diagnoses have in a notebook."""
+
+    __slots__ = ()
 
     @classmethod
-    def of(cls, found: diagnose.Diagnosis) -> "Diagnosis":
+    def of(cls: type[V], found: Verdict) -> V:  # pyright: ignore[reportGeneralTypeIssues]
         """Return a diagnosis with tables."""
         return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
 
-    def plot(self) -> Any:
-        """Return an interactive plotly figure of the error after each step [dB], above the noise floor."""
-        from viz.interactive.error import staircase_figure
+    def plot(self: Verdict) -> Any:  # pyright: ignore[reportGeneralTypeIssues]
+        """Return an interactive plotly figure of the error after each step, above the noise floor."""
+        return staircase.figure(self)
 
-        steps = [(words.step_label(s.label), s.fit_db, s.held_out_db) for s in self.steps]
-        return staircase_figure(steps, self.noise_floor_db)
+    def _repr_html_(self: Verdict) -> str:  # pyright: ignore[reportGeneralTypeIssues]
+        """Return the verdict, what was found, the error after each step, and measured modes."""
+        texts = [*map(words.finding_text, self.findings), *map(words.fault_text, self.every_fault)]
+        found = table(("found",), [(text,) for text in texts]) if texts else ""
+        tables = [staircase.table(self)]
+        if self.modes is not None:
+            tables += [explanations.table(self), measured_modes.table(self, self.modes)]
+        shown = "".join(table(*t.texts()) for t in tables)
+        return f"<p><b>{escape(self.verdict)}</b>: {escape(self.reason)}</p>{found}{shown}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ModeDiagnosis(Shown, mode_diagnosis.ModeDiagnosis):
+    """Which effects a study's model lacks by its measured modes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Diagnosis(Shown, diagnose.Diagnosis):
+    """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
 
     def plot_ranking(self, round_: int = 1) -> Any:
         """Return an interactive plotly figure of the error with each candidate of a round [dB].
@@ -71,12 +93,3 @@ class Diagnosis(diagnose.Diagnosis):
         ]
         columns = ["round", "candidate", "where", "fit_db", "held_out_db", "similarity", "score"]
         return imported("pandas").DataFrame(rows, columns=columns)
-
-    def _repr_html_(self) -> str:
-        """Return the verdict, the findings and the error after each step."""
-        texts = [*map(words.finding_text, self.findings), *map(words.fault_text, self.every_fault)]
-        found = table(("found",), [(text,) for text in texts]) if texts else ""
-        rows = [(words.step_label(s.label), number(s.fit_db), number(s.held_out_db)) for s in self.steps]
-        floor = ("noise floor", number(self.noise_floor_db), "")
-        steps = table(("step", "fitted [dB]", "held out [dB]"), [*rows, floor])
-        return f"<p><b>{escape(self.verdict)}</b>: {escape(self.reason)}</p>{found}{steps}"

@@ -1,44 +1,16 @@
-"""Comparisons and diagnoses by modes as a user meets them: explanations and modes as tables."""
+"""Comparisons by modes as a user meets them: measured and computed frequencies as a table."""
 
-from dataclasses import dataclass, fields
-from html import escape
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.notebook.html import number, table
-from dovetail.report.words import explanation_text
 from fem.summary import counted, summary
-from updating.diagnosis import mode_diagnosis
+from updating.diagnosis.mode_table import frequency_error
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeDiagnosis(mode_diagnosis.ModeDiagnosis):
-    """What a study's model lacks by its measured modes."""
-
-    @classmethod
-    def of(cls, found: mode_diagnosis.ModeDiagnosis) -> "ModeDiagnosis":
-        """Return a diagnosis with tables."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
-
-    def __repr__(self) -> str:
-        """Return verdict and reason on one line."""
-        return f"<ModeDiagnosis {self.verdict}: {self.reason}>"
-
-    def _repr_html_(self) -> str:
-        """Return the verdict, the credible set, and measured and computed frequencies."""
-        credible = [(explanation_text(e), f"{e.probability:.2f}") for e in self.credible]
-        m = self.modes
-        columns = (m.measured, m.nominal, m.fitted, m.found, m.mac_found)
-        rows = [[number(x) for x in row] for row in zip(*columns, strict=True)]
-        head = ("measured [Hz]", "nominal [Hz]", "fitted [Hz]", "found [Hz]", "MAC")
-        return (
-            f"<p><b>{escape(self.verdict)}</b>: {escape(self.reason)}</p>"
-            f"{table(('explanation', 'probability'), credible)}{table(head, rows)}"
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -92,12 +64,12 @@ class ModeComparison:
     @property
     def error(self) -> float:
         """Root mean square of ln(computed / measured) frequency of the modes that a fit sees [-]."""
-        return mode_diagnosis.frequency_error(self.measured, self.computed, ~self.held_out)
+        return frequency_error(self.measured, self.computed, ~self.held_out)
 
     @property
     def held_out_error(self) -> float:
         """The same of the modes that are held out from fits, NaN without any [-]."""
-        return mode_diagnosis.frequency_error(self.measured, self.computed, self.held_out)
+        return frequency_error(self.measured, self.computed, self.held_out)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the columns in plain types, mode by mode."""

@@ -2,25 +2,45 @@
 
 import numpy as np
 
-from dovetail.mode_result import ModeRunResult
+from dovetail.file.contents import Study
 from dovetail.report.blocks import Details, Facts, Items, Section, TableBlock, Text
 from dovetail.report.drawn import held_out_bands
-from dovetail.result import RunResult
+from dovetail.report.shown import Shown
+from dovetail.result import FrfResult, RunResult, has_frfs
 from fem.mesh import Mesh
 from fem.summary import counted
+from updating.diagnosis.verdict import Verdict
 from updating.inference.fit_data import TRANSVERSE, FitData
 from updating.measurement.measurement import MOTION
 
 
-def check_first(result: RunResult | ModeRunResult) -> Section:
+def check_first(result: RunResult[Verdict], shown: Shown) -> Section:
     """Return the probable faults of the study; nothing without any."""
     return Section("Check first", [Items(result.study.warnings)])
 
 
-def compared(result: RunResult) -> Section:
+def compared(result: RunResult[Verdict], shown: Shown) -> Section:
     """Return the measured data, and how they are compared with the model."""
-    d, study = result.diagnosis, result.study
-    data, mesh, before = d.problem.data, study.model.mesh, study.baseline_frfs
+    study = result.study
+    facts = [("model", model_size(study.model.mesh))]
+    if not has_frfs(result):
+        return Section("Compared data", [_modes_table(study), Facts([*_motion_seen(study), *facts])])
+    d, data = result.diagnosis, result.diagnosis.problem.data
+    f = data.frequency
+    facts = [
+        ("band compared", f"{f[0]:g} to {f[-1]:g} Hz, {f.size} lines"),
+        ("held out", _held_out_words(result)),
+        ("values that count", _counted(data, study.model_error)),
+        ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
+        *facts,
+    ]
+    places = f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}"
+    tables = [_frfs_table(study), *([_modes_table(study)] if study.modes is not None else [])]
+    return Section("Compared data", [*tables, Facts(facts), Details(places, [_sensor_places(result)])])
+
+
+def _frfs_table(study: Study) -> TableBlock:
+    before = study.baseline_frfs
     named = [(m.name, m) for m in study.measurements or study.amplitudes]
     named += [(f"{before.name}, the baseline", before)] if before is not None else []
     rows = []
@@ -30,17 +50,33 @@ def compared(result: RunResult) -> Section:
         size = len(frf.outputs), len(frf.inputs), frf.n_freq
         rows.append([name, frf.quantity, frf.unit, *size, band, force])
     head = ["data", "kind", "unit", "responses", "excitations", "lines", "band [Hz]", "force [N]"]
-    f = data.frequency
-    facts = [
-        ("band compared", f"{f[0]:g} to {f[-1]:g} Hz, {f.size} lines"),
-        ("held out", _held_out_words(result)),
-        ("values that count", _counted(data, study.model_error)),
-        ("noise", f"{d.noise_db:.2f} dB, from {data.measurement.noise_source}"),
-        ("model", model_size(mesh)),
-    ]
-    places = f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}"
-    measured = TableBlock(head, rows, numbers=(3, 4, 5), caption="Measured FRFs")
-    return Section("Compared data", [measured, Facts(facts), Details(places, [_sensor_places(result)])])
+    return TableBlock(head, rows, numbers=(3, 4, 5), caption="Measured FRFs")
+
+
+def _modes_table(study: Study) -> TableBlock:
+    rows = []
+    for name, m in (("modes", study.modes), ("baseline", study.baseline)):
+        if m is None:
+            continue
+        f, std, zeta = m.modes.frequency, 100 * m.frequency_std, m.modes.zeta
+        spread = f"{std.min():.2g}" + (f" to {std.max():.2g}" if np.ptp(std) else "")
+        damped = "yes" if zeta is not None and np.isfinite(zeta).any() else "no"
+        sensors, held_out = len(m.sensors) if m.has_shapes else "–", ", ".join(map(str, m.held_out)) or "–"
+        rows.append([name, m.name, len(f), f"{f[0]:.4g} to {f[-1]:.4g}", spread, damped, sensors, held_out])
+    head = ["state", "data", "modes", "band [Hz]", "std of frequencies [%]", "damping", "sensors of shapes"]
+    return TableBlock([*head, "held out"], rows, numbers=(2, 6), caption="Measured modes")
+
+
+def _motion_seen(study: Study) -> list[tuple[str, str]]:
+    """Return which motion a test of modes has seen."""
+    m = study.modes
+    if m is None:
+        return []
+    seen = [("motion that the test has seen", f"along {', '.join(m.plane)}")] if m.plane else []
+    if not m.has_shapes:
+        by = (("sensors of the test", m.sensors), ("forces of the test", m.driven))
+        seen += [(name, ", ".join(s.name for s in part)) for name, part in by if part]
+    return seen
 
 
 def model_size(mesh: Mesh) -> str:
@@ -49,7 +85,7 @@ def model_size(mesh: Mesh) -> str:
     return f"{members}, {mesh.n_lines} beam elements, {mesh.n_points} points"
 
 
-def gates(result: RunResult) -> Section:
+def gates(result: FrfResult, shown: Shown) -> Section:
     """Return the tests of the measurement before the search; nothing without any."""
     known = result.diagnosis.gates
     rows = (
@@ -63,7 +99,7 @@ def gates(result: RunResult) -> Section:
     return Section("Checks of the measurement", blocks)
 
 
-def _held_out_words(result: RunResult) -> str:
+def _held_out_words(result: FrfResult) -> str:
     data = result.diagnosis.problem.data
     bands = held_out_bands(result)
     text = (
@@ -97,7 +133,7 @@ def _counted(data: FitData, model_error: float) -> str:
     return text
 
 
-def _sensor_places(result: RunResult) -> TableBlock:
+def _sensor_places(result: FrfResult) -> TableBlock:
     rows = []
     for word, sensors in (("sensor", result.study.sensors), ("excitation", result.study.excitations)):
         for s in sensors:

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from dovetail.mode_result import ModeRunResult, mode_steps
+from dovetail.report import words
 from dovetail.report.probable import replaced_text
+from dovetail.report.sections import staircase
 from dovetail.report.words import (
     digits_apart,
     effect_label,
@@ -12,32 +13,9 @@ from dovetail.report.words import (
     extension_text,
     ranked_label,
 )
-from dovetail.result import RunResult
-from updating.diagnosis.diagnosis import Diagnosis
-from updating.diagnosis.findings import Finding, Ranked, Step
-
-
-def mode_confidence(result: ModeRunResult) -> list[str]:
-    """Return how sure the verdict of a run on modes is, in a few sentences."""
-    d = result.diagnosis
-    m, (first, last) = d.modes, (list(mode_steps(d).values())[k] for k in (0, -1))
-    before, after = (100 * m.errors(f, False) for f in (first, last))
-    start = "calibrated" if d.baseline is not None else "nominal"
-    out = [
-        f"The {start} model's natural frequencies are {before:.2g} % off, those of the model reported "
-        f"{after:.2g} %. Noise and mesh account for {100 * d.noise_limit:.2g} %."
-    ]
-    if m.held_out.any():
-        first_error, last_error = (100 * m.errors(f, True) for f in (first, last))
-        out.append(
-            f"Modes that were not fitted are {first_error:.2g} % off before, {last_error:.2g} % with the "
-            "reported model. "
-            "A correct prediction is stronger evidence than a fit."
-        )
-    out += [f"{b.text[0].upper()}{b.text[1:]}. It counts in no error." for b in d.bad_readings]
-    if len(d.credible) > 1:
-        out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
-    return out
+from dovetail.result import RunResult, by_frfs
+from updating.diagnosis.findings import Finding, Ranked
+from updating.diagnosis.verdict import Verdict
 
 
 def ratio(before: float, after: float) -> float:
@@ -45,36 +23,40 @@ def ratio(before: float, after: float) -> float:
     return before / after if after > 0 and math.isfinite(before) else math.nan
 
 
-def confidence(result: RunResult) -> list[str]:
+def confidence(result: RunResult[Verdict]) -> list[str]:
     """Return how sure the verdict is, in a few sentences."""
     d = result.diagnosis
-    steps: Sequence[Step] = d.steps
-    base, last = steps[min(1, len(steps) - 1)], steps[-1]
+    n, unit, rows = staircase.digits(d), d.stairs.unit, d.stairs.rows
+    (_, *base), (_, *first), (_, *last) = (
+        next(r for r in reversed(rows) if not r[0].endswith(" added")),
+        rows[0],
+        rows[-1],
+    )
     start = "calibrated" if d.baseline is not None else "nominal"
+    parts = [
+        (k, f"{unit} on the {head}") for k, head in enumerate(staircase.HEADS[unit]) if math.isfinite(last[k])
+    ]
     if d.findings:
-        out = [
-            f"With {'them' if len(d.findings) > 1 else 'it'} the error falls from {base.fit_db:.2f} to "
-            f"{last.fit_db:.2f} dB on the fitted lines (factor "
-            f"{ratio(base.fit_db, last.fit_db):.1f}), and from "
-            f"{base.held_out_db:.2f} to {last.held_out_db:.2f} dB on held-out lines (factor "
-            f"{ratio(base.held_out_db, last.held_out_db):.1f})."
-        ]
+        each = (
+            f"from {base[k]:.{n}f} to {last[k]:.{n}f} {on} (factor {ratio(base[k], last[k]):.1f})"
+            for k, on in parts
+        )
+        out = [f"With {'them' if len(d.findings) > 1 else 'it'} the error falls {', and '.join(each)}."]
     else:
-        out = [
-            f"With the uncertain parameters fitted the error is {last.fit_db:.2f} dB on the lines of the "
-            "fit and "
-            f"{last.held_out_db:.2f} dB on held-out lines; the {start} model had "
-            f"{steps[0].fit_db:.2f} dB and {steps[0].held_out_db:.2f} dB."
-        ]
-    for label, (first, *_, end) in result.held_out_channels.items():
-        text = f"{first:.2f} dB {start}, {end:.2f} dB for the reported model"
+        now, before = (" and ".join(f"{row[k]:.{n}f} {on}" for k, on in parts) for row in (last, first))
+        out = [f"With the uncertain parameters fitted the error is {now}; the {start} model had {before}."]
+    for label, (before_db, *_, end) in result.held_out_channels.items():
+        text = f"{before_db:.2f} dB {start}, {end:.2f} dB for the reported model"
         nothing = "none of them can be compared"
         out.append(f"FRFs of the {label}, which were not fitted: {text if math.isfinite(end) else nothing}.")
-    out.append(
-        f"The noise floor is {d.noise_floor_db:.2f} dB: {d.noise_db:.2f} dB noise of the measurement and "
-        f"{d.discretisation_db:.2f} dB error of the mesh. The residual is "
-        f"{ratio(last.fit_db, d.noise_floor_db):.1f} times that."
-    )
+    floor = f"The noise floor is {d.stairs.floor:.{n}f} {unit}"
+    if by_frfs(d):
+        floor += f": {d.noise_db:.2f} dB noise of the measurement and "
+        floor += f"{d.discretisation_db:.2f} dB error of the mesh"
+    out.append(f"{floor}. The residual is {ratio(last[0], d.stairs.floor):.1f} times that.")
+    out += [f"{b.text[0].upper()}{b.text[1:]}. It counts in no error." for b in d.bad_readings]
+    if words.is_open(d):
+        out.append(f"{len(d.credible)} explanations share a probability of 90 %: read them as a set.")
     for finding, ranked in zip(d.findings, d.rounds, strict=False):
         out.append(_rivals(d, finding, ranked))
     best = best_of(d.rounds)
@@ -98,7 +80,7 @@ MORE_PROBABLE = (
 )
 
 
-def _rivals(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
+def _rivals(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
     label = effect_label(finding.effect.kind, finding.effect.where)
     subject, it = (label[:1].upper() + label[1:], label) if len(d.findings) > 1 else ("It", "it")
     others = finding.alternatives

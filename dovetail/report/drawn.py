@@ -1,7 +1,7 @@
 """Common content of pictures and interactive figures: places, models, bands, and names of candidates."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,21 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.report import words
-from dovetail.result import RunResult, bands_of_lines
+from dovetail.result import FrfResult, RunResult, bands_of_lines, by_frfs
 from fem.analysis.frf import FRF
+from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
+from updating.diagnosis.verdict import Verdict
+from updating.measurement.measurement import Sensor
 from viz.interactive.solids import Place
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
-
-STAIRCASE = (
-    "Root mean square error of the FRF amplitudes after each step, on fitted and on held-out lines. The "
-    "noise floor is that of measurement noise and mesh error."
-)
 
 FRF_ERROR = (
     "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself."
@@ -51,19 +49,7 @@ class Models:
     deviations: Mapping[str, NDArray[np.float64]]
 
 
-def staircase_alt(d: Diagnosis) -> str:
-    """Return the staircase in words."""
-    steps = "; ".join(f"{s.label} {s.fit_db:.2f} dB" for s in d.steps)
-    return f"Error after each step: {steps}; noise floor {d.noise_floor_db:.2f} dB."
-
-
-def error_steps(d: Diagnosis) -> list[tuple[str, float, float | None]]:
-    """Return label and errors of each step, on the lines of the fit and on those held out [dB]."""
-    held_out = (s.held_out_db if np.isfinite(s.held_out_db) else None for s in d.steps)
-    return [(words.step_label(s.label), s.fit_db, h) for s, h in zip(d.steps, held_out, strict=True)]
-
-
-def compared_models(result: RunResult) -> Models:
+def compared_models(result: FrfResult) -> Models:
     """Return the FRFs of the nominal model, of the fitted one, and of that with the found effects."""
     d = result.diagnosis
     last = len(d.steps) - 1
@@ -89,7 +75,7 @@ def smoothing(frf: FRF) -> int:
     return max(1, frf.n_freq // 150)
 
 
-def rivals(result: RunResult) -> dict[int, Ranked]:
+def rivals(result: FrfResult) -> dict[int, Ranked]:
     """Return the candidate that comes nearest to each finding, by the finding's number."""
     d = result.diagnosis
     out = {}
@@ -100,7 +86,7 @@ def rivals(result: RunResult) -> dict[int, Ranked]:
     return out
 
 
-def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
+def fits_of(result: FrfResult, k: int, rival: Ranked) -> dict[str, FRF]:
     """Return the FRFs with a finding and with its rival, each fitted, by label.
 
     They are those that the errors of :attr:`Finding.decisive` are of. An effect to which others were added
@@ -114,31 +100,50 @@ def fits_of(result: RunResult, k: int, rival: Ranked) -> dict[str, FRF]:
     return {with_it: d.problem.frf(best.result), words.ranked_label(rival): d.problem.frf(rival.result)}
 
 
-def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
+def held_out_bands(result: FrfResult) -> list[tuple[float, float]]:
     """Return the bands of lines that no fit has seen [Hz]."""
     data = result.diagnosis.problem.data
     return list(bands_of_lines(data.frequency, data.held_out))
 
 
-def marked_places(result: RunResult) -> list[Place]:
-    """Return the places of findings, of departures of the form and of faults, one for each point."""
-    d, m = result.diagnosis, result.diagnosis.problem.data.measurement
+def test_of(result: RunResult[Verdict]) -> tuple[Sequence[Sensor], Sequence[Sensor]]:
+    """Return the sensors and the forces of a test."""
+    d = result.diagnosis
+    if by_frfs(d):
+        return d.problem.data.measurement.sensors, d.problem.data.measurement.excitations
+    return (result.study.modes.sensors if result.study.modes else ()), ()
+
+
+def test_in_words(result: RunResult[Verdict]) -> str:
+    """Return how many sensors and forces a test has."""
+    sensors, forces = test_of(result)
+    many = [counted(len(some), what) for some, what in ((sensors, "sensor"), (forces, "excitation")) if some]
+    return f" with {' and '.join(many)}" if many else ""
+
+
+def marked_places(result: RunResult[Verdict]) -> list[Place]:
+    """Return the places of findings, departures of the form, faults and other explanations, one a point."""
+    d, model = result.diagnosis, result.study.model
     out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
-    for finding in d.findings:
-        effect = finding.effect
-        for xyz in effect.locations(result.study.model)[:6]:
-            label = effect.kind.replace("_", " ")
-            out.setdefault(tuple(np.round(xyz, 9)), []).append((effect.where, label, "finding"))
+
+    def mark(points: Iterable[NDArray[np.float64]], where: str, label: str, role: str) -> None:
+        for xyz in points:
+            here = out.setdefault(tuple(np.round(xyz, 9)), [])
+            if not here or role != "candidate" or here[0][2] == role:
+                here.append((where, label, role))
+
+    for effect in d.found:
+        mark(effect.locations(model)[:6], effect.where, effect.kind.replace("_", " "), "finding")
     for differs in d.departures:
-        for xyz in differs.effect.locations(result.study.model)[:1]:
-            form = (differs.where, words.departure_label(differs), "finding")
-            out.setdefault(tuple(np.round(xyz, 9)), []).append(form)
+        label = words.departure_label(differs)
+        mark(differs.effect.locations(model)[:1], differs.where, label, "finding")
     for fault in d.every_fault:
-        group = m.sensors if fault.kind.startswith("sensor") else m.excitations
+        group = test_of(result)[0 if fault.kind.startswith("sensor") else 1]
         sensor = next(s for s in group if s.name == fault.sensor)
         word = f"gain {fault.value:.2f}" if fault.kind.endswith("gain") else words.FAULT_NAMES[fault.kind]
-        label = f"{fault.sensor}: {word}"
-        out.setdefault(tuple(np.round(sensor.point, 9)), []).append((fault.sensor, label, "fault"))
+        mark([sensor.point], fault.sensor, f"{fault.sensor}: {word}", "fault")
+    for effect in (e for x in d.credible for e in x.effects):
+        mark(effect.locations(model)[:6], effect.where, effect.kind.replace("_", " "), "candidate")
     return [
         Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
         for xyz, here in out.items()
@@ -154,7 +159,7 @@ def failing_places(where: Localisation) -> list[tuple[Place, float]]:
     return list(out.values())
 
 
-def misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
+def misfit_steps(result: FrfResult) -> list[tuple[str, int, str]]:
     """Return name, step and description of the states whose misfit is shown."""
     steps = result.diagnosis.steps
     out = [("fitted", min(1, len(steps) - 1), "once the uncertain parameters are fitted")]
@@ -163,12 +168,12 @@ def misfit_steps(result: RunResult) -> list[tuple[str, int, str]]:
     return out
 
 
-def misfit_limit(result: RunResult) -> float:
+def misfit_limit(result: FrfResult) -> float:
     """Return one end of the colours for all misfit pictures, so that they can be compared [dB]."""
     return float(max(np.nanmax(result.comparisons[k].by_band()) for _, k, _ in misfit_steps(result)))
 
 
-def error_bands(result: RunResult) -> list[tuple[float, float]]:
+def error_bands(result: FrfResult) -> list[tuple[float, float]]:
     """Return the bands of the error maps, on integer hertz where these are fine enough [Hz]."""
     c = result.comparisons[0]
     edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
@@ -186,7 +191,7 @@ def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
     return out
 
 
-def ranking_bars(result: RunResult, k: int) -> tuple[list[str], list[float], float, list[int], int | None]:
+def ranking_bars(result: FrfResult, k: int) -> tuple[list[str], list[float], float, list[int], int | None]:
     """Return a round's labels, residual levels and the level before [dB], twins, and the one accepted."""
     d = result.diagnosis
     ranked, found = d.rounds[k], d.findings[k] if k < len(d.findings) else None
@@ -198,7 +203,7 @@ def ranking_bars(result: RunResult, k: int) -> tuple[list[str], list[float], flo
     return candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked], before, twins, accepted
 
 
-def ranking_caption(result: RunResult, k: int) -> str:
+def ranking_caption(result: FrfResult, k: int) -> str:
     """Return the caption of a round's candidates."""
     labels, *_, accepted = ranking_bars(result, k)
     outcome = "none of them" if accepted is None else labels[accepted]
@@ -209,7 +214,7 @@ def ranking_caption(result: RunResult, k: int) -> str:
     )
 
 
-def pair_errors(result: RunResult, step: int) -> NDArray[np.float64]:
+def pair_errors(result: FrfResult, step: int) -> NDArray[np.float64]:
     """Return the error of each FRF after a step, (n_out, n_in), NaN where nothing is compared [dB]."""
     square = result.comparisons[step].log_ratio.real ** 2
     known = np.isfinite(square)
@@ -218,7 +223,7 @@ def pair_errors(result: RunResult, step: int) -> NDArray[np.float64]:
     return np.sqrt(mean) * DB_PER_NEPER
 
 
-def telling_pairs(result: RunResult, n: int = 6) -> list[tuple[str, str, str]]:
+def telling_pairs(result: FrfResult, n: int = 6) -> list[tuple[str, str, str]]:
     """Return FRFs worth a look and why: most gained, drive points, largest final error."""
     n_steps = len(result.comparisons)
     last = result.comparisons[n_steps - 1]

@@ -16,7 +16,6 @@ from dovetail.report.drawn import (
     WITH_EFFECT,
     compared_models,
     error_bands,
-    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
@@ -29,18 +28,18 @@ from dovetail.report.drawn import (
     rivals,
     smoothing,
     telling_pairs,
+    test_of,
 )
-from dovetail.report.probable import hypotheses, reported
-from dovetail.result import RunResult
+from dovetail.report.sections import explanations, measured_modes, staircase
+from dovetail.report.sections.mode_shapes import shapes_of
+from dovetail.result import FrfResult, RunResult, has_frfs
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from fem.model import Model
-from updating.diagnosis.diagnosis import EFFECT
-from updating.diagnosis.fitted_modes import modes_of, most_changed, pair_modes
-from updating.measurement.measurement import motions_of
+from updating.diagnosis.verdict import Verdict
 from updating.plan.plan import Plan
 from viz.curves import frf_errors
-from viz.interactive.error import error_map_figure, probability_figure, ranking_figure, staircase_figure
+from viz.interactive.error import error_map_figure, ranking_figure
 from viz.interactive.frf import (
     COHERENCE,
     MAGNITUDE,
@@ -99,26 +98,31 @@ class Figures:
             self.known[name] = figure
 
 
-def make_all(result: RunResult, say: Say | None = None) -> Figures:
+def make_all(result: RunResult[Verdict], say: Say | None = None) -> Figures:
     """Make every interactive figure of a report."""
     if say:
         say("making figures", 0.95)
-    out = Figures()
-    d = result.diagnosis
+    out, d = Figures(), result.diagnosis
     out.add("model", lambda: _model(result))
-    out.add("staircase", lambda: _staircase(result))
-    out.add("probability", lambda: _probability(result))
-    for name, step, _ in misfit_steps(result):
-        out.add(f"map-{name}", lambda step=step: _error_map(result, step))
-    out.add("misfit", lambda: _misfit(result))
-    for k in range(len(d.rounds)):
-        out.add(f"ranking-{k + 1}", lambda k=k: _ranking(result, k))
-    out.add("frf", lambda: _frf(result, out))
-    out.add("frf-error", lambda: _frf_error(result))
+    out.add("staircase", lambda: staircase.figure(d, height=430))
+    out.add("probability", lambda: explanations.figure(d))
+    measured_modes.add_figures(result, out)
+    if has_frfs(result):
+        _add_frfs(result, out)
     out.add("modes", lambda: _modes(result))
     if (excluded := result.excluded) is not None and excluded.relevant:
         out.add("excluded", lambda: sizes(excluded, "seen"))
     return out
+
+
+def _add_frfs(result: FrfResult, out: Figures) -> None:
+    for name, step, _ in misfit_steps(result):
+        out.add(f"map-{name}", lambda step=step: _error_map(result, step))
+    out.add("misfit", lambda: _misfit(result))
+    for k in range(len(result.diagnosis.rounds)):
+        out.add(f"ranking-{k + 1}", lambda k=k: _ranking(result, k))
+    out.add("frf", lambda: _frf(result, out))
+    out.add("frf-error", lambda: _frf_error(result))
 
 
 def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
@@ -131,25 +135,18 @@ def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
     return sizes_figure(plan.model, kinds, wording)
 
 
-def _sensor_errors(result: RunResult, step: int) -> dict[str, float]:
+def _sensor_errors(result: FrfResult, step: int) -> dict[str, float]:
     c = result.comparisons[step]
     return dict(zip(c.outputs, c.by_sensor().tolist(), strict=True))
 
 
-def _model(result: RunResult) -> Figure:
-    m = result.diagnosis.problem.data.measurement
-    _, step, _ = misfit_steps(result)[0]
-    return model_figure(
-        result.study.model,
-        m.sensors,
-        m.excitations,
-        errors=_sensor_errors(result, step),
-        places=marked_places(result),
-        height=430,
-    )
+def _model(result: RunResult[Verdict]) -> Figure:
+    errors = _sensor_errors(result, misfit_steps(result)[0][1]) if has_frfs(result) else None
+    places = marked_places(result)
+    return model_figure(result.study.model, *test_of(result), errors=errors, places=places, height=430)
 
 
-def _misfit(result: RunResult) -> Figure | None:
+def _misfit(result: FrfResult) -> Figure | None:
     where = result.localisation
     if where is None or not (where.members or where.places):
         return None
@@ -164,21 +161,12 @@ def _misfit(result: RunResult) -> Figure | None:
     )
 
 
-def _staircase(result: RunResult) -> Figure:
-    return staircase_figure(error_steps(result.diagnosis), result.diagnosis.noise_floor_db, height=430)
-
-
-def _probability(result: RunResult) -> Figure | None:
-    known = hypotheses(result.diagnosis)
-    return probability_figure(known, accepted=reported(result.diagnosis)) if known else None
-
-
-def _error_map(result: RunResult, step: int) -> Figure:
+def _error_map(result: FrfResult, step: int) -> Figure:
     c = result.comparisons[step]
     return error_map_figure(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
 
 
-def _ranking(result: RunResult, k: int) -> Figure | None:
+def _ranking(result: FrfResult, k: int) -> Figure | None:
     d = result.diagnosis
     if not d.rounds[k]:
         return None
@@ -187,7 +175,7 @@ def _ranking(result: RunResult, k: int) -> Figure | None:
     return ranking_figure(labels, levels, before, names=names, twins=twins, accepted=accepted, xlabel=label)
 
 
-def _frf(result: RunResult, figures: Figures) -> Figure:
+def _frf(result: FrfResult, figures: Figures) -> Figure:
     d = result.diagnosis
     compared = compared_models(result)
     frfs: dict[str, FRF] = dict(compared.frfs)
@@ -279,7 +267,7 @@ def _plain(values: NDArray[np.float64]) -> list[list[float | None]]:
     return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
 
 
-def _frf_error(result: RunResult) -> Figure:
+def _frf_error(result: FrfResult) -> Figure:
     d = result.diagnosis
     measured = d.measured
     models = compared_models(result).frfs
@@ -287,16 +275,15 @@ def _frf_error(result: RunResult) -> Figure:
     return frf_error_figure(measured.frequency, errors, floor=noise, held_out=held_out_bands(result))
 
 
-def _modes(result: RunResult) -> Figure | None:
-    d = result.diagnosis
-    _, without, fitted = modes_of(d)
-    pair = most_changed(pair_modes(without, fitted, d.model.mesh.n_points)) if d.verdict == EFFECT else None
+def _modes(result: RunResult[Verdict]) -> Figure | None:
+    shown = shapes_of(result)
     return moving_modes(
-        d.model,
-        fitted,
-        list(range(fitted.n_rigid, fitted.n_modes)),
-        measured_shapes(result, fitted),
-        first=pair.index if pair else -1,
+        result.diagnosis.model,
+        shown.modes,
+        list(shown.headings),
+        shown.measured,
+        labels=shown.headings,
+        first=shown.changed.index if shown.changed else -1,
     )
 
 
@@ -327,31 +314,6 @@ def _in_few_bytes(mode: Mapping[str, Any]) -> dict[str, Any]:
     """Return a mode whose surface moves in steps of a 32767th of its largest displacement."""
     step = max(float(np.abs(mode["surface"]).max()), 1e-300) / 32767
     return {**mode, "surface": np.round(mode["surface"] / step).astype(np.int16), "step": step}
-
-
-def measured_shapes(result: RunResult, modes: Modes) -> dict[int, MeasuredShape]:
-    """Return the measured motion near each natural frequency, by the mode's number.
-
-    At the line nearest to it, the imaginary part of the receptances: there a mode with little damping answers
-    in quadrature. Of several forces it is the part that most of them share, the first left singular vector.
-    """
-    d = result.diagnosis
-    if not d.problem.data.phase:  # amplitudes do not tell which sensors move against each other
-        return {}
-    sensors = motions_of(d.problem.data.measurement.sensors)
-    if not sensors:
-        return {}
-    points, directions = (np.array([getattr(s, key) for s in sensors]) for key in ("point", "direction"))
-    names = [s.name for s in sensors]
-    frf = d.measured.select(names, lines=d.measured.frequency > 0).as_kind("receptance")
-    out: dict[int, MeasuredShape] = {}
-    for k in range(modes.n_rigid, modes.n_modes):
-        f = modes.frequency[k]
-        if frf.frequency[0] <= f <= frf.frequency[-1]:
-            line = int(np.argmin(np.abs(frf.frequency - f)))
-            shape = np.linalg.svd(frf.H[line].imag)[0][:, 0]
-            out[k] = points, shape[:, None] * directions
-    return out
 
 
 def as_json(value: Any) -> str:

@@ -5,10 +5,10 @@ import numpy as np
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Details, Heading, Plot, Section, TableBlock, Text
 from dovetail.report.shown import TURN, Shown
-from dovetail.result import RunResult, least_frac
+from dovetail.result import FrfResult, least_frac
 
 
-def misfit(result: RunResult, shown: Shown) -> Section:
+def misfit(result: FrfResult, shown: Shown) -> Section:
     """Return the error by sensor and by band, and places where a small change would help."""
     text = (
         "The model with fitted uncertain parameters, before any effect is added. A complete model is "
@@ -39,7 +39,7 @@ def _map(shown: Shown, name: str, what: str) -> Plot:
     )
 
 
-def _shares(result: RunResult) -> list[Block]:
+def _shares(result: FrfResult) -> list[Block]:
     where = result.localisation
     if where is None:
         return []
@@ -51,7 +51,7 @@ def _shares(result: RunResult) -> list[Block]:
     return [Heading("Where a small change would help"), *shown, Text(where.note)]
 
 
-def _sensor_errors(result: RunResult) -> TableBlock:
+def _sensor_errors(result: FrfResult) -> TableBlock:
     first, last = result.comparisons[0], result.comparisons[-1]
     middle = result.comparisons[min(1, len(result.comparisons) - 1)]
     columns = [c.by_sensor() for c in (first, middle, last)]

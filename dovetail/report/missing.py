@@ -17,21 +17,46 @@ from dovetail.report.blocks import (
 )
 from dovetail.report.confidence import best_of
 from dovetail.report.drawn import ranking_caption
-from dovetail.report.probable import hypotheses
+from dovetail.report.sections import explanations
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import RunResult
+from dovetail.result import FrfResult, RunResult, by_frfs
 from fem.summary import counted, percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.separation import Proposal
+from updating.diagnosis.verdict import Verdict
 
 
-def missing(result: RunResult, shown: Shown) -> Section:
-    """Return the found effects, their evidence, and measurements that would tell them from rivals."""
+def missing(result: RunResult[Verdict], shown: Shown) -> Section:
+    """Return the found effects or explanations, their evidence, and measurements that would tell rivals."""
     d = result.diagnosis
-    if not d.findings:
-        return Section("Missing effects", [*_nothing_found(result, shown), *_hypotheses(result, shown)])
+    blocks: list[Block] = _found(d) if d.findings else _nothing_found(result, shown)
+    if d.modes is not None:
+        blocks.append(explanations.credible(d))
+    blocks += explanations.page(d, shown)
+    for k, finding in enumerate(d.findings):
+        if k < len(d.rounds):  # not of effects that were added by hand
+            blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
+        for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
+            blocks += _separated(finding, twin, proposals)
+    text = (
+        "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
+        "parameters vary with it."
+    )
+    if by_frfs(d):
+        text += (
+            " The residual beyond noise counts in them as an error of the model that is much the same at "
+            "neighbouring lines; a model that is wrong all over may shift values by more."
+        )
+    some = d.findings or d.modes is not None
+    title = "Missing effects" if d.baseline is None else "What has changed"
+    return Section(title, [*blocks, *([Text(text)] if some else [])])
+
+
+def _found(d: Verdict) -> list[Block]:
+    """Return the found effects with their values."""
     rows = []
     for f in d.findings:
         for p in f.parameters:
@@ -40,18 +65,7 @@ def missing(result: RunResult, shown: Shown) -> Section:
             label = words.effect_label(f.effect.kind, f.effect.where)
             rows.append([label, stiff.name.replace("_", " "), words.fitted_text(stiff), _absent(f, p), std])
     head = ["effect", "parameter", "value ± std", "model has", "std [%]"]
-    blocks: list[Block] = [TableBlock(head, rows, numbers=(2, 3, 4)), *_hypotheses(result, shown)]
-    for k, finding in enumerate(d.findings):
-        if k < len(d.rounds):  # not of effects that were added by hand
-            blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
-        for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
-            blocks += _separated(finding, twin, proposals)
-    text = (
-        "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-        "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
-        "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
-    )
-    return Section("Missing effects", [*blocks, Text(text)])
+    return [TableBlock(head, rows, numbers=(2, 3, 4))]
 
 
 def _absent(finding: Finding, found: EffectParameter) -> str:
@@ -111,21 +125,6 @@ def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
     return [heading, Text(lead), Items(pieces), Group("off", [picture])]
 
 
-def _hypotheses(result: RunResult, shown: Shown) -> list[Block]:
-    """Return the probabilities of hypotheses; nothing where the search gives none."""
-    known = hypotheses(result.diagnosis)
-    if not known:
-        return []
-    figure = shown.figure(
-        "probability",
-        "Bars of the probability of each hypothesis; the table has the numbers.",
-        "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
-    )
-    rows = [[name, percent(p)] for name, p in known]
-    table = TableBlock(["hypothesis", "probability"], rows, numbers=(1,), at_most=8)
-    return [Heading("How probable"), figure, table]
-
-
 def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) -> list[Block]:
     """Return the next measurement that would tell the effect from a twin."""
     effect = words.effect_label(finding.effect.kind, finding.effect.where)
@@ -144,7 +143,7 @@ def _separated(finding: Finding, twin: Ranked, proposals: tuple[Proposal, ...]) 
     return [heading, TableBlock(head, rows, numbers=(1, 2)) if rows else none, Text(text)]
 
 
-def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
+def _nothing_found(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     d = result.diagnosis
     best, looked_at = best_of(d.rounds), len(d.candidates)
     gained = (
@@ -159,7 +158,7 @@ def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
         NOTHING: (
             "Nothing that these data can show. This does not prove that the model is right where no mode "
             "of the band strains it."
-            if not d.more_than_noise
+            if not (by_frfs(d) and d.more_than_noise)
             else "Nothing that stands out from the error of beam theory."
         ),
         FAULT: "Nothing, once the sensors below are corrected.",
@@ -173,7 +172,7 @@ def _nothing_found(result: RunResult, shown: Shown) -> list[Block]:
     return [Text(text), *_excluded(result, shown), tried]
 
 
-def _excluded(result: RunResult, shown: Shown) -> list[Block]:
+def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     """Return which sizes of effects the data would have shown, and where."""
     if result.excluded is None:
         return []
@@ -190,7 +189,7 @@ def _excluded(result: RunResult, shown: Shown) -> list[Block]:
     return [Text(planning.EXCLUDED), table, figure]
 
 
-def search(result: RunResult, shown: Shown) -> Section:
+def search(result: FrfResult, shown: Shown) -> Section:
     """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
     text = (
@@ -208,7 +207,7 @@ def search(result: RunResult, shown: Shown) -> Section:
     return Section("How the candidates did", blocks)
 
 
-def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:
+def _round(result: FrfResult, shown: Shown, k: int) -> list[Block]:
     d, name = result.diagnosis, f"ranking-{k + 1}"
     ranked, finding = d.rounds[k], d.findings[k] if k < len(d.findings) else None
     alt = (
@@ -223,9 +222,52 @@ def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:
     return [shown.figure(name, alt, ranking_caption(result, k), [name]), Details(title, [table])]
 
 
-def _outcome(result: RunResult, k: int) -> str:
+def _outcome(result: FrfResult, k: int) -> str:
     d = result.diagnosis
     if k < len(d.findings):
         f = d.findings[k]
         return f"{words.effect_label(f.effect.kind, f.effect.where)} is accepted"
     return "no candidate improves the model enough; the search ends"
+
+
+def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> Section:
+    """Return what the first of two states says of the model, where that does not explain it."""
+    judged = result.diagnosis.judged
+    if judged is None or judged.diagnosis is None:
+        return Section("", ())
+    off = judged.first.missed
+    modes = [
+        [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
+        for k, f in enumerate(judged.first.problem.targets.frequency)
+    ]
+    causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
+    text = (
+        "The calibrated model does not explain the first state. Something may be missing in both states. "
+        "The change was searched for with each of these causes in the model, and probabilities are sums "
+        "over them."
+    )
+    caption = (
+        "Frequencies of the calibrated model less the measured ones of the first state, in standard "
+        "deviations of the measurement"
+    )
+    blocks = [
+        Text(text),
+        TableBlock(["missing in both states", "probability"], causes, numbers=(1,)),
+        TableBlock(["mode", "measured [Hz]", "missed by [σ]"], modes, numbers=(0, 1, 2), caption=caption),
+    ]
+    return Section("The baseline is poor", blocks)
+
+
+def places(result: RunResult[Verdict], shown: Shown) -> Section:
+    """Return the places by the misfit that changes there leave."""
+    rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
+    text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
+    table = TableBlock(["place", "remaining misfit [-]"], rows, numbers=(1,), at_most=8)
+    return Section("Where", [text, table] if rows else ())
+
+
+def measure_next(result: RunResult[Verdict], shown: Shown) -> Section:
+    """Return what would tell the first two explanations apart; nothing without any."""
+    proposals = result.diagnosis.next_measurements
+    lead = "To distinguish the first two explanations:" if proposals else ""
+    return Section("What to measure next", [Text(lead), Items(proposals)])

@@ -1,6 +1,6 @@
 """The pictures of a run, as files; a picture that cannot be drawn is left out and named."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,8 @@ from dovetail.report import words
 from dovetail.report.blocks import Picture
 from dovetail.report.drawn import (
     FRF_ERROR,
-    STAIRCASE,
     compared_models,
     error_bands,
-    error_steps,
     failing_places,
     fits_of,
     held_out_bands,
@@ -27,17 +25,17 @@ from dovetail.report.drawn import (
     ranking_caption,
     rivals,
     smoothing,
-    staircase_alt,
     telling_pairs,
+    test_in_words,
+    test_of,
 )
-from dovetail.result import RunResult
-from fem.analysis.modes import Modes
-from fem.model import Model
-from fem.summary import counted
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING
-from updating.diagnosis.fitted_modes import FittedModePair, modes_of, most_changed, pair_modes
+from dovetail.report.sections import measured_modes, staircase
+from dovetail.report.sections.mode_shapes import mode_heading, shapes_of
+from dovetail.result import FrfResult, RunResult, has_frfs
+from updating.diagnosis.diagnosis import FAULT, NOTHING
+from updating.diagnosis.fitted_modes import FittedModePair
+from updating.diagnosis.verdict import Verdict
 from viz import curves, heat_maps, search
-from viz.interactive.modes import MeasuredShape
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save
 
@@ -92,7 +90,7 @@ class Album:
         self.add(name, alt, caption, lambda file: save(plot(*args, **more), file, DPI))
 
 
-def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
+def draw_all(result: RunResult[Verdict], folder: Path, say: Say) -> Album:
     """Draw everything that a report shows.
 
     Parameters
@@ -104,13 +102,19 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
         Progress: a text and the fraction done.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    album = Album(folder)
+    album, d = Album(folder), result.diagnosis
     say("drawing curves", 0.0)
-    _draw_errors(result, album)
-    _draw_frfs(result, album)
+    caption = staircase.CAPTIONS[d.stairs.unit]
+    album.plot("staircase", staircase.in_words(d), caption, staircase.picture, d)
+    measured_modes.draw(result, album)
+    if has_frfs(result):
+        _draw_errors(result, album)
+        _draw_frfs(result, album)
     say("drawing the structure", 0.3)
     if can_draw():
         _draw_structure(result, album)
+        if has_frfs(result):
+            _draw_misfit(result, album)
         _draw_modes(result, album, say)
     else:
         album.failures.append(
@@ -119,10 +123,8 @@ def draw_all(result: RunResult, folder: Path, say: Say) -> Album:
     return album
 
 
-def _draw_errors(result: RunResult, album: Album) -> None:
+def _draw_errors(result: FrfResult, album: Album) -> None:
     d = result.diagnosis
-    floor = d.noise_floor_db
-    album.plot("staircase", staircase_alt(d), STAIRCASE, plot_staircase, error_steps(d), floor)
     limits = 0.0, misfit_limit(result)
     for name, step, what in misfit_steps(result):
         c = result.comparisons[step]
@@ -140,20 +142,7 @@ def _draw_errors(result: RunResult, album: Album) -> None:
             album.plot(f"ranking-{k + 1}", alt, ranking_caption(result, k), _plot_ranking, result, k)
 
 
-def plot_staircase(
-    steps: Sequence[tuple[str, float, float | None]],
-    floor: float,
-    ylabel: str = "error of the amplitude [dB]",
-    **more: Any,
-) -> Figure:
-    """Return the figure of a staircase; more as :func:`viz.search.plot_staircase`."""
-    figure = search.plot_staircase(steps, floor, ylabel=ylabel, **more)
-    low, high = figure.axes[0].get_ylim()
-    figure.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
-    return figure
-
-
-def _plot_ranking(result: RunResult, k: int) -> Figure:
+def _plot_ranking(result: FrfResult, k: int) -> Figure:
     labels, levels, baseline, twins, accepted = ranking_bars(result, k)
     return search.plot_ranking(
         labels,
@@ -165,7 +154,7 @@ def _plot_ranking(result: RunResult, k: int) -> Figure:
     )
 
 
-def _draw_frfs(result: RunResult, album: Album) -> None:
+def _draw_frfs(result: FrfResult, album: Album) -> None:
     d, compared, unseen = result.diagnosis, compared_models(result), held_out_bands(result)
     measured, models, bands = d.measured, compared.frfs, compared.deviations
     shaded = "; shaded, the 95 % band of the last one's parameters." if bands else "."
@@ -193,19 +182,25 @@ def _draw_frfs(result: RunResult, album: Album) -> None:
     album.plot("frf-error", alt, FRF_ERROR, curves.plot_frf_error, measured, models, **more)
 
 
-def _draw_structure(result: RunResult, album: Album) -> None:
+def _draw_structure(result: RunResult[Verdict], album: Album) -> None:
     from viz import render
 
-    model, m = result.study.model, result.diagnosis.problem.data.measurement
-    marks = [(place.point, place.label) for place in marked_places(result)]
-    many = f"{counted(len(m.sensors), 'sensor')} and {counted(len(m.excitations), 'excitation')}"
+    model, (sensors, forces) = result.study.model, test_of(result)
+    marks = [(p.point, p.label) for p in marked_places(result) if p.role != "candidate"]
+    many = test_in_words(result)
     many += f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
     album.add(
         "structure",
-        f"The structure with {many}.",
-        f"The model with sections, {many}.",
-        lambda p: render.render_model(model, p, m.sensors, m.excitations, marks),
+        f"The structure{many}.",
+        f"The model with sections{many.replace(' with', ',', 1)}.",
+        lambda p: render.render_model(model, p, sensors, forces, marks),
     )
+
+
+def _draw_misfit(result: FrfResult, album: Album) -> None:
+    from viz import render
+
+    model, m = result.study.model, result.diagnosis.problem.data.measurement
     points, directions, names = (
         np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction", "name")
     )
@@ -238,63 +233,32 @@ def _draw_structure(result: RunResult, album: Album) -> None:
         )
 
 
-def _draw_modes(result: RunResult, album: Album, say: Say) -> None:
-    from viz import animation
+def _draw_modes(result: RunResult[Verdict], album: Album, say: Say) -> None:
+    from viz import animation, render
 
-    _, without, fitted = modes_of(result.diagnosis)
-    model = result.diagnosis.model
-    elastic = range(fitted.n_rigid, fitted.n_modes)[:N_MODES]
-    zeta = fitted.zeta
-    titles = {
-        k: mode_heading(k, fitted.n_rigid, fitted.frequency[k], None if zeta is None else zeta[k])
-        for k in elastic
-    }
-    add_modes(album, model, fitted, titles, {}, say)
-    if result.diagnosis.verdict != EFFECT:
-        return
-    pair = most_changed(pair_modes(without, fitted, model.mesh.n_points))
-    if pair is None:
-        return
-    say("drawing the mode that changed most", 0.9)
-    k = pair.index
-    title = mode_heading(k, fitted.n_rigid, pair.fitted, pair.fitted_zeta)
-    album.add(
-        "mode-changed",
-        f"Animated shape of the mode that the effect changes most, at {pair.fitted:.4g} Hz.",
-        f"The mode that the effect changes most: {_moved(pair)}.",
-        lambda p: animation.animate_mode(model, fitted, k, p, title=title),
-        ".gif",
-    )
-
-
-def add_modes(
-    album: Album,
-    model: Model,
-    modes: Modes,
-    titles: Mapping[int, str],
-    measured: Mapping[int, MeasuredShape],
-    say: Say,
-) -> None:
-    """Draw the modes that have a title, with measured shapes where there are any."""
-    from viz import render
-
-    for done, (k, title) in enumerate(titles.items()):
+    model, shown = result.diagnosis.model, shapes_of(result)
+    modes, pair = shown.modes, shown.changed
+    for done, (k, title) in enumerate(list(shown.headings.items())[:N_MODES]):
         say("drawing mode shapes", 0.5 + 0.1 * done)
-        number = k - modes.n_rigid + 1
+        number, arrows = k - modes.n_rigid + 1, shown.measured.get(k) if result.reported else None
         album.add(
             f"mode-{number}",
             f"Shape of elastic mode {number} of the fitted model at {modes.frequency[k]:.4g} Hz.",
             title,
-            lambda p, k=k, title=title: render.render_mode(model, modes, k, p, measured.get(k), title),
+            lambda p, k=k, title=title, arrows=arrows: render.render_mode(model, modes, k, p, arrows, title),
         )
-
-
-def mode_heading(k: int, n_rigid: int, frequency: float, zeta: float | None) -> str:
-    """Return the heading of an elastic mode, counted from 1 without rigid-body modes."""
-    text = f"Elastic mode {k - n_rigid + 1}: {frequency:.4g} Hz"
-    if frequency < 0:
-        return f"{text}, a motion that grows"
-    return text if zeta is None else f"{text}, damping {100 * zeta:.2g} %"
+    if pair is None:
+        return
+    say("drawing the mode that changed most", 0.9)
+    k = pair.index
+    title = mode_heading(k, modes.n_rigid, pair.fitted, pair.fitted_zeta)
+    album.add(
+        "mode-changed",
+        f"Animated shape of the mode that the effect changes most, at {pair.fitted:.4g} Hz.",
+        f"The mode that the effect changes most: {_moved(pair)}.",
+        lambda p: animation.animate_mode(model, modes, k, p, title=title),
+        ".gif",
+    )
 
 
 def _moved(pair: FittedModePair) -> str:

@@ -3,18 +3,17 @@
 import math
 from dataclasses import replace
 
-import numpy as np
-
-from dovetail.mode_result import ModeRunResult
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Group, Line, Mark, Section, TableBlock, Text
 from dovetail.report.drawn import FRF_ERROR
 from dovetail.report.page import Markup, join, tag
+from dovetail.report.sections import measured_modes
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import RunResult, Uncertain
+from dovetail.result import FrfResult, RunResult, Uncertain, by_frfs
+from updating.diagnosis.verdict import Verdict
 
 
-def frfs(result: RunResult, shown: Shown) -> Section:
+def frfs(result: FrfResult, shown: Shown) -> Section:
     """Return the FRFs: any of them where a script runs, the telling ones else."""
     known = result.diagnosis.measured
     tools = join(
@@ -44,8 +43,27 @@ def frfs(result: RunResult, shown: Shown) -> Section:
     return Section("FRFs before and after", blocks)
 
 
-def modes(result: RunResult, shown: Shown) -> Section:
-    """Return natural frequencies before and after, and the mode shapes."""
+def modes(result: RunResult[Verdict], shown: Shown) -> Section:
+    """Return natural frequencies, measured and before and after, and the mode shapes."""
+    arrows = ""
+    if result.reported is not None and result.reported.mac is not None:
+        arrows = (
+            "Arrows show the measured shape, scaled to the mode. Rings show where the model puts their tips."
+        )
+    blocks = [*measured_modes.page(result, shown), *_before_and_after(result)]
+    if by_frfs(result.diagnosis) and result.diagnosis.problem.data.phase:
+        arrows = (
+            "Arrows show the measured motion at the line nearest to the natural frequency, in quadrature and "
+            "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
+            "arrows' tips."
+        )
+    return Section("Natural frequencies and mode shapes", [*blocks, *shapes(shown, arrows)])
+
+
+def _before_and_after(result: RunResult[Verdict]) -> list[Block]:
+    """Return the modes in the band of FRFs, of the nominal and of the reported model."""
+    if not by_frfs(result.diagnosis):
+        return []
     rows = []
     for k, m in enumerate(result.modes, 1):
         change, mac = cells.shift(m.nominal, m.fitted), cells.decimals(m.mac, 3)
@@ -60,52 +78,12 @@ def modes(result: RunResult, shown: Shown) -> Section:
         if any(f < 0 for m in result.modes for f in (m.nominal, m.fitted))
         else ""
     )
-    arrows = (
-        "Arrows show the measured motion at the line nearest to the natural frequency, in quadrature and "
-        "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
-        "arrows' tips."
-        if result.diagnosis.problem.data.phase
-        else ""
-    )
     text = (
         f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
         "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
         f"mode.{grows}"
     )
-    table = TableBlock(head, rows, numbers=range(7), at_most=15)
-    blocks = [*_measured_modes(result), Text(text), table, *shapes(shown, arrows)]
-    return Section("Natural frequencies and mode shapes", blocks)
-
-
-def _measured_modes(result: RunResult) -> list[Block]:
-    """Return the measured modes and those of each step, where the study has modes in addition to FRFs."""
-    m = result.measured_modes
-    if m is None:
-        return []
-    shaped = any(np.isfinite(mac).any() for mac in m.mac.values())
-    head = ["measured [Hz]", "std [%]", *(f"{step} [%]" for step in m.computed)]
-    head += ["final MAC"] if shaped else []
-    last = list(m.computed)[-1]
-    rows = [
-        [
-            f"{f:.5g}",
-            f"{100 * m.std[k]:.2g}",
-            *(cells.shift(f, g[k]) for g in m.computed.values()),
-            *([cells.number(m.mac[last][k], 3)] if shaped else []),
-            "predicted" if m.held_out[k] else "fitted",
-        ]
-        for k, f in enumerate(m.measured)
-    ]
-    errors = [
-        [step, *(cells.number(100 * m.error(step, out), 2) for out in (False, True))] for step in m.computed
-    ]
-    caption = "Root mean square of ln(f computed / f measured)"
-    return [
-        TableBlock([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
-        TableBlock(
-            ["step", "fitted modes [%]", "held-out modes [%]"], errors, numbers=(1, 2), caption=caption
-        ),
-    ]
+    return [Text(text), TableBlock(head, rows, numbers=range(7), at_most=15)]
 
 
 def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
@@ -127,8 +105,12 @@ def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
     return [shown.figure("modes", alt, caption.strip(), names, tools=tools, hint=TURN)]
 
 
-def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Section:
-    """Return the uncertain parameters before and after the fit; ``fitted`` says to or with what."""
+def uncertain(result: RunResult[Verdict], shown: Shown) -> Section:
+    """Return the uncertain parameters before and after the fit."""
+    d = result.diagnosis
+    fitted = (
+        "to the baseline" if d.baseline is not None else "in every step" if by_frfs(d) else "with the effects"
+    )
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
         f" {bound} of them end at the edge of the allowed range, four prior standard deviations from "
@@ -153,7 +135,7 @@ def _parameter_row(u: Uncertain) -> list[Line]:
     return [u.words, words.with_unit(u.nominal, u.unit), value, change, prior, flag]
 
 
-def faults(result: RunResult) -> Section:
+def faults(result: FrfResult, shown: Shown) -> Section:
     """Return the faults of the measurement and their remedies."""
     d, known = result.diagnosis, result.diagnosis.every_fault
     none = (

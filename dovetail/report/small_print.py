@@ -8,11 +8,11 @@ from itertools import pairwise
 
 from dovetail.file.contents import Study
 from dovetail.file.geometry import describe_sizes
-from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
 from dovetail.report.blocks import Details, Facts, Items, Mark, Section, TableBlock, Text
 from dovetail.report.shown import Shown
-from dovetail.result import RunResult, program_version
+from dovetail.result import RunResult, by_frfs, by_modes_alone, program_version
+from updating.diagnosis.verdict import Verdict
 
 MODULES = (
     "updating.inference.belief",
@@ -34,6 +34,7 @@ MODULES_OF_MODES = (
     "updating.diagnosis.evidence.search",
     "updating.diagnosis.evidence.mode_ranking",
     "updating.diagnosis.verdict",
+    "updating.diagnosis.mode_table",
     "updating.diagnosis.mode_diagnosis",
     "updating.diagnosis.states",
     "updating.inference.mode_preparation",
@@ -43,7 +44,7 @@ MODULES_OF_MODES = (
 """The same of a diagnosis from modes."""
 
 
-def notes(result: RunResult | ModeRunResult, shown: Shown) -> Section:
+def notes(result: RunResult[Verdict], shown: Shown) -> Section:
     """Return notes for the reader on methods and limits."""
     study = result.study
     failures = *shown.album.failures, *shown.figures.failures
@@ -51,11 +52,11 @@ def notes(result: RunResult | ModeRunResult, shown: Shown) -> Section:
     return Section("Notes", [Items(known)])
 
 
-def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Section:
+def assumptions(result: RunResult[Verdict], shown: Shown) -> Section:
     """Return assumptions, the thresholds of the search, and the study file."""
     rows = [
         [Mark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
-        for name, value, text in thresholds(modules)
+        for name, value, text in thresholds(MODULES if by_frfs(result.diagnosis) else MODULES_OF_MODES)
     ]
     study, table = result.study, TableBlock(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
     blocks = [
@@ -90,39 +91,30 @@ def _program() -> str:
     return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
 
 
-def about(result: RunResult) -> Section:
+def about(result: RunResult[Verdict], shown: Shown) -> Section:
     """Return the facts of the run."""
     d = result.diagnosis
     facts = [
-        ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
-        _mesh(result.study),
-        ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
-        ("error of the reduced basis", f"{d.basis_db:.2g} dB, against direct solutions of the full model"),
-    ]
-    files = "frf.npz (measured and computed FRFs of each step), pictures/"
-    return _about(result, facts, files)
-
-
-def about_modes(result: ModeRunResult) -> Section:
-    """Return the facts of a run on modes."""
-    d = result.diagnosis
-    problem = d.problem if d.baseline is None else d.baseline.problem
-    facts = [
-        ("duration", f"{d.seconds:.0f} s"),
-        _mesh(result.study),
-        ("error of the mesh", f"{100 * problem.mesh_level:.2g} % of natural frequencies"),
-    ]
-    return _about(result, facts, "found.toml, pictures/")
-
-
-def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], files: str) -> Section:
-    run = [
         ("study file", result.study.path.name),
         ("program", _program()),
         ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
+        ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
+        _mesh(result.study),
     ]
-    files = f"result.json (for programs), {files}"
-    return Section("About this run", [Facts([*run, *facts, ("files next to this one", files)])])
+    files = "result.json (for programs), found.toml, pictures/"
+    if by_frfs(d):
+        facts += [
+            ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
+            (
+                "error of the reduced basis",
+                f"{d.basis_db:.2g} dB, against direct solutions of the full model",
+            ),
+        ]
+        files += ", frf.npz (measured and computed FRFs of each step)"
+    if by_modes_alone(d):
+        level = d.calibration[0].mesh_level
+        facts.append(("error of the mesh", f"{100 * level:.2g} % of natural frequencies"))
+    return Section("About this run", [Facts([*facts, ("files next to this one", files)])])
 
 
 def _mesh(study: Study) -> tuple[str, str]:

@@ -5,16 +5,15 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import ADDED, RunResult, Uncertain, added_parameters, axis_text
+from dovetail.result import ADDED, RunResult, Uncertain, added_parameters, axis_text, by_frfs
 from fem.model import Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
-from updating.diagnosis.mode_diagnosis import Explanation, ModeDiagnosis
 from updating.diagnosis.separation import Decisive, Proposal
+from updating.diagnosis.verdict import Explanation, Verdict
 from updating.inference.belief import UNSTATED
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
@@ -158,7 +157,7 @@ def against_text(first: float, second: float) -> str:
     return f"{first:.{n}f} dB against {second:.{n}f} dB"
 
 
-def equal_fit_text(d: Diagnosis, finding: Finding, ranked: Sequence[Ranked]) -> str:
+def equal_fit_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
     """Return which other effects fit the data as well as a finding, which only priors make less probable."""
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
     if accepted is None or not finding.equal_fits:
@@ -335,23 +334,26 @@ def ranked_label(r: Ranked) -> str:
     return effect_label(r.kind, r.where)
 
 
-def headline(result: RunResult) -> str:
+def headline(result: RunResult[Verdict]) -> str:
     """Return the verdict in plain sentences."""
     d = result.diagnosis
     change = d.baseline is not None
     known = d.every_fault
     faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")
+    if d.verdict == EFFECT and is_open(d):
+        what = "Something has changed" if change else "The model lacks something"
+        return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
     if d.verdict == EFFECT:
         text = _since(sentences(d.findings), change)
-        if d.steps[-1].level > d.limit:
+        if by_frfs(d) and d.steps[-1].level > d.limit:
             text += " That explains the misfit only in part."
         return f"{text} In addition, {faults}." if faults else text
     if d.verdict == NOTHING and change:
         return "Nothing has changed that these data can show."
-    if d.verdict == NOTHING and not d.more_than_noise:
-        return "The model lacks nothing that these data can show."
-    if d.verdict == NOTHING:
+    if d.verdict == NOTHING and by_frfs(d) and d.more_than_noise:
         return "The model lacks nothing that stands out from the error of beam theory."
+    if d.verdict == NOTHING:
+        return "The model lacks nothing that these data can show."
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
     if d.verdict == UNEXPLAINED:
@@ -360,32 +362,22 @@ def headline(result: RunResult) -> str:
     return d.verdict
 
 
+def is_open(d: Verdict) -> bool:
+    """Whether other explanations than the one reported are together more probable than it.
+
+    Findings by FRFs have twins instead, which their sentences name.
+    """
+    return d.modes is not None and not d.sure
+
+
 def _since(text: str, change: bool) -> str:
     return f"Since the baseline: {text[:1].lower()}{text[1:]}" if change else text
 
 
-def mode_headline(result: ModeRunResult) -> str:
-    """Return the verdict of a run on modes in plain sentences."""
-    d = result.diagnosis
-    change = d.baseline is not None
-    if d.verdict == EFFECT and d.sure:
-        return _since(sentences(mode_findings(d)), change)
-    if d.verdict == EFFECT:
-        what = "Something has changed" if change else "The model lacks something"
-        return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
-    if d.verdict == NOTHING:
-        return (
-            "Nothing has changed that these data can show."
-            if change
-            else "The model lacks nothing that these data can show."
-        )
-    return "The model does not fit the data, and no effect known to the program explains why."
-
-
-def mode_values(d: ModeDiagnosis) -> list[str]:
-    """Return the effects found by modes with their values, a line each."""
-    lines = [finding_text(f) for f in mode_findings(d)]
-    if d.sure or not lines:
+def values_found(d: Verdict) -> list[str]:
+    """Return the effects found with their values, a line each."""
+    lines = [finding_text(f) for f in d.findings]
+    if not lines or not is_open(d):
         return lines
     first = d.reported is d.explanations[0]
     return ["The most probable explanation:" if first else "The simplest probable explanation:", *lines]
@@ -475,7 +467,7 @@ def proposal_text(proposal: Proposal) -> str:
     return f"{what}{proposal.where}"
 
 
-def advice(result: RunResult) -> list[str]:
+def advice(result: RunResult[Verdict]) -> list[str]:
     """Return advice where the misfit stays unexplained."""
     out = [*_worst_sensors(result), *_best_places(result)]
     bound = [u.words for u in result.uncertain if u.at_bound]
@@ -510,7 +502,7 @@ def unstated_text(model: Model) -> list[str]:
     ]
 
 
-def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
+def _worst_sensors(result: RunResult[Verdict], n: int = 3) -> list[str]:
     where = result.localisation
     if where is None:
         return []
@@ -523,7 +515,7 @@ def _worst_sensors(result: RunResult, n: int = 3) -> list[str]:
     ]
 
 
-def _best_places(result: RunResult, n: int = 3, least: float = 0.05) -> list[str]:
+def _best_places(result: RunResult[Verdict], n: int = 3, least: float = 0.05) -> list[str]:
     where = result.localisation
     if where is None or not where.says_where:
         return []

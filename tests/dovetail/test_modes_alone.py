@@ -18,9 +18,10 @@ from dovetail.file.toml import toml_value
 from dovetail.found import mode_found_text
 from dovetail.modes_history import StateChange
 from dovetail.modes_pipeline import mode_problem, targets_of
-from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
+from dovetail.report.figures import make_all
 from dovetail.report.outline import read_outline
 from dovetail.report.probable import probability_text
+from dovetail.report.sections.mode_shapes import partner_shapes
 from fem import Modes, assemble
 from fem.analysis.modes import first_modes
 from fem.io import write_npz
@@ -28,7 +29,8 @@ from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
 from updating import Nuisance, propose
 from updating.diagnosis.findings import Finding
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, ModeTable, _reason, diagnose_modes
+from updating.diagnosis.mode_diagnosis import ModeDiagnosis, _reason, diagnose_modes
+from updating.diagnosis.mode_table import ModeTable
 from updating.diagnosis.reported_modes import reported_modes
 from updating.diagnosis.verdict import Explanation
 from updating.inference.mode_targets import ModeTargets
@@ -48,8 +50,7 @@ SENSORS = [(axis, s) for axis in "xy" for s in (0.3, 0.6, 0.8, 1.0)]
 @pytest.fixture(autouse=True)
 def _without_opengl(monkeypatch):
     """Leave pictures of the structure out: others test them, and they take long without a graphics card."""
-    for module in ("pictures", "mode_drawn"):
-        monkeypatch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
+    monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
 
 
 def written(folder, text):
@@ -175,7 +176,7 @@ def test_the_change_between_two_states_is_found(root, tmp_path):
     assert values["position"] == pytest.approx(0.30, abs=0.01)
     assert found.modes.errors(found.modes.fitted, False) > 0.005
     assert "0.06" in found._repr_html_()
-    again = mode_found_text(SimpleNamespace(study=study, diagnosis=found), folder)
+    again = mode_found_text(study, found, folder)
     (folder / "found.toml").write_text(again, encoding="utf-8")
     problem = mode_problem(load_study(folder / "found.toml"))  # the form of both states included
     computed = problem.computed(problem.nominal()).frequency
@@ -277,8 +278,7 @@ def shaped(tmp_path_factory):
     """Return a run on modes with shapes, and its folder."""
     folder = tmp_path_factory.mktemp("shapes")
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("pictures", "mode_drawn"):
-            patch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
+        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
         return load_study(written_shapes(folder)).run(folder / "out")
 
 
@@ -299,8 +299,7 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
 
 def test_the_figures_of_modes_show_the_table(shaped):
     d = shaped.diagnosis
-    drawn = reported_modes(d)
-    figures = make_mode_figures(shaped, drawn)
+    figures = make_all(shaped)
     assert figures.failures == []
     staircase = figures.known["staircase"].data
     for k, held in enumerate((False, True)):
@@ -318,7 +317,7 @@ def test_partners_in_the_full_model_are_those_of_the_fit(shaped):
     assert drawn.modes.frequency[drawn.partner] == pytest.approx(d.modes.found, rel=1e-4)
     own = drawn.mac[np.arange(d.modes.measured.size), drawn.partner - drawn.modes.n_rigid]
     assert own == pytest.approx(d.modes.mac_found, abs=1e-3)
-    shapes = measured_shapes(shaped, drawn)
+    shapes = partner_shapes(d.problem.targets, drawn)
     assert set(shapes) == set(drawn.partner)
     assert all(len(points) == len(SENSORS) for points, _ in shapes.values())
 
@@ -411,8 +410,10 @@ def told(verdict, reported, *explanations):
     """Return a diagnosis of two modes whose reported hypothesis has some effects, among explanations."""
     column = np.array([50.0, 120.0])
     blank = np.full(2, np.nan)
+    steps = dict.fromkeys(("nominal", "fitted", "found"), column)
+    unknown = dict.fromkeys(steps, blank)
     table = ModeTable(
-        column, 0.01 * column, *3 * [column], *4 * [blank], np.zeros(2, dtype=bool), blank, blank
+        column, 0.01 * column, steps, unknown, blank, blank, np.zeros(2, dtype=bool), blank, blank
     )
     result = SimpleNamespace(values={}, std={}, effects=reported)
     best = SimpleNamespace(effects=reported, fitted=result)

@@ -412,7 +412,7 @@ def test_the_report_has_a_table_of_what_is_excluded(sound, tmp_path):
 
 
 def test_a_run_reports_the_progress_of_what_it_excludes(sound, file, tmp_path, monkeypatch):
-    monkeypatch.setattr(pipeline, "diagnose_study", lambda study, say, processes: sound[1])
+    monkeypatch.setattr(pipeline, "diagnose_study", lambda *asked: sound[1])
     heard = []
     result = pipeline.analyse(load_study(file), tmp_path, lambda text, done: heard.append((text, done)))
     assert result.excluded is not None

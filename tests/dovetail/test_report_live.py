@@ -22,6 +22,7 @@ from dovetail.report.outline import Picture, TableBlock, read_outline
 from dovetail.report.page import report_page
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
+from dovetail.report.sections.mode_shapes import quadrature_shapes
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
 from tests.frames import beam, write_study
@@ -169,7 +170,7 @@ def test_measured_shapes_are_those_of_the_modes(found):
     """FRFs of the model itself, at its resonances, have the shapes of its modes."""
     d = found.diagnosis
     _, _, fitted = modes_of(d)
-    shapes = figures.measured_shapes(found, fitted)
+    shapes = quadrature_shapes(found.diagnosis, fitted)
     assert set(shapes) == set(range(fitted.n_rigid, fitted.n_modes))
     along = np.array([s.direction for s in d.problem.data.measurement.sensors])
     seen = 0
@@ -369,8 +370,7 @@ def test_a_click_on_the_map_shows_the_sensor(folder, found, chromium):
 
 
 def test_a_report_of_modes_fits_a_narrow_page(chromium, tmp_path, monkeypatch):
-    for module in ("pictures", "mode_drawn"):
-        monkeypatch.setattr(f"dovetail.report.{module}.can_draw", lambda: False)
+    monkeypatch.setattr("dovetail.report.pictures.can_draw", lambda: False)
     done = load_study(written_shapes(tmp_path)).run(tmp_path / "out")
     with opened(chromium, done.report, width=400) as page:
         for name in ("staircase", "model", "probability", "deviations", "mac", "modes"):

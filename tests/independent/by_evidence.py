@@ -9,7 +9,6 @@ import json
 import resource
 import sys
 import time
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +16,6 @@ import numpy as np
 from benchmarks.validation.evidence import Stated, assess
 from dovetail.disk.output import write_json
 from dovetail.file.config import load_study
-from dovetail.file.contents import has_modes_alone
-from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
-from dovetail.modes_pipeline import diagnose_study_modes
 from dovetail.pipeline import analyse
 from dovetail.result import result_dict
 from tests.independent import table
@@ -121,12 +117,8 @@ def judged(case, truth, nominal, done, result, diagnosis):
 
 def diagnosed(study, out):
     """Return the diagnosis of a study by its FRFs or its modes, and result.json."""
-    if not has_modes_alone(study):
-        run = analyse(study, out, lambda text, done: None)
-        return run.diagnosis, result_dict(run)
-    d = diagnose_study_modes(study)
-    run = ModeRunResult(study, d, mode_uncertain(d), datetime.now().astimezone(), out)
-    return d, mode_result_dict(run)
+    run = analyse(study, out, lambda text, done: None)
+    return run.diagnosis, result_dict(run)
 
 
 def completed(result):

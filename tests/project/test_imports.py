@@ -38,8 +38,7 @@ MAY_IMPORT = {
     "static": "",
     "check": "fem.checks scipy.spatial scipy.special scipy.constants",
     "compare": """
-        dovetail.found dovetail.mode_partners dovetail.mode_result dovetail.modes_pipeline dovetail.pipeline
-        dovetail.result
+        dovetail.found dovetail.modes_pipeline dovetail.pipeline dovetail.result
         dovetail.report.probable dovetail.report.words
         updating.diagnosis updating.least_squares updating.modal updating.plan
         fem.reduction

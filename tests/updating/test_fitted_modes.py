@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg as sla
 
 from dovetail import result
-from dovetail.report.pictures import mode_heading
+from dovetail.report.sections.mode_shapes import mode_heading
 from fem import Damping, Joint, assemble
 from fem.effects import JointStiffness
 from fem.system import connection_stiffness
@@ -79,7 +79,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     problem = SimpleNamespace(nuisances=(), damping=CURVE, reduced=SimpleNamespace(model=None))
 
     def rows(model):
-        d = SimpleNamespace(problem=problem, steps=[SimpleNamespace(result=fit)], model=model, baseline=None)
+        d = SimpleNamespace(calibration=(problem, fit, model))
         return result.uncertain_parameters(d)  # type: ignore[arg-type]
 
     *knots, level, power = rows(soft(1.0))

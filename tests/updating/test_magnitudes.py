@@ -8,7 +8,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from dovetail.report.figures import measured_shapes
+from dovetail.report.sections.mode_shapes import quadrature_shapes
 from dovetail.report.words import level_label
 from fem import FRF
 from fem.io import read_frf, write_npz
@@ -50,7 +50,7 @@ def test_no_phase_and_no_measured_shape_is_shown(study):
     problem = fit_problem(study)
     diagnosis = SimpleNamespace(problem=problem, measured=problem.measured)
     result = SimpleNamespace(diagnosis=diagnosis)
-    assert measured_shapes(result, study.solve_modes(3)) == {}
+    assert quadrature_shapes(result.diagnosis, study.solve_modes(3)) == {}
     assert level_label(diagnosis) == "residual level, amplitude [dB]"
 
 

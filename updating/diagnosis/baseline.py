@@ -27,8 +27,9 @@ from updating.diagnosis.mode_diagnosis import (
     concluded,
     searched_modes,
 )
+from updating.diagnosis.mode_table import HALF
 from updating.diagnosis.unfitted import looked_at
-from updating.diagnosis.verdict import CREDIBLE, HALF
+from updating.diagnosis.verdict import CREDIBLE
 from updating.inference.bases import N_BASES, better_basis
 from updating.inference.fit import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult

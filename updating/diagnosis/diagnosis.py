@@ -6,20 +6,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.model import Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
-from updating.diagnosis.departures import Departure
-from updating.diagnosis.findings import Ranked, Step
-from updating.diagnosis.verdict import EFFECT, FAULT, NOTHING, UNEXPLAINED, Verdict
+from updating.diagnosis.verdict import (
+    CALIBRATED,
+    EFFECT,
+    FAULT,
+    FITTED,
+    NOMINAL,
+    NOTHING,
+    UNEXPLAINED,
+    Stairs,
+    Verdict,
+)
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
+from updating.inference.fit_result import FitResult
 from updating.quality.gates import Gates
 
-FITTED = "uncertain parameters fitted"
-"""Label of the step before effects."""
-CALIBRATED, DAMPED = "calibrated on the baseline", "damping fitted"
-"""Labels of the first two steps where the model was fitted to an earlier state."""
+DAMPED = "damping fitted"
+"""Label of the second step where the model was fitted to an earlier state."""
 N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
 
@@ -34,10 +42,6 @@ class Diagnosis(Verdict):
         Data, reduced model, sensors: what is needed to compute the FRFs of any step.
     baseline : CalibratedFrfs or None
         The fit to an earlier state, where the change since then was searched for.
-    steps : tuple of Step
-        From the nominal model over fitted nuisances to each added effect.
-    rounds : tuple of tuple of Ranked
-        For each round of the forward selection, the candidates that were fitted, best first.
     noise_db, discretisation_db, basis_db : float
         Noise of the measurement, error of the mesh, and error of the reduced basis [dB].
     limit : float
@@ -46,27 +50,35 @@ class Diagnosis(Verdict):
         Residual level that noise and the mesh leave [nepers].
     gates : Gates or None
         What was checked of the measurement before effects were searched for.
-    departures : tuple of Departure
-        Sections and connections whose form is outside its usual range.
     """
 
     problem: FitProblem
     baseline: CalibratedFrfs | None = None
-    steps: tuple[Step, ...]
-    rounds: tuple[tuple[Ranked, ...], ...]
     noise_db: float
     discretisation_db: float
     basis_db: float
     limit: float
     noise_limit: float
     gates: Gates | None = None
-    departures: tuple[Departure, ...] = ()
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""
         steps = " → ".join(f"{s.fit_db:.2f}" for s in self.steps)
         found = listed(f.effect.name for f in self.findings)
         return summary(self, f"{self.verdict}: {self.reason}; found: {found}; error {steps} dB")
+
+    @property
+    def stairs(self) -> Stairs:
+        """Error of the FRFs after each step [dB]."""
+        rows = tuple((s.label, s.fit_db, s.held_out_db) for s in self.steps)
+        return Stairs(rows, self.noise_floor_db, "dB")
+
+    @property
+    def calibration(self) -> tuple[FitProblem, FitResult, Model]:
+        """The fit of the uncertain parameters, and its model; of two states, that to the first one."""
+        if self.baseline is not None:
+            return self.baseline.problem, self.baseline.result, self.baseline.model
+        return self.problem, self.steps[-1].result, self.model
 
     @property
     def more_than_noise(self) -> bool:
@@ -98,4 +110,4 @@ class Diagnosis(Verdict):
         return self.problem.measured
 
 
-__all__ = ["EFFECT", "FAULT", "NOTHING", "UNEXPLAINED", "Diagnosis"]
+__all__ = ["CALIBRATED", "EFFECT", "FAULT", "FITTED", "NOMINAL", "NOTHING", "UNEXPLAINED", "Diagnosis"]

@@ -18,16 +18,20 @@ from updating.diagnosis.evidence.diagnosis import Searched, search_progress, sea
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.findings import Finding, parameters_of
+from updating.diagnosis.findings import Finding, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
+from updating.diagnosis.mode_table import HALF, ModeTable
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.diagnosis.verdict import (
+    CALIBRATED,
     CREDIBLE,
     EFFECT,
-    HALF,
+    FITTED,
+    NOMINAL,
     UNEXPLAINED,
     BadReading,
     Explanation,
+    Stairs,
     Verdict,
     explanations_of,
     posterior_of,
@@ -53,68 +57,6 @@ from updating.least_squares.mode_levels import ModeLevels
 
 MOST_NAMED = 3
 """Modes that are named as missed."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ModeTable:
-    """Measured modes and their computed partners, (n,) each; NaN where there is none.
-
-    Attributes
-    ----------
-    measured, std : ndarray
-        Frequencies [Hz] and their relative standard deviations [-].
-    nominal, fitted, found : ndarray
-        Frequencies of the nominal model, of the fitted one, and of that with what was found [Hz].
-    zeta, zeta_found : ndarray
-        Damping ratios, measured and of the model with what was found [-].
-    mac_nominal, mac_found : ndarray
-        Modal assurance criteria.
-    held_out : ndarray of bool
-        Modes that no fit has seen: they are predicted.
-    found_std : ndarray
-        Relative standard deviations of ``found`` where a mode is predicted [-].
-    bad : ndarray
-        Probability that the frequency does not belong to the structure's model; NaN where it was held out.
-    """
-
-    measured: NDArray[np.float64]
-    std: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    fitted: NDArray[np.float64]
-    found: NDArray[np.float64]
-    zeta: NDArray[np.float64]
-    zeta_found: NDArray[np.float64]
-    mac_nominal: NDArray[np.float64]
-    mac_found: NDArray[np.float64]
-    held_out: NDArray[np.bool_]
-    found_std: NDArray[np.float64]
-    bad: NDArray[np.float64]
-
-    @property
-    def belongs(self) -> NDArray[np.bool_]:
-        """Whether each mode is more probably the model's than not."""
-        return ~(self.bad >= HALF)
-
-    def predicted_text(self, k: int) -> str:
-        """Return a predicted frequency with its standard deviation."""
-        return f"{self.found[k]:.5g} ± {self.found[k] * self.found_std[k]:.2g} Hz"
-
-    def errors(self, computed: NDArray[np.float64], held_out: bool) -> float:
-        """Return the root mean square of ln f ratios of modes that were fitted, or held out [-].
-
-        Without those that do not belong.
-        """
-        return frequency_error(self.measured, computed, (self.held_out == held_out) & self.belongs)
-
-
-def frequency_error(
-    measured: NDArray[np.float64], computed: NDArray[np.float64], some: NDArray[np.bool_]
-) -> float:
-    """Return the root mean square of ln f ratios of some modes, NaN where none has a partner [-]."""
-    some = some & np.isfinite(computed)
-    if not some.any():
-        return float("nan")
-    return float(np.sqrt(np.mean(np.log(computed[some] / measured[some]) ** 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,13 +122,30 @@ class ModeDiagnosis(Verdict):
 
     problem: ModeProblem
     searched: Searched
-    modes: ModeTable
+    modes: ModeTable  # pyright: ignore[reportGeneralTypeIssues]
     baseline: Calibrated | None = None
     judged: Baseline | None = None
 
     def __repr__(self) -> str:
         """Return verdict and reason on one line."""
         return summary(self, f"{self.verdict}: {self.reason}")
+
+    @property
+    def stairs(self) -> Stairs:
+        """Error of the natural frequencies after each step [%]."""
+        m = self.modes
+        steps = {NOMINAL: m.nominal, FITTED: m.fitted} if self.baseline is None else {CALIBRATED: m.fitted}
+        if self.found:
+            steps[f"{labels(self.found)} added"] = m.found
+        rows = [(label, 100 * m.errors(f, False), 100 * m.errors(f, True)) for label, f in steps.items()]
+        return Stairs(tuple(rows), 100 * self.noise_limit, "%")
+
+    @property
+    def calibration(self) -> tuple[ModeProblem, FitResult, Model]:
+        """The fit of the uncertain parameters, and its model; of two states, that to the first one."""
+        if self.baseline is not None:
+            return self.baseline.problem, self.baseline.fitted, self.baseline.model
+        return self.problem, self.final.fitted, self.model
 
     @property
     def final(self) -> Hypothesis:
@@ -252,30 +211,6 @@ class Baseline:
         )
 
 
-def search_modes(
-    model: Model,
-    targets: ModeTargets,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    kinds: Sequence[str] | None = None,
-    exclude: Sequence[str] = (),
-    model_error: float = EXPLAINED_LEVEL,
-    progress: Progress | None = None,
-) -> Searched:
-    """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
-    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
-    say("reducing the model", 0.0)
-    problem, made = formed_mode_problem(
-        situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
-    )
-    problem = replace(problem, bad_prior=BAD_PRIOR)
-    say("fitting the uncertain parameters", 0.05)
-    candidates = candidates_for(made.model, targets, kinds, exclude)
-    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
-    return searched_modes(search, made.formed, say)
-
-
 def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
@@ -329,18 +264,16 @@ def diagnose_modes(
     progress : callable, optional
         Called with a text and the fraction done.
     """
-    start_time = time.perf_counter()
-    done = search_modes(
-        model,
-        targets,
-        nuisances,
-        damping_std=damping_std,
-        kinds=kinds,
-        exclude=exclude,
-        model_error=model_error,
-        progress=progress,
+    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
+    say("reducing the model", 0.0)
+    problem, made = formed_mode_problem(
+        situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
     )
-    return concluded(done, start_time)
+    problem = replace(problem, bad_prior=BAD_PRIOR)
+    say("fitting the uncertain parameters", 0.05)
+    candidates = candidates_for(made.model, targets, kinds, exclude)
+    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
+    return concluded(searched_modes(search, made.formed, say), start_time)
 
 
 def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
@@ -409,20 +342,8 @@ def _table(
             bad[b.reading.mode] = b.probability
     nominal, fitted = problem.believed.computed(problem.nominal()), problem.computed(nothing.fitted)
     found = problem.computed(final.fitted)
-    return ModeTable(
-        measured=t.frequency,
-        std=t.frequency_std,
-        nominal=nominal.frequency,
-        fitted=fitted.frequency,
-        found=found.frequency,
-        zeta=t.zeta,
-        zeta_found=found.zeta,
-        mac_nominal=nominal.mac,
-        mac_found=found.mac,
-        held_out=t.held_out,
-        found_std=problem.predicted_std(final.fitted),
-        bad=bad,
-    )
+    steps = {"nominal": nominal, "fitted": fitted, "found": found}
+    return replace(ModeTable.of(t, steps), found_std=problem.predicted_std(final.fitted), bad=bad)
 
 
 def _reason(d: ModeDiagnosis) -> str:
@@ -464,6 +385,3 @@ def _notes(problem: ModeProblem) -> tuple[str, ...]:
     if not np.isfinite(t.zeta).any():
         out.append("no damping ratios are given: the data do not determine damping")
     return tuple(out)
-
-
-__all__ = ["ModeDiagnosis", "diagnose_modes", "search_modes"]

@@ -7,18 +7,23 @@ import numpy as np
 
 from fem.model import Effect, Model
 from fem.summary import counted, percent
+from updating.diagnosis.departures import Departure
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
-from updating.diagnosis.findings import EffectParameter, Finding, labels, parameters_of
+from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, labels, parameters_of
+from updating.diagnosis.mode_table import HALF, ModeTable
 from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import FREQUENCY, ModeProblem, ModeReading
 from updating.quality.faults import Fault
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
 CREDIBLE = 0.9
 """Probability that the explanations of a credible set have together [-]."""
-HALF = 0.5
-"""An explanation that is less probable than all others together is not put first in words [-]."""
+NOMINAL, FITTED = "nominal model", "uncertain parameters fitted"
+"""Labels of the steps before effects."""
+CALIBRATED = "calibrated on the baseline"
+"""Label of the first step where the model was fitted to an earlier state."""
 
 Posterior = tuple[tuple[tuple[str, ...], float], ...]
 """Hypotheses by the names of their effects, each with its probability [-]."""
@@ -76,6 +81,25 @@ class BadReading:
         return f"{subject} does not belong to the structure's model: probability {percent(self.probability)}"
 
 
+@dataclass(frozen=True, slots=True)
+class Stairs:
+    """The error of the model after each step of a diagnosis.
+
+    Attributes
+    ----------
+    rows : tuple of (str, float, float)
+        Label of each step, and its errors on the data that were fitted and on those held out, NaN for none.
+    floor : float
+        Error that noise and the mesh leave.
+    unit : str
+        Of these errors: dB of FRFs, % of natural frequencies.
+    """
+
+    rows: tuple[tuple[str, float, float], ...]
+    floor: float
+    unit: str
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Verdict:
     """What is missing, and how sure that is.
@@ -116,6 +140,14 @@ class Verdict:
         Readings of modes that more probably do not belong to the structure's model.
     next_measurements : tuple of str
         What would tell the first two explanations apart.
+    steps : tuple of Step
+        From the nominal model over fitted nuisances to each added effect; none of a diagnosis by modes alone.
+    rounds : tuple of tuple of Ranked
+        For each round of the forward selection, the candidates that were fitted, best first.
+    departures : tuple of Departure
+        Sections and connections whose form is outside its usual range.
+    modes : ModeTable or None
+        Measured modes beside computed ones, of a diagnosis by modes alone.
     """
 
     verdict: str
@@ -135,6 +167,20 @@ class Verdict:
     channel_faults: tuple[Fault, ...] = ()
     bad_readings: tuple[BadReading, ...] = ()
     next_measurements: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
+    rounds: tuple[tuple[Ranked, ...], ...] = ()
+    departures: tuple[Departure, ...] = ()
+    modes: ModeTable | None = None
+
+    @property
+    def stairs(self) -> Stairs:
+        """The error after each step."""
+        raise NotImplementedError
+
+    @property
+    def calibration(self) -> tuple[FitProblem | ModeProblem, FitResult, Model]:
+        """The fit of the uncertain parameters, and its model; of two states, that to the first one."""
+        raise NotImplementedError
 
     @property
     def found(self) -> tuple[Effect, ...]:

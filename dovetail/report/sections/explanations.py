@@ -1,0 +1,65 @@
+"""Explanations of the data with their values, and the probability of each hypothesis."""
+
+from typing import TYPE_CHECKING, Any
+
+from dovetail.report.blocks import Block, Heading, TableBlock
+from dovetail.report.probable import hypotheses, reported
+from dovetail.report.table import Column, Table
+from dovetail.report.words import explanation_text
+from fem.summary import percent
+from updating.diagnosis.verdict import Verdict
+
+if TYPE_CHECKING:
+    from dovetail.report.shown import Shown
+
+MOST_PRINTED = 12
+"""Explanations that are printed."""
+
+
+def table(d: Verdict) -> Table:
+    """Return the first explanations of the credible set with their values."""
+    few = d.credible[:MOST_PRINTED]
+    return Table.of(
+        "explanations",
+        Column("probability", [e.probability for e in few], show=".2f"),
+        Column("explanation", [explanation_text(e) for e in few]),
+    )
+
+
+def lines(d: Verdict) -> list[str | Table]:
+    """Return the explanations of the credible set, where there are several, and how to tell them apart."""
+    if len(d.credible) < 2:
+        return []
+    rest = len(d.credible) - MOST_PRINTED
+    more = [f"{'':11}  and {rest} more that share the rest of 90 %"] if rest > 0 else []
+    return ["", table(d), *more]
+
+
+def credible(d: Verdict) -> TableBlock:
+    """Return the explanations of the credible set with their values for a page."""
+    rows = [[f"{k}: {explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)]
+    caption = "The fewest explanations that have a probability of 90 % together."
+    return TableBlock(["explanation", "probability"], rows, numbers=(1,), caption=caption, at_most=12)
+
+
+def page(d: Verdict, shown: "Shown") -> list[Block]:
+    """Return the probabilities of hypotheses; nothing where the search gives none."""
+    known = hypotheses(d)
+    if not known:
+        return []
+    drawn = shown.figure(
+        "probability",
+        "Bars of the probability of each hypothesis; the table has the numbers.",
+        "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
+    )
+    rows = [[name, percent(p)] for name, p in known]
+    every = TableBlock(["hypothesis", "probability"], rows, numbers=(1,), at_most=8)
+    return [Heading("How probable"), drawn, every]
+
+
+def figure(d: Verdict) -> Any:
+    """Return the interactive plotly figure of the probabilities; None without any."""
+    from viz.interactive.error import probability_figure
+
+    known = hypotheses(d)
+    return probability_figure(known, accepted=reported(d)) if known else None

@@ -1,0 +1,147 @@
+"""Measured modes beside those of the nominal, the fitted and the reported model."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.report import cells
+from dovetail.report.blocks import Block, TableBlock, Text
+from dovetail.report.table import Column, Table
+from dovetail.result import RunResult, by_frfs
+from fem.summary import percent
+from updating.diagnosis.mode_table import Floats, ModeTable
+from updating.diagnosis.reported_modes import ReportedModes
+from updating.diagnosis.verdict import Verdict
+
+if TYPE_CHECKING:
+    from dovetail.report.figures import Figures
+    from dovetail.report.pictures import Album
+    from dovetail.report.shown import Shown
+
+DEVIATIONS = (
+    "Computed less measured natural frequencies, mode by mode. The bars around zero are two standard "
+    "deviations of the measurement."
+)
+
+MAC = "Modal assurance criterion of measured shapes with those of the model reported."
+CORRECTED = (
+    "Measured frequencies are those of the second state without what the calibrated model leaves on the "
+    "baseline."
+)
+
+
+def steps(d: Verdict, m: ModeTable) -> dict[str, Floats]:
+    """Return the frequencies of the models that are compared with the measured ones, by label [Hz].
+
+    Of two states the first model is that which was calibrated on the baseline.
+    """
+    what = "effects" if len(d.found) > 1 else "effect"
+    if d.baseline is None:
+        return {"nominal": m.nominal, "fitted": m.fitted} | ({f"with the {what}": m.found} if d.found else {})
+    return {"fitted to the baseline": m.fitted} | ({"with the change": m.found} if d.found else {})
+
+
+def role(m: ModeTable, k: int) -> str:
+    """Return what a mode was to the diagnosis."""
+    if not m.belongs[k]:
+        return f"does not belong to the model: {percent(m.bad[k])}"
+    if not m.held_out[k]:
+        return "fitted"
+    return f"predicted: {m.predicted_text(k)}" if math.isfinite(m.found_std[k]) else "predicted"
+
+
+def _remark(m: ModeTable, k: int) -> str:
+    return role(m, k).replace("fitted", "", 1).replace("predicted", "predicted, not fitted", 1)
+
+
+def table(d: Verdict, m: ModeTable) -> Table:
+    """Return measured modes, the deviation of each model, and the MAC of the last one."""
+    return Table.of(
+        "modes",
+        Column("measured", m.measured, "Hz"),
+        *(Column(name, f / m.measured - 1, "%", "+.2f", 100) for name, f in steps(d, m).items()),
+        Column("MAC", m.mac_found, show=".3f"),
+        Column("", [_remark(m, k) for k in range(len(m.measured))]),
+    )
+
+
+def applies(result: RunResult[Verdict]) -> bool:
+    """Whether modes were measured."""
+    return result.measured_modes is not None
+
+
+def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
+    """Return deviations, the table of the modes, and modal assurance criteria."""
+    m, d = result.measured_modes, result.diagnosis
+    if m is None:
+        return []
+    models = steps(d, m)
+    damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
+    head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in models)]
+    head += ["damping measured [%]", "damping computed [%]"] if damped else []
+    head += ["MAC nominal", "MAC reported"] if shaped else []
+    rows = []
+    for k, f in enumerate(m.measured):
+        row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in models.values())]
+        row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
+        row += [cells.decimals(x[k], 3) for x in (m.mac_nominal, m.mac_found)] if shaped else []
+        rows.append([*row, role(m, k)])
+    errors = [
+        [label, *(cells.number(100 * m.errors(f, out), 2) for out in (False, True))]
+        for label, f in models.items()
+    ]
+    predicted = " Shaded modes were predicted, not fitted." if m.held_out.any() else ""
+    alt = "Deviations of computed from measured natural frequencies, mode by mode; the table has the numbers."
+    beside = TableBlock(
+        ["model", "fitted modes [%]", "held-out modes [%]"],
+        errors,
+        numbers=(1, 2),
+        caption="Root mean square of ln(f computed / f measured)",
+    )
+    return [
+        Text(CORRECTED if d.baseline is not None else ""),
+        shown.figure("deviations", alt, DEVIATIONS + predicted, ["deviations"]),
+        TableBlock([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
+        beside if by_frfs(d) else None,  # the staircase has these errors elsewhere
+        shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else None,
+    ]
+
+
+def add_figures(result: RunResult[Verdict], out: "Figures") -> None:
+    """Add the interactive figures."""
+    from viz.interactive.frequencies import deviations_figure, mac_figure
+
+    m, reported = result.measured_modes, result.reported
+    if m is None:
+        return
+    models = steps(result.diagnosis, m)
+    out.add("deviations", lambda: deviations_figure(m.measured, m.std, models, held_out=m.held_out))
+    if reported is not None and (mac := reported.mac) is not None:
+        out.add("mac", lambda: mac_figure(mac, *_names(m, reported)))
+
+
+def draw(result: RunResult[Verdict], album: "Album") -> None:
+    """Draw the still pictures."""
+    from viz import frequencies, heat_maps
+
+    m, reported = result.measured_modes, result.reported
+    if m is None:
+        return
+    models = steps(result.diagnosis, m)
+    alt = (
+        f"Deviations of the natural frequencies of {', '.join(models)} from {len(m.measured)} measured ones."
+    )
+    album.plot(
+        "deviations", alt, DEVIATIONS, frequencies.plot_deviations, m.measured, m.std, models, m.held_out
+    )
+    if reported is not None and (mac := reported.mac) is not None:
+        alt = f"Modal assurance criteria of {len(mac)} measured shapes with {mac.shape[1]} computed ones."
+        axes = "measured [Hz]", "computed [Hz]"
+        album.plot("mac", alt, MAC, heat_maps.plot_mac, mac, _names(m, reported), axes)
+
+
+def _names(m: ModeTable, reported: ReportedModes) -> tuple[list[str], list[str]]:
+    """Return measured and computed natural frequencies as names of modes [Hz]."""
+    computed = reported.modes.frequency[reported.modes.n_rigid :]
+    return [f"{f:.4g}" for f in m.measured], [f"{f:.4g}" for f in computed]

@@ -1,0 +1,112 @@
+"""Measured modes beside those of the models of each step of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.inference.mode_fit import ComputedModes
+from updating.inference.mode_targets import ModeTargets
+
+HALF = 0.5
+"""What is less probable than all else together is not taken for the answer [-]."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeTable:
+    """Measured modes and their computed partners, (n,) each; NaN where there is none.
+
+    Attributes
+    ----------
+    measured, std : ndarray
+        Frequencies [Hz] and their relative standard deviations [-].
+    computed, mac : mapping of str to ndarray
+        Frequencies [Hz] and modal assurance criteria of the model of each step: nominal, fitted, and with
+        each effect that was found.
+    zeta, zeta_found : ndarray
+        Damping ratios, measured and of the last model [-].
+    held_out : ndarray of bool
+        Modes that no fit has seen: they are predicted.
+    found_std : ndarray
+        Relative standard deviations of ``found`` where a mode is predicted [-].
+    bad : ndarray
+        Probability that the frequency does not belong to the structure's model; NaN where it was held out.
+    """
+
+    measured: Floats
+    std: Floats
+    computed: Mapping[str, Floats]
+    mac: Mapping[str, Floats]
+    zeta: Floats
+    zeta_found: Floats
+    held_out: NDArray[np.bool_]
+    found_std: Floats
+    bad: Floats
+
+    @classmethod
+    def of(cls, t: ModeTargets, steps: Mapping[str, ComputedModes]) -> ModeTable:
+        """Return measured modes beside the models of some steps, the last of which is reported."""
+        return cls(
+            t.frequency,
+            t.frequency_std,
+            {label: c.frequency for label, c in steps.items()},
+            {label: c.mac for label, c in steps.items()},
+            t.zeta,
+            list(steps.values())[-1].zeta,
+            t.held_out,
+            *np.full((2, t.n), np.nan),
+        )
+
+    @property
+    def nominal(self) -> Floats:
+        """Frequencies of the nominal model [Hz]."""
+        return next(iter(self.computed.values()))
+
+    @property
+    def fitted(self) -> Floats:
+        """Frequencies of the model with fitted uncertain parameters, without what was found [Hz]."""
+        return list(self.computed.values())[min(1, len(self.computed) - 1)]
+
+    @property
+    def found(self) -> Floats:
+        """Frequencies of the model that is reported [Hz]."""
+        return list(self.computed.values())[-1]
+
+    @property
+    def mac_nominal(self) -> Floats:
+        """Modal assurance criteria of the nominal model [-]."""
+        return next(iter(self.mac.values()))
+
+    @property
+    def mac_found(self) -> Floats:
+        """Modal assurance criteria of the model that is reported [-]."""
+        return list(self.mac.values())[-1]
+
+    @property
+    def belongs(self) -> NDArray[np.bool_]:
+        """Whether each mode is more probably the model's than not."""
+        return ~(self.bad >= HALF)
+
+    def predicted_text(self, k: int) -> str:
+        """Return a predicted frequency with its standard deviation."""
+        return f"{self.found[k]:.5g} ± {self.found[k] * self.found_std[k]:.2g} Hz"
+
+    def errors(self, computed: Floats, held_out: bool) -> float:
+        """Return the root mean square of ln f ratios of modes that were fitted, or held out [-].
+
+        Without those that do not belong.
+        """
+        return frequency_error(self.measured, computed, (self.held_out == held_out) & self.belongs)
+
+
+def frequency_error(measured: Floats, computed: Floats, some: NDArray[np.bool_]) -> float:
+    """Return the root mean square of ln f ratios of some modes, NaN where none has a partner [-]."""
+    some = some & np.isfinite(computed)
+    if not some.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(np.log(computed[some] / measured[some]) ** 2)))
