@@ -5,7 +5,7 @@ import argparse
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_processes, count
 from dovetail.commands.common import Options, check_places, loaded, noted
-from dovetail.commands.diagnosis_words import diagnosis_lines, table_of_candidates
+from dovetail.commands.diagnosis_words import diagnosis_lines
 from dovetail.disk.output import Progress
 
 EXAMPLE = "dovetail diagnose study.toml"
@@ -28,27 +28,23 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail import pipeline, result
     from dovetail.modes_pipeline import by_modes
     from dovetail.report import planning
+    from dovetail.report.sections import rounds
     from updating.inference.workers import cores
 
     check_places(options)
     study = by_modes(loaded(options))
     found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
-    modes, beyond = found.modes, None
+    modes, beyond, candidates = found.modes, None, []
     fields = result.diagnosis_dict(found)
     if result.by_frfs(found):
         modes, beyond = pipeline.measured_modes(found), pipeline.excluded(study, found, progress)
+        candidates = rounds.lines(found, options.number)
         fields |= result.modes_dict(modes) | result.excluded_dict(beyond)
-    rounds = [table_of_candidates(ranked, k) for k, ranked in enumerate(found.rounds)]
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
     lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)] if beyond else []
-    for k, (ranked, table) in enumerate(zip(found.rounds, rounds, strict=True)):
-        if ranked:
-            shown = table.first(options.number)
-            heading = f"round {k + 1}, {min(options.number, len(ranked))} of {len(ranked)} candidates"
-            lines += ["", heading, shown]
     return Answer(
         study,
-        [*lines, *noted(found.notes, study.measured_notes)],
+        [*lines, *candidates, *noted(found.notes, study.measured_notes)],
         {**fields, "notes": list(found.notes), "seconds": found.seconds},
-        sheets=[table for table in rounds if len(table.columns[0].values)],
+        sheets=[rounds.table(ranked, k) for k, ranked in enumerate(found.rounds) if ranked],
     )

@@ -1,12 +1,11 @@
 """Results of a diagnosis as lines of text."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from dovetail.report.table import Column, Table
+from dovetail.report.table import Table
 
 if TYPE_CHECKING:
-    from updating.diagnosis.findings import Ranked
     from updating.diagnosis.mode_table import ModeTable
     from updating.diagnosis.verdict import Verdict
 
@@ -53,30 +52,3 @@ def diagnosis_lines(
         lines += explanations.lines(d)
     proposals = [f"  {text}" for text in d.next_measurements]
     return lines + (["", "would distinguish the first two explanations:", *proposals] if proposals else [])
-
-
-def table_of_candidates(ranked: "Sequence[Ranked]", k: int) -> Table:
-    """Return the candidates of a round."""
-    from dovetail.report import words
-    from updating.correlation import DB_PER_NEPER
-
-    def digits(values: Sequence[float]) -> str:
-        return f".{words.digits_apart(values[0], values[1:]) if values else 2}f"
-
-    fitted, held_out = [r.fit_db for r in ranked], [r.held_out_db for r in ranked]
-    alike = [r.similarity for r in ranked]
-    return Table.of(
-        f"round {k + 1}",
-        Column("candidate", [words.ranked_label(r) for r in ranked]),
-        Column(
-            "level",
-            [r.level for r in ranked],
-            "dB",
-            digits([r.level * DB_PER_NEPER for r in ranked]),
-            DB_PER_NEPER,
-        ),
-        Column("fitted", fitted, "dB", digits(fitted)),
-        Column("held-out", held_out, "dB", digits(held_out)),
-        Column("similarity", alike, show=digits(alike)),
-        Column("parameters", [words.parameters_text(r.parameters) for r in ranked]),
-    )

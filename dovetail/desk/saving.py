@@ -175,6 +175,7 @@ def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, s
         problem=problem,
         model=fitted_model(problem.reduced.model, found),
         searched=None,
+        modes=None,
         notes=(BY_HAND,),
         seconds=seconds,
     )

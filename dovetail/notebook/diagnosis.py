@@ -6,16 +6,15 @@ from typing import Any, TypeVar
 
 from dovetail.notebook.html import table
 from dovetail.report import words
-from dovetail.report.sections import explanations, measured_modes, staircase
+from dovetail.report.sections import explanations, measured_modes, rounds, staircase
 from fem.analysis.labelled import imported
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis import diagnose, mode_diagnosis
 from updating.diagnosis.verdict import Verdict
 
 V = TypeVar("V", bound=Verdict)
 
 
-class Shown:
+class Tables:
     """Tables and the figure that all diagnoses have in a notebook."""
 
     __slots__ = ()
@@ -41,12 +40,12 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeDiagnosis(Shown, mode_diagnosis.ModeDiagnosis):
+class ModeDiagnosis(Tables, mode_diagnosis.ModeDiagnosis):
     """Which effects a study's model lacks by its measured modes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Diagnosis(Shown, diagnose.Diagnosis):
+class Diagnosis(Tables, diagnose.Diagnosis):
     """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
 
     def plot_ranking(self, round_: int = 1) -> Any:
@@ -57,25 +56,10 @@ class Diagnosis(Shown, diagnose.Diagnosis):
         ValueError
             If the search had no such round.
         """
-        from viz.interactive.error import ranking_figure
-
         if not 1 <= round_ <= len(self.rounds):
             msg = f"there is no round {round_}; the search had {len(self.rounds)}, counted from 1"
             raise ValueError(msg)
-        ranked = self.rounds[round_ - 1]
-        found = [r.name for r in ranked]
-        finding = self.findings[round_ - 1] if round_ <= len(self.findings) else None
-        accepted = found.index(finding.effect.name) if finding and finding.effect.name in found else None
-        twins = {found.index(t.name) for t in finding.twins if t.name in found} if finding else set()
-        before = self.steps[min(round_, len(self.steps) - 1)]
-        return ranking_figure(
-            [words.ranked_label(r) for r in ranked],
-            [r.level * DB_PER_NEPER for r in ranked],
-            before.level * DB_PER_NEPER,
-            names=found,
-            twins=twins,
-            accepted=accepted,
-        )
+        return rounds.figure(self, round_ - 1)
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` with a row for each candidate of each round, errors in dB.

@@ -1,6 +1,5 @@
 """Common content of pictures and interactive figures: places, models, bands, and names of candidates."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,8 +25,6 @@ WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 FRF_ERROR = (
     "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself."
 )
-
-_NAMES = re.compile(r" \([^()]* … [^()]*\)")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,40 +175,6 @@ def error_bands(result: FrfResult) -> list[tuple[float, float]]:
     c = result.comparisons[0]
     edges = np.round(c.bands) if c.bands[-1] - c.bands[0] > 20 * len(c.bands) else c.bands
     return [(float(a), float(b)) for a, b in pairwise(edges)]
-
-
-def candidate_labels(ranked: Sequence[Ranked]) -> list[str]:
-    """Return candidates in words, each of them once."""
-    seen: dict[str, int] = {}
-    out = []
-    for r in ranked:
-        label = _NAMES.sub("", words.ranked_label(r))
-        seen[label] = seen.get(label, 0) + 1
-        out.append(label if seen[label] == 1 else f"{label} ({seen[label]})")
-    return out
-
-
-def ranking_bars(result: FrfResult, k: int) -> tuple[list[str], list[float], float, list[int], int | None]:
-    """Return a round's labels, residual levels and the level before [dB], twins, and the one accepted."""
-    d = result.diagnosis
-    ranked, found = d.rounds[k], d.findings[k] if k < len(d.findings) else None
-    names = [r.name for r in ranked]
-    others = {t.name for t in found.twins} if found else set()
-    twins = [n for n, name in enumerate(names) if name in others]
-    accepted = names.index(found.effect.name) if found and found.effect.name in names else None
-    before = d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
-    return candidate_labels(ranked), [r.level * DB_PER_NEPER for r in ranked], before, twins, accepted
-
-
-def ranking_caption(result: FrfResult, k: int) -> str:
-    """Return the caption of a round's candidates."""
-    labels, *_, accepted = ranking_bars(result, k)
-    outcome = "none of them" if accepted is None else labels[accepted]
-    return (
-        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        f"uncertain parameters; {outcome} is accepted. They are ranked by their evidence, which also "
-        "counts the parameters of a law."
-    )
 
 
 def pair_errors(result: FrfResult, step: int) -> NDArray[np.float64]:

@@ -24,13 +24,12 @@ from dovetail.report.drawn import (
     misfit_steps,
     noise_of,
     pair_errors,
-    ranking_bars,
     rivals,
     smoothing,
     telling_pairs,
     test_of,
 )
-from dovetail.report.sections import explanations, measured_modes, staircase
+from dovetail.report.sections import explanations, measured_modes, rounds, staircase
 from dovetail.report.sections.mode_shapes import shapes_of
 from dovetail.result import FrfResult, RunResult, has_frfs
 from fem.analysis.frf import FRF
@@ -39,7 +38,7 @@ from fem.model import Model
 from updating.diagnosis.verdict import Verdict
 from updating.plan.plan import Plan
 from viz.curves import frf_errors
-from viz.interactive.error import error_map_figure, ranking_figure
+from viz.interactive.error import error_map_figure
 from viz.interactive.frf import (
     COHERENCE,
     MAGNITUDE,
@@ -120,7 +119,7 @@ def _add_frfs(result: FrfResult, out: Figures) -> None:
         out.add(f"map-{name}", lambda step=step: _error_map(result, step))
     out.add("misfit", lambda: _misfit(result))
     for k in range(len(result.diagnosis.rounds)):
-        out.add(f"ranking-{k + 1}", lambda k=k: _ranking(result, k))
+        out.add(f"ranking-{k + 1}", lambda k=k: rounds.figure(result.diagnosis, k))
     out.add("frf", lambda: _frf(result, out))
     out.add("frf-error", lambda: _frf_error(result))
 
@@ -164,15 +163,6 @@ def _misfit(result: FrfResult) -> Figure | None:
 def _error_map(result: FrfResult, step: int) -> Figure:
     c = result.comparisons[step]
     return error_map_figure(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
-
-
-def _ranking(result: FrfResult, k: int) -> Figure | None:
-    d = result.diagnosis
-    if not d.rounds[k]:
-        return None
-    labels, levels, before, twins, accepted = ranking_bars(result, k)
-    names, label = [r.name for r in d.rounds[k]], words.level_label(d)
-    return ranking_figure(labels, levels, before, names=names, twins=twins, accepted=accepted, xlabel=label)
 
 
 def _frf(result: FrfResult, figures: Figures) -> Figure:

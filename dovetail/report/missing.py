@@ -5,7 +5,6 @@ import math
 from dovetail.report import cells, planning, words
 from dovetail.report.blocks import (
     Block,
-    Details,
     Group,
     Heading,
     Items,
@@ -16,11 +15,10 @@ from dovetail.report.blocks import (
     Text,
 )
 from dovetail.report.confidence import best_of
-from dovetail.report.drawn import ranking_caption
-from dovetail.report.sections import explanations
+from dovetail.report.sections import explanations, rounds
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import FrfResult, RunResult, by_frfs
-from fem.summary import counted, percent
+from dovetail.result import RunResult, by_frfs
+from fem.summary import percent
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
@@ -100,7 +98,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     )
     return [
         Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
-        cells.ranking([(r, what) for r, what in known if r is not None], (0,) if accepted else ()),
+        rounds.block([(r, what) for r, what in known if r is not None], (0,) if accepted else ()),
         Text(text),
     ]
 
@@ -187,47 +185,6 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     )
     table = TableBlock(*planning.table_of_excluded(result.excluded).texts())
     return [Text(planning.EXCLUDED), table, figure]
-
-
-def search(result: FrfResult, shown: Shown) -> Section:
-    """Return how the candidates did in each round; nothing where none was looked at."""
-    d = result.diagnosis
-    text = (
-        "Each round evaluates all candidates, or a short list of very many, on a grid of their parameters. "
-        "It fits the promising ones briefly, together with the uncertain parameters, and the best of these "
-        "fully. The most probable hypothesis is kept if its evidence, with the prior odds against each "
-        "place, is larger than that without it. The search is then repeated with it. The table has the "
-        "fully fitted candidates."
-    )
-    rounds = [k for k, ranked in enumerate(d.rounds) if ranked]  # not those in the model before the search
-    blocks: list[Block] = [Text(text)] if rounds else []
-    for k in rounds:
-        body = _round(result, shown, k)
-        blocks += body if k == rounds[0] else [Details(f"Round {k + 1}: {_outcome(result, k)}", body)]
-    return Section("How the candidates did", blocks)
-
-
-def _round(result: FrfResult, shown: Shown, k: int) -> list[Block]:
-    d, name = result.diagnosis, f"ranking-{k + 1}"
-    ranked, finding = d.rounds[k], d.findings[k] if k < len(d.findings) else None
-    alt = (
-        f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has the numbers."
-    )
-    roles = {} if finding is None else {t.name: "twin" for t in finding.alternatives}
-    if finding is not None:
-        roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}
-    known = [(r, roles.get(r.name, "")) for r in ranked]
-    table = cells.ranking(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
-    title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"
-    return [shown.figure(name, alt, ranking_caption(result, k), [name]), Details(title, [table])]
-
-
-def _outcome(result: FrfResult, k: int) -> str:
-    d = result.diagnosis
-    if k < len(d.findings):
-        f = d.findings[k]
-        return f"{words.effect_label(f.effect.kind, f.effect.where)} is accepted"
-    return "no candidate improves the model enough; the search ends"
 
 
 def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> Section:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from dovetail.report import words
 from dovetail.report.blocks import Picture
@@ -21,21 +20,19 @@ from dovetail.report.drawn import (
     misfit_limit,
     misfit_steps,
     noise_of,
-    ranking_bars,
-    ranking_caption,
     rivals,
     smoothing,
     telling_pairs,
     test_in_words,
     test_of,
 )
-from dovetail.report.sections import measured_modes, staircase
+from dovetail.report.sections import measured_modes, rounds, staircase
 from dovetail.report.sections.mode_shapes import mode_heading, shapes_of
 from dovetail.result import FrfResult, RunResult, has_frfs
 from updating.diagnosis.diagnosis import FAULT, NOTHING
 from updating.diagnosis.fitted_modes import FittedModePair
 from updating.diagnosis.verdict import Verdict
-from viz import curves, heat_maps, search
+from viz import curves, heat_maps
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.style import save
 
@@ -139,19 +136,7 @@ def _draw_errors(result: FrfResult, album: Album) -> None:
     for k, ranked in enumerate(d.rounds):
         if ranked:
             alt = f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}."
-            album.plot(f"ranking-{k + 1}", alt, ranking_caption(result, k), _plot_ranking, result, k)
-
-
-def _plot_ranking(result: FrfResult, k: int) -> Figure:
-    labels, levels, baseline, twins, accepted = ranking_bars(result, k)
-    return search.plot_ranking(
-        labels,
-        levels,
-        baseline,
-        twins={labels[i] for i in twins},
-        accepted=None if accepted is None else labels[accepted],
-        xlabel=words.level_label(result.diagnosis),
-    )
+            album.plot(f"ranking-{k + 1}", alt, rounds.caption(d, k), rounds.picture, d, k)
 
 
 def _draw_frfs(result: FrfResult, album: Album) -> None:

@@ -9,10 +9,11 @@ from dovetail.report.blocks import Report, Section
 from dovetail.report.compared import check_first, compared, gates
 from dovetail.report.figures import Figures, make_all
 from dovetail.report.misfit import misfit
-from dovetail.report.missing import measure_next, missing, places, poor_baseline, search
+from dovetail.report.missing import measure_next, missing, places, poor_baseline
 from dovetail.report.page import report_page
 from dovetail.report.pictures import Album
 from dovetail.report.responses import faults, frfs, modes, uncertain
+from dovetail.report.sections import rounds
 from dovetail.report.shown import Shown
 from dovetail.report.small_print import about, assumptions, notes
 from dovetail.result import RunResult, by_frfs, by_modes_alone
@@ -32,7 +33,7 @@ SECTIONS: tuple[tuple[Callable[[Verdict], bool], Callable[[RunResult[Any], Shown
     (by_frfs, gates),
     (by_frfs, misfit),
     (_always, missing),
-    (by_frfs, search),
+    (by_frfs, rounds.page),
     (by_frfs, frfs),
     (_always, modes),
     (_always, uncertain),

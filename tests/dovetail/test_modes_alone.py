@@ -311,6 +311,20 @@ def test_the_figures_of_modes_show_the_table(shaped):
     assert place.z == pytest.approx([0.7], abs=0.02)
 
 
+def test_a_diagnosis_by_modes_has_findings_a_posterior_and_a_staircase(shaped):
+    d = shaped.diagnosis
+    (finding,) = d.findings
+    assert (finding.effect,) == d.found
+    assert d.posterior[0][0] == (finding.effect.name,)
+    assert d.posterior[-1][0] == ("unknown",)
+    assert sum(p for _, p in d.posterior) == pytest.approx(1.0)
+    labels, fitted, held_out = zip(*d.stairs.rows, strict=True)
+    assert labels[:2] == ("nominal model", "uncertain parameters fitted")
+    assert labels[2].endswith(" added")
+    assert fitted[2] == pytest.approx(100 * d.modes.errors(d.modes.found, False))
+    assert held_out[0] == pytest.approx(100 * d.modes.errors(d.modes.nominal, True))
+
+
 def test_partners_in_the_full_model_are_those_of_the_fit(shaped):
     d = shaped.diagnosis
     drawn = reported_modes(d)

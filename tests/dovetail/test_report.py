@@ -12,7 +12,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail import pipeline as run
-from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
+from dovetail.commands.diagnosis_words import found_lines
 from dovetail.found import found_text
 from dovetail.notebook.diagnosis import Diagnosis
 from dovetail.report import probable, words
@@ -22,6 +22,7 @@ from dovetail.report.page import Markup, html, tag
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
+from dovetail.report.sections import rounds
 from dovetail.report.small_print import thresholds
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import Uncertain, diagnosis_dict, result_dict
@@ -198,7 +199,7 @@ def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(f
         assert "the prior decides, not the data" in text
     assert "has no twin" not in page
     assert "No candidate without it explains the data nearly as well" not in page
-    table = str(table_of_candidates([first, crack], 0))
+    table = str(rounds.table([first, crack], 0))
     assert "0.9998" in table
     assert f"{crack.fit_db:.{n}f}" in table
 
@@ -242,6 +243,17 @@ def soft_bolt(result, direction):
     first = result.diagnosis.rounds[0][0]
     twin = replace(first, name=law.name, kind=law.kind, where=law.where, parameters=more, result=fit)
     return Finding(soft, values, (twin,)), law
+
+
+def test_a_diagnosis_by_frfs_has_explanations_with_values(found):
+    d = found.diagnosis
+    assert {e.name for e in d.reported.effects} == {f.effect.name for f in d.findings}
+    assert d.sure
+    assert d.credible == (d.reported,)
+    (only,) = result_dict(found)["credible"]
+    assert only["probability"] == d.reported.probability
+    values = {p.name: p.value for p in d.findings[0].parameters}
+    assert {p["name"] for p in only["effects"][0]["parameters"]} == values.keys()
 
 
 def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other_effect(found):

@@ -246,6 +246,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         gates=with_last_faults(gates, done.proposed_faults, faults),
         candidates=search.candidates,
         searched=done,
+        modes=None,
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         explanations=explanations_of(done),
         posterior=posterior_of(done),

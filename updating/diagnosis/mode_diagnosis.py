@@ -122,7 +122,7 @@ class ModeDiagnosis(Verdict):
 
     problem: ModeProblem
     searched: Searched
-    modes: ModeTable  # pyright: ignore[reportGeneralTypeIssues]
+    modes: ModeTable
     baseline: Calibrated | None = None
     judged: Baseline | None = None
 

@@ -117,6 +117,8 @@ class Verdict:
         The full model with fitted parameters and found effects.
     searched : Searched or None
         The search that led to it.
+    modes : ModeTable or None
+        Measured modes beside computed ones, of a diagnosis by modes alone.
     notes : tuple of str
         What a reader should know.
     seconds : float
@@ -146,8 +148,6 @@ class Verdict:
         For each round of the forward selection, the candidates that were fitted, best first.
     departures : tuple of Departure
         Sections and connections whose form is outside its usual range.
-    modes : ModeTable or None
-        Measured modes beside computed ones, of a diagnosis by modes alone.
     """
 
     verdict: str
@@ -156,6 +156,7 @@ class Verdict:
     problem: FitProblem | ModeProblem
     model: Model
     searched: Searched | None
+    modes: ModeTable | None
     notes: tuple[str, ...]
     seconds: float
     explanations: tuple[Explanation, ...] = ()
@@ -170,7 +171,6 @@ class Verdict:
     steps: tuple[Step, ...] = ()
     rounds: tuple[tuple[Ranked, ...], ...] = ()
     departures: tuple[Departure, ...] = ()
-    modes: ModeTable | None = None
 
     @property
     def stairs(self) -> Stairs:

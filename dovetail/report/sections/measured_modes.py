@@ -66,11 +66,6 @@ def table(d: Verdict, m: ModeTable) -> Table:
     )
 
 
-def applies(result: RunResult[Verdict]) -> bool:
-    """Whether modes were measured."""
-    return result.measured_modes is not None
-
-
 def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     """Return deviations, the table of the modes, and modal assurance criteria."""
     m, d = result.measured_modes, result.diagnosis

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.result import RunResult, by_frfs
+from dovetail.result import RunResult, by_frfs, by_modes_alone
 from fem.analysis.modes import Modes
 from updating.diagnosis.diagnosis import EFFECT, Diagnosis
 from updating.diagnosis.fitted_modes import FittedModePair, modes_of, most_changed, pair_modes
@@ -46,12 +46,13 @@ def shapes_of(result: RunResult[Verdict]) -> Shapes:
         pairs = pair_modes(without, modes, d.model.mesh.n_points) if d.verdict == EFFECT else ()
         headings = {k: heading_of(modes, k) for k in range(modes.n_rigid, modes.n_modes)}
         return Shapes(modes, headings, quadrature_shapes(d, modes), most_changed(pairs))
+    assert by_modes_alone(d)
     assert reported is not None
     modes, partner = reported.modes, reported.partner
     headings = {
         int(k): f"{heading_of(modes, int(k))}; measured mode {i + 1}" for i, k in enumerate(partner) if k >= 0
     }
-    return Shapes(modes, headings, partner_shapes(d.problem.targets, reported))  # pyright: ignore[reportAttributeAccessIssue]
+    return Shapes(modes, headings, partner_shapes(d.problem.targets, reported))
 
 
 def heading_of(modes: Modes, k: int) -> str:
