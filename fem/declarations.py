@@ -1,12 +1,15 @@
 """Declarations of an effect, so that no other code asks for its class: role, marker, documentation."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Flag, StrEnum, auto
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+Contains = Mapping[str, Callable[[Any], dict[str, float]]]
+"""Kinds of effect, each with a function that returns its parameters, of an effect that contains it."""
 
 
 class Role(Flag):

@@ -12,7 +12,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import ArmForce, Entry, Environment, Marker, Relevant, Role, StaticState, Yardstick
+from fem.declarations import (
+    ArmForce,
+    Contains,
+    Entry,
+    Environment,
+    Marker,
+    Relevant,
+    Role,
+    StaticState,
+    Yardstick,
+)
 from fem.ground import MovingGround
 from fem.mesh import Location, Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
@@ -70,6 +80,10 @@ class Parameter:
         others are fixed.
     position : bool
         True if it is an arc length along the effect's member, which says where the effect is.
+    usual_change : float
+        Change of a form's parameter from which it is unusual, whatever its prior [its unit].
+    in_words : callable or None
+        Gives a value in words of the field, where the number alone tells an engineer little.
     """
 
     name: str
@@ -81,6 +95,8 @@ class Parameter:
     log: bool = False
     linear: bool = False
     position: bool = False
+    usual_change: float = float("inf")
+    in_words: Callable[[float], str] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,8 +230,9 @@ class Effect(ABC):
         nominal values.
     environment : Environment or None
         Situation of a structure without which it does not exist; None if it may be anywhere.
-    contains : tuple of str
-        Kinds of effect that it is the same as, at their place, where its further parameters are absent.
+    contains : mapping of str to callable
+        Kinds of effect that it is the same as, at their place, where its further parameters are absent; each
+        with a function of the effect that returns the values at which that kind does most of the same.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -235,17 +252,13 @@ class Effect(ABC):
     is_form: ClassVar[bool] = False
     separable: ClassVar[bool] = False
     environment: ClassVar[Environment | None] = None
-    contains: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[Contains] = {}
     entry: ClassVar[Entry | None] = None
     name: str
 
     def __init_subclass__(cls) -> None:
         if "__repr__" not in cls.__dict__:  # otherwise a dataclass would print all of its arrays
             cls.__repr__ = effect_summary
-
-    def odd_beyond(self, parameter: str) -> float:
-        """Return the change of a parameter that is unusual of a form, whatever its prior [its unit]."""
-        return float("inf")
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
@@ -358,21 +371,6 @@ class Effect(ABC):
         """
         return None
 
-    def size_in_words(self) -> str:
-        """Return its size in words of the field, where these are other than the value of its parameter."""
-        return ""
-
-    def covers(self, other: "Effect") -> bool:
-        """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""
-        free = {"name", *parameter_values(self), *parameter_values(other)}
-        both = {f.name for f in fields(self)} & {f.name for f in fields(other)} - free
-        return other.kind in self.contains and all(getattr(self, k) == getattr(other, k) for k in both)
-
-    def within(self, other: "Effect") -> dict[str, float]:
-        """Return the values at which an effect that it :meth:`covers` does most of the same."""
-        values = parameter_values(self)
-        return {name: values.get(name, value) for name, value in parameter_values(other).items()}
-
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
 
@@ -387,15 +385,6 @@ class Effect(ABC):
     def added_to(self, model: "Model") -> "Model":
         """Return a model with it; an effect that stands for values of others changes these, too."""
         return model.with_effect(self)
-
-    def merged_into(self, other: "Effect") -> "Effect | None":
-        """Return another effect whose values include this one's change; None if they cannot."""
-        return None
-
-    def acts_along(self, model: "Model", direction: str) -> bool:
-        """Whether it acts in a direction of the model's, x … rz; also one that names no direction does."""
-        along = getattr(self, "direction", None)
-        return not isinstance(along, str) or along.lstrip("+-") == direction
 
     def alters(self, model: "Model", member: str, line: int | None = None) -> bool:
         """Whether it changes elements of a member, or that on one of its lines.
@@ -434,6 +423,13 @@ class Effect(ABC):
 def parameter_values(effect: Effect) -> dict[str, float]:
     """Return the present values of an effect's parameters by name."""
     return {p.name: p.value for p in effect.parameters()}
+
+
+def covers(effect: Effect, other: Effect) -> bool:
+    """Whether an effect does the same as another one at its place, and more (:attr:`Effect.contains`)."""
+    free = {"name", *parameter_values(effect), *parameter_values(other)}
+    both = {f.name for f in fields(effect)} & {f.name for f in fields(other)} - free
+    return other.kind in effect.contains and all(getattr(effect, k) == getattr(other, k) for k in both)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,12 +49,16 @@ class OnStretches(WithFrame):
     zones : tuple of (str, float, float, int)
         Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
     place : str
+        In words.
+    around : str
+        Name of the joint or support there; empty for a corner.
     tables : Recent
         Tables of its matrices by frame and mesh; effects with other values share them.
     """
 
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
+    around: str = ""
     tables: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property

@@ -56,7 +56,7 @@ class Departure:
     def near(self) -> set[str]:
         """Names of the members, and of the joint or support, that it acts on."""
         members = {zone[0] for zone in getattr(self.effect, "zones", ())}
-        return members | set(getattr(self.effect, "members", ())) | {self.where.partition(" ")[2]}
+        return members | {*getattr(self.effect, "members", ()), getattr(self.effect, "around", "")} - {""}
 
 
 def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Departure]:
@@ -68,7 +68,8 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
         if not effect.is_form or not u.has_prior or not np.isfinite(value):
             continue
         off, prior = value - u.to_value(u.mean), u.std * u.size
-        limit = min(FAR_STD * prior, effect.odd_beyond(u.ref[1]))
+        (parameter,) = (p for p in effect.parameters() if p.name == u.ref[1])
+        limit = min(FAR_STD * prior, parameter.usual_change)
         std = result.std.get(u.ref, 0.0)
         if abs(off) > limit:
             fitted = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}

@@ -9,7 +9,7 @@ from itertools import combinations, islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect
+from fem.model import Effect, covers
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.departures import departures
 from updating.diagnosis.evidence.absence import gains_without
@@ -501,7 +501,8 @@ class Search:
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
-            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in compatible if e.covers(c)]
+            contained = [c for c in compatible if covers(e, c)]
+            others += [((*rest, c), (*values_of(rest), e.contains[c.kind](e))) for c in contained]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
