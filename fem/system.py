@@ -168,7 +168,7 @@ def reassemble(system: System, model: Model) -> System:
     if (
         model.mesh is not was.mesh
         or system.laws
-        or any(e.n_internal for e in model.effects)
+        or any(e.internal.n for e in model.effects)
         or any(e.released() or e.constraints(model) for e in others)
         or (frames and change is None)
     ):

@@ -14,7 +14,7 @@ from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
-from fem.model import Contribution, Effect, Model, Parameter, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
 from fem.tabulated import TabulatedEffect
 
@@ -102,19 +102,12 @@ class ZoneForm(OnStretches):
         out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
         return out
 
-    def on_line(self, model: Model, member: str, line: int) -> tuple[Contribution, ...]:
-        """Return the changes of one element, by the stretches that are on it."""
-        some, dofs = self._zones_on(model, member, line), dofs_of(model.mesh.lines[line]).ravel()
-        stiff = self._stiff(model, self.u, self.plane, some)
-        return (*stiff.elements_at(dofs), *self._more(model).elements_at(dofs))
-
-    def _stiff(self, model: Model, along: Any, plane: Any, some: Sequence[int] | None = None) -> Contribution:
-        """Return the stiffness that the stretches gain, or some of them."""
-        some = range(len(self.zones)) if some is None else some
+    def _stiff(self, model: Model, along: Any, plane: Any) -> Contribution:
+        """Return the stiffness that the stretches gain."""
         u = np.full((len(self.zones), 6), along + 0 * plane)
         for k, bending in enumerate(self.inside):
             u[k, bending] += plane
-        return stiffening(self.frame, model, [self.zones[k] for k in some], np.exp(-u[list(some)]))
+        return stiffening(self.frame, model, self.zones, np.exp(-u))
 
     def _more(self, model: Model) -> Contribution:
         """Return the mass and rotary inertia that the stretches gain."""
