@@ -34,14 +34,13 @@ class _Foundation(OnSupports):
     def _each(cls, model: Model, **values: float) -> tuple[Self, ...]:
         return tuple(
             cls(
-                name=e.name.replace("support_flexibility", cls.kind),
+                name=f"{cls.kind}:{'+'.join(e.supports)}.{e.direction}",
                 supports=e.supports,
                 direction=e.direction,
                 stiffness=1e6,
                 **values,
             )
             for e in SupportFlexibility.propose(model)
-            if isinstance(e, SupportFlexibility)
         )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from fem.effects.joint import Joint, PointPair, joint_unit
 from fem.effects.places import OnPoint, fastening_places, fixed_directions, odd_stiffness, typical_stiffness
 from fem.effects.support import Support
 from fem.elements.frame import Frame
-from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Instruments, Model, Parameter
 
 TOGETHER = 5e-3
 """Sides of a rigid joint no farther apart than this share of the structure's size count as one place."""
@@ -59,7 +59,7 @@ class GroundSpring(OnPoint):
         yield from odd_stiffness(self, structure)
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return translations of members' ends and of inner joints, and directions that supports leave free.
 
         Not in directions that are fixed, nor where a joint leads to the ground: its stiffness is a
@@ -80,7 +80,7 @@ class GroundSpring(OnPoint):
         supports = {s.point for s in model.of_kind(Support)}
         reference = {d: typical_stiffness(model, d) for d in DIRECTIONS}
         driven = _driven(model.instruments) if model.instruments is not None else set()
-        out: list[Effect] = []
+        out: list[Self] = []
         for point, place, label in fastening_places(model):
             if point in grounded or point in other_sides:
                 continue

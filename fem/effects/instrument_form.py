@@ -1,7 +1,7 @@
 """What a test's instruments add to a structure by themselves: uncertain in every model, like its form."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class SensorForm(Effect):
         return model.mesh.points[list(self.points)]
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """One, for all places of sensors."""
         test = model.instruments
         if test is None or not test.sensors.size or not model.of_kind(Frame):
@@ -145,14 +145,14 @@ class DriverForm(Effect):
         return model.mesh.points[[self.point]]
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return each place of an excitation, with the direction of the first one there."""
         test = model.instruments
         if test is None or not model.of_kind(Frame):
             return ()
         references = typical_mass(model), typical_stiffness(model, "x")
         first = {int(p): d for p, d in zip(test.drivers[::-1], test.driver_directions[::-1], strict=True)}
-        out = []
+        out: list[Self] = []
         for p, d in sorted(first.items()):
             x, y, z = (float(v) for v in d / np.linalg.norm(d))
             out.append(

@@ -53,10 +53,8 @@ def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[
     usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
     out: list[tuple[Effect, dict[str, float]]] = []
     for sensors in SensorForm.propose(tested) if usual > 0 else ():
-        assert isinstance(sensors, SensorForm)
         out.append((sensors, {"mass": min(usual, LIGHT * sensors.reference)}))
     for driver in DriverForm.propose(tested) if errors.driver_mass + errors.stinger > 0 else ():
-        assert isinstance(driver, DriverForm)
         m, k = driver.references
         out.append(
             (driver, {"mass": min(errors.driver_mass, LIGHT * m), "across": min(errors.stinger, LIGHT * k)})
