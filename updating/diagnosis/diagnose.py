@@ -253,7 +253,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         searched=done,
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         posterior=tuple(posterior),
-        departures=departed(done, problem, current),
+        departures=departed([(h, done.probability(h)) for h in done.hypotheses], problem, current),
         channel_faults=of_channels,
     )
 
