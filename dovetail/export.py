@@ -24,7 +24,7 @@ from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_nodes import with_nodes
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_model import model_of, read_deck
 from fem.io.frame_of_model import ModelDeck, deck_of, with_places
 from fem.io.nastran_changes import nastran_changes
@@ -39,7 +39,7 @@ WRITERS: Mapping[str, Callable[..., str]] = {
     "abaqus": abaqus_text,
     "ansys": ansys_text,
 }
-CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {
+CHANGES: Mapping[str, Callable[[ModelDeck, Path, DeckUnits], DeckEdit]] = {
     "nastran": nastran_changes,
     "abaqus": abaqus_changes,
     "ansys": ansys_changes,
@@ -134,7 +134,7 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]
     """
     one = exported(study)
     deck = _titled(deck_of(one.model, study.name), one.found)
-    edit = CHANGES[program_of(source.file)](deck, source.file, Units.of(source.units))
+    edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
         msg = f"{study.path}: its model is that of {source.file.name}: there is nothing to export"
         raise StudyError(msg)

@@ -19,7 +19,7 @@ from dovetail.file.contents import SourceDeck, Study
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
 from fem.io.atomic import replacing
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.programs import ALLOWED
 from fem.io.source_changes import DeckEdit, SourceError
 from fem.matrices import UNITS
@@ -179,7 +179,7 @@ def run(options: Options, progress: Progress) -> Answer:
     replaces: list[str] = []
     if source is not None and (program in paths or options.merge is not None):
         progress("comparing with the deck")
-        if options.units is not None and Units.of(options.units) != Units.of(source.units):
+        if options.units is not None and DeckUnits.of(options.units) != DeckUnits.of(source.units):
             msg = f"--units {options.units}: the units of {source.file.name} are {_named(source.units)}"
             raise OutputError(msg)
         units = source.units
@@ -205,7 +205,7 @@ def run(options: Options, progress: Progress) -> Answer:
         progress("making the deck")
         deck, lines = exported_deck(study, whole=options.whole)
         heading = (*lines, f"units {_named(units)}")
-        texts |= {paths[name]: WRITERS[name](deck, Units.of(units), heading, MODES) for name in others}
+        texts |= {paths[name]: WRITERS[name](deck, DeckUnits.of(units), heading, MODES) for name in others}
         notes += deck.notes
     for path, text in texts.items():
         with replacing(path) as scratch:

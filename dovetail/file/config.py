@@ -41,8 +41,8 @@ from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_ou
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ModalTest,
+    ModesState,
     RawModes,
-    State,
     UpdatePlan,
     match_modes,
     read_plan,
@@ -82,7 +82,7 @@ from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
@@ -469,9 +469,9 @@ class _Reader:
         no_frfs = not raw and "measurements" not in self.top.table("baseline")
         return ModalTest(sensors, excitations, no_frfs)
 
-    def _states(self, test: ModalTest) -> tuple[State, ...]:
+    def _states(self, test: ModalTest) -> tuple[ModesState, ...]:
         """Read ``[[states]]``: the modes of states after the baseline."""
-        states: tuple[State, ...] = ()
+        states: tuple[ModesState, ...] = ()
         with self._attempt("measurements"):
             states = read_states(self.top, self.path.parent, self.measured_notes, test)
         return states
@@ -557,7 +557,7 @@ class _Reader:
         units = table.get("units", "SI")
         try:
             units = units if isinstance(units, str) else tuple(map(float, units))
-            Units.of(units)
+            DeckUnits.of(units)
         except (TypeError, ValueError) as reason:
             table.refuse("units", f"{reason}")
         table.finish()

@@ -10,8 +10,8 @@ from dovetail.file.ambient import AmbientTest
 from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
+    ModesState,
     ShapeLimits,
-    State,
     UpdatePlan,
 )
 from dovetail.file.table import StudyError
@@ -168,7 +168,7 @@ class Study:
     ambient: AmbientTest | None = None
     baseline_frfs: Measurement | None = None
     changes: tuple[str, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[ModesState, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
     relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
     channel_errors: ChannelErrors = USUAL

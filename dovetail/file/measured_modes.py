@@ -75,7 +75,7 @@ class MeasuredModes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class ModesState:
     """The modes of one of several states of a structure, and its name."""
 
     name: str
@@ -175,15 +175,15 @@ def read_raw_modes(
     return _raw_modes_of(top.table(key), folder, file_notes, more_keys)
 
 
-def read_states(top: Table, folder: Path, file_notes: list[str], test: ModalTest) -> tuple[State, ...]:
+def read_states(top: Table, folder: Path, file_notes: list[str], test: ModalTest) -> tuple[ModesState, ...]:
     """Read ``[[states]]``: the modes of later states, in their order; ``file_notes`` gains notes."""
-    out: list[State] = []
+    out: list[ModesState] = []
     for k, t in enumerate(top.tables("states"), 1):
         name = t.text("name", f"state {k}")
         modes = match_modes(_raw_modes_of(t, folder, file_notes, ()), test, file_notes)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
-        out.append(State(name, modes))
+        out.append(ModesState(name, modes))
     return tuple(out)
 
 

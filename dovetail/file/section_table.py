@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.file import aisc
-from dovetail.file.sensor_table import Rows, cells_of
+from dovetail.file.sensor_table import SensorRows, cells_of
 from dovetail.file.table import StudyError, Table
 from fem.sections.section import OPTIONS, SHAPES, Section
 from updating.measurement.matching import SCALES
@@ -103,7 +103,7 @@ def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
     if "name" not in keys:
         msg = f"{path.name}: there is no column name; it has {', '.join(head)}"
         raise StudyError(msg)
-    source = Rows(path.name, {}, {key: title for key, title in zip(keys, head, strict=True) if key})
+    source = SensorRows(path.name, {}, {key: title for key, title in zip(keys, head, strict=True) if key})
     out: dict[str, Table] = {}
     for row, cells in body:
         values: dict[str, Any] = {}
@@ -156,7 +156,7 @@ def _column(file: str, title: str) -> tuple[str, float | None]:
     return key, SCALES[unit[1]] ** power
 
 
-def _number(source: Rows, row: int, key: str, cell: str, scale: float) -> float:
+def _number(source: SensorRows, row: int, key: str, cell: str, scale: float) -> float:
     try:
         value = float(cell)
     except ValueError:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.file.contents import Study
 from dovetail.fleet.diagnosing import cause_text
 from dovetail.fleet.run import Triaged
-from dovetail.report.blocks import Facts, Items, Picture, Section, TableBlock, Text
+from dovetail.report.blocks import Facts, Items, Picture, ReportSection, TableBlock, Text
 from dovetail.report.page import page, tag
 from dovetail.report.table import Column, Table, write_csv
 from dovetail.units.folder import Record
@@ -199,12 +199,12 @@ def _page(
     return page(
         title,
         tag("h1", title),
-        Section("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
-        Section("Distance and rest of all units", [drawn]),
-        Section("Population", [TableBlock(scatter, population, numbers=(2, 3, 4))]),
-        Section("Units that failed", [Items(lost)]),
-        Section("Warnings", [Items(warned)]),
-        Section("About", [Facts([("study", study.path.name), ("model", size)])]),
+        ReportSection("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
+        ReportSection("Distance and rest of all units", [drawn]),
+        ReportSection("Population", [TableBlock(scatter, population, numbers=(2, 3, 4))]),
+        ReportSection("Units that failed", [Items(lost)]),
+        ReportSection("Warnings", [Items(warned)]),
+        ReportSection("About", [Facts([("study", study.path.name), ("model", size)])]),
     )
 
 

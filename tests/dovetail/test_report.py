@@ -24,7 +24,7 @@ from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
 from dovetail.result import _FORM as FORM_WORDS
-from dovetail.result import Uncertain, diagnosis_dict, result_dict
+from dovetail.result import UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
 from tests.frames import cross_beam, portal, write_study
@@ -498,7 +498,7 @@ def test_the_structure_is_drawn(found, tmp_path):
     ],
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
-    assert Uncertain(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
+    assert UncertainValue(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
 
 
 def test_the_form_of_a_connection_is_named_by_its_place(found):
