@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.result import (
     JSON,
     REPORT,
@@ -37,7 +37,7 @@ class ModeRunResult:
         Where the files are.
     """
 
-    study: Study
+    study: StudyContents
     diagnosis: ModeDiagnosis
     uncertain: tuple[UncertainValue, ...]
     finished: datetime

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.mode_partners import ModePartners, partners_dict
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
@@ -144,7 +144,7 @@ class RunResult:
         What data in which nothing is missing would have shown.
     """
 
-    study: Study
+    study: StudyContents
     diagnosis: Diagnosis
     comparisons: tuple[Comparison, ...]
     held_out_channels: Mapping[str, tuple[float, ...]]

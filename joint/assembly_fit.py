@@ -13,7 +13,7 @@ from fem.reduction.reduced_model import ReducedModel, reduce_model
 from joint.assembly import JointTask
 from joint.assembly_starts import SEARCHES, relative_distance, searched, starting_values, vague_prior, walked
 from joint.form import KINDS, LAWS, FormError, JointForm, relative_form
-from joint.identification import IdentificationError, JointIdentification
+from joint.identification import JointIdentification, JointIdentificationError
 from joint.identification import identify_joint as solve_directly
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
@@ -78,7 +78,7 @@ class FitStage:
             return solve_directly(
                 self.parts, self.fit.frequency, self.given, amplification_limit=amplification
             )
-        except IdentificationError:
+        except JointIdentificationError:
             return None
 
     @property
@@ -270,7 +270,7 @@ def estimate(
     ------
     FormError
         For terms that cannot be.
-    IdentificationError
+    JointIdentificationError
         If a parameter has no influence, or there are fewer data than parameters.
     """
     form = form_of(task, terms, coupled)

@@ -15,7 +15,7 @@ from dovetail.export import (
     exported_edit,
     program_of,
 )
-from dovetail.file.contents import SourceDeck, Study
+from dovetail.file.contents import SourceDeck, StudyContents
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
 from fem.io.atomic import replacing
@@ -77,7 +77,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
 
 
-def _source(options: Options, study: Study, notes: list[str]) -> SourceDeck | None:
+def _source(options: Options, study: StudyContents, notes: list[str]) -> SourceDeck | None:
     """Return the deck that the cards are for, None with a note where it cannot be read."""
     known = study.source
     if options.into is not None:
@@ -107,7 +107,7 @@ def _named(units: str | Sequence[float]) -> str:
 
 
 def _edit(
-    options: Options, study: Study, source: SourceDeck, notes: list[str]
+    options: Options, study: StudyContents, source: SourceDeck, notes: list[str]
 ) -> tuple[DeckEdit, Exported] | None:
     """Return the cards for the source deck; None with a note where its numbers cannot be kept."""
     try:

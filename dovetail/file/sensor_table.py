@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.file.lines import Path as KeyPath
-from dovetail.file.table import Source, StudyError, Table
+from dovetail.file.table import Source, StudyError, StudyTable
 from fem.io.columns import text_of
 from updating.measurement.matching import SCALES
 
@@ -54,7 +54,7 @@ class SensorRows(Source):
         return f"{self.file}{row}{column}"
 
 
-def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
+def sensor_tables(t: StudyTable, folder: Path, notes: list[str]) -> Iterator[StudyTable]:
     """Yield ``[[sensors]]`` or ``[[excitations]]`` as they are, or the rows of the file that one names.
 
     Parameters
@@ -88,7 +88,7 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
         chosen = {key: cells[head[1].index(title)] for key, title in columns.items()}
         values = _values(row_source, row, chosen, units)
         for one in _by_direction(row_source, row, values):
-            yield Table(row_source, (row,), one)
+            yield StudyTable(row_source, (row,), one)
 
 
 def cell_rows(path: Path) -> list[tuple[int, list[str]]]:

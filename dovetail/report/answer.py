@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Group, Heading, Items, Plot, ReportSection, TableBlock, Text
 from dovetail.report.confidence import confidence
@@ -42,7 +42,7 @@ def verdict_box(
     return Group(f"verdict {CLASS.get(verdict, 'unexplained')}", parts)
 
 
-def first_screen(study: Study, box: Group, *figures: Block) -> list[Block]:
+def first_screen(study: StudyContents, box: Group, *figures: Block) -> list[Block]:
     """Return description and verdict, with the staircase and the structure."""
     return [Text(study.description), box, Group("answer", figures)]
 

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.geometry import describe_sizes
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
@@ -124,7 +124,7 @@ def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], 
     return ReportSection("About this run", [Facts([*run, *facts, ("files next to this one", files)])])
 
 
-def _mesh(study: Study) -> tuple[str, str]:
+def _mesh(study: StudyContents) -> tuple[str, str]:
     mesh = study.model.mesh
     if not mesh.n_lines:
         return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"

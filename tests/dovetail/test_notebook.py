@@ -92,7 +92,7 @@ def test_no_exported_class_prints_its_arrays(package):
 def test_texts_have_values_with_units(study, comparison, found):
     frf = study.frf()
     assert repr(frf) == (
-        "<FRF accelerance [(m/s²)/N]: 198 lines, 4 to 398 Hz; 4 outputs (P, K, T, A) × 2 inputs (T, K)>"
+        "<StudyFRF accelerance [(m/s²)/N]: 198 lines, 4 to 398 Hz; 4 outputs (P, K, T, A) × 2 inputs (T, K)>"
     )
     assert repr(study.error()).startswith(f"<Misfit {study.error().fit_db:.2f} dB on the lines of the fit")
     assert f"{comparison.total_db:.2f} dB on all lines" in repr(comparison)
@@ -245,4 +245,4 @@ def test_everything_public_of_the_facade_has_a_docstring(study, comparison, foun
 
 def test_a_single_line_frf_is_short():
     one = FRF.from_arrays([5.0], [1.0 + 0j])
-    assert repr(one) == "<FRF accelerance [(m/s²)/N]: 1 line, 5 Hz; 1 outputs (out1) × 1 inputs (in1)>"
+    assert repr(one) == "<StudyFRF accelerance [(m/s²)/N]: 1 line, 5 Hz; 1 outputs (out1) × 1 inputs (in1)>"

@@ -14,7 +14,7 @@ from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
 from dovetail.found import found_text
-from dovetail.notebook.diagnosis import Diagnosis
+from dovetail.notebook.diagnosis import StudyDiagnosis
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
 from dovetail.report.drawn import fits_of, marked_places, rivals
@@ -213,7 +213,7 @@ def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album,
     assert "as they were read" in page
     assert "None was found" not in page
     assert any(sentence in line for line in found_lines(told.diagnosis))
-    assert sentence in Diagnosis.of(told.diagnosis)._repr_html_()
+    assert sentence in StudyDiagnosis.of(told.diagnosis)._repr_html_()
     (plain,) = diagnosis_dict(told.diagnosis)["faults"]
     assert (plain["kind"], plain["value"], plain["tolerance"]) == ("sensor_gain", 0.8, 0.03)
     text = found_text(told, tmp_path)
