@@ -1,4 +1,4 @@
-"""Read a study file, and the files that it names, as a :class:`dovetail.file.contents.Study`."""
+"""Read a study file, and the files that it names, as a :class:`dovetail.file.contents.StudyContents`."""
 
 import os
 import re

@@ -245,4 +245,4 @@ def test_everything_public_of_the_facade_has_a_docstring(study, comparison, foun
 
 def test_a_single_line_frf_is_short():
     one = FRF.from_arrays([5.0], [1.0 + 0j])
-    assert repr(one) == "<StudyFRF accelerance [(m/s²)/N]: 1 line, 5 Hz; 1 outputs (out1) × 1 inputs (in1)>"
+    assert repr(one) == "<FRF accelerance [(m/s²)/N]: 1 line, 5 Hz; 1 outputs (out1) × 1 inputs (in1)>"
