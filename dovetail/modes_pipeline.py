@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError
 from fem.model import Effect, Model
@@ -23,7 +23,7 @@ from updating.modal.identified_modes import IdentifiedModes
 Progress = Callable[[str, float], None]
 
 
-def by_modes(study: Study) -> Study:
+def by_modes(study: StudyContents) -> StudyContents:
     """Return a study whose states all have modes: of a state with FRFs they are identified in these.
 
     Their frequencies repeat no better than those of the state that was given by modes.
@@ -46,7 +46,7 @@ def by_modes(study: Study) -> Study:
 
 
 def _identified(
-    study: Study, data: Measurement, other: MeasuredModes | None
+    study: StudyContents, data: Measurement, other: MeasuredModes | None
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Return the modes in the FRFs of one state, and sentences on them."""
     data = with_more_sensors(data, study.model)
@@ -81,7 +81,7 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 
 
 def diagnose_study_modes(
-    study: Study, say: Progress | None = None, judged: Baseline | None = None
+    study: StudyContents, say: Progress | None = None, judged: Baseline | None = None
 ) -> ModeDiagnosis:
     """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline.
 
@@ -103,7 +103,7 @@ def diagnose_study_modes(
     return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
 
 
-def mode_problem(study: Study) -> ModeProblem:
+def mode_problem(study: StudyContents) -> ModeProblem:
     """Return the reduced model and the measured modes of a study, as a diagnosis begins with.
 
     Of two states it is the second one's, with the model calibrated on the first.
@@ -111,7 +111,7 @@ def mode_problem(study: Study) -> ModeProblem:
     return mode_problem_and_model(study)[0]
 
 
-def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
+def mode_problem_and_model(study: StudyContents) -> tuple[ModeProblem, Model]:
     """Return a study's problem by modes, and the model that its results are values and effects of."""
     study = by_modes(study)
     assert study.modes is not None
@@ -125,7 +125,7 @@ def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     return problem, changed
 
 
-def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
+def first_state(study: StudyContents) -> tuple[Model, tuple[Effect, ...]]:
     """Return the model of a study's first state, and the effects that have come since.
 
     Of a study without a baseline all effects are the model's.

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeAlias, TypeGuard, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -69,7 +69,7 @@ _QUANTITIES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertain:
+class UncertainValue:
     """An uncertain parameter before and after the fit.
 
     Attributes
@@ -138,7 +138,7 @@ class RunResult(Generic[V]):
         Where the model fails once its uncertain parameters are fitted.
     modes : tuple of FittedModePair
         Natural frequencies and damping before and after.
-    uncertain : tuple of Uncertain
+    uncertain : tuple of UncertainValue
         Before and after the fit; of two states, that to the first one.
     finished : datetime
     seconds : float
@@ -152,9 +152,9 @@ class RunResult(Generic[V]):
         Modes of the reported model, of a diagnosis by modes alone.
     """
 
-    study: Study
+    study: StudyContents
     diagnosis: V
-    uncertain: tuple[Uncertain, ...]
+    uncertain: tuple[UncertainValue, ...]
     finished: datetime
     seconds: float
     folder: Path
@@ -202,7 +202,7 @@ def bands_of_lines(
     return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def uncertain_parameters(d: Verdict) -> tuple[Uncertain, ...]:
+def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
     """Return the uncertain parameters before and after the last fit; of two states, that to the first.
 
     The damping is among them where any was measured.
@@ -218,7 +218,7 @@ def uncertain_parameters(d: Verdict) -> tuple[Uncertain, ...]:
         fitted = float(final.values.get(u.ref, np.nan))
         moved = (u.to_x(fitted) - u.mean) / u.std
         out.append(
-            Uncertain(
+            UncertainValue(
                 f"{name}.{parameter}",
                 u.unit,
                 u.nominal,
@@ -247,11 +247,11 @@ def uncertain_parameters(d: Verdict) -> tuple[Uncertain, ...]:
         if name == CONNECTIONS_POWER:  # its unknown is e to it
             known = 0.0, moved, curve.std, s
         before, after, prior, std = map(float, known)
-        out.append(Uncertain(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
+        out.append(UncertainValue(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
     return tuple(out)
 
 
-def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
+def channels_of(problem: FitProblem, final: FitResult) -> list[UncertainValue]:
     """Return the errors of channels that are farther from the test's description than its accuracy says."""
     m, out = problem.data.measurement, []
     prior = m.errors.std
@@ -264,7 +264,7 @@ def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
             *(f"{sort_of} {axis_text(t)}" for sort_of in (TURNED, SHIFTED) for t in channel.axes_across),
         ]
         for word, unit, value, before, std in zip(words, CHANNEL_UNITS, values, prior, stds, strict=True):
-            moved = Uncertain(
+            moved = UncertainValue(
                 f"{sort} {channel.name}: {word}", unit, 0.0, float(value), float(before), float(std), False
             )
             out += [moved] if moved.far else []
@@ -288,7 +288,7 @@ def program_version() -> str:
         return "unknown"
 
 
-def uncertain_dict(u: Uncertain) -> dict[str, Any]:
+def uncertain_dict(u: UncertainValue) -> dict[str, Any]:
     """Return an uncertain parameter in plain types."""
     return {**asdict(u), "moved": u.moved, "far": u.far}
 

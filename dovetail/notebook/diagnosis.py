@@ -40,12 +40,12 @@ class Tables:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeDiagnosis(Tables, mode_diagnosis.ModeDiagnosis):
+class StudyModeDiagnosis(Tables, mode_diagnosis.ModeDiagnosis):
     """Which effects a study's model lacks by its measured modes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Diagnosis(Tables, diagnose.Diagnosis):
+class StudyDiagnosis(Tables, diagnose.Diagnosis):
     """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
 
     def plot_ranking(self, round_: int = 1) -> Any:

@@ -14,7 +14,7 @@ from updating.inference.mode_fit import ModeProblem
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeComparison:
+class StudyModeComparison:
     """How far a study's modes are from the measured ones, (n,) each; NaN where there is none.
 
     Attributes
@@ -46,7 +46,7 @@ class ModeComparison:
     @classmethod
     def of(
         cls, problem: ModeProblem, result: FitResult, name: str = "", label: str = "model"
-    ) -> "ModeComparison":
+    ) -> "StudyModeComparison":
         """Compare a fit of a problem, or its nominal model, with the measured modes."""
         t, computed = problem.targets, problem.computed(result)
         return cls(

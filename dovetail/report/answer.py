@@ -1,7 +1,7 @@
 """The first screen of a report: verdict, probability, staircase, and the structure with the place."""
 
 from dovetail.report import words
-from dovetail.report.blocks import Block, Group, Heading, Items, Plot, Section, Text
+from dovetail.report.blocks import Block, Group, Heading, Items, Plot, ReportSection, Text
 from dovetail.report.confidence import confidence
 from dovetail.report.drawn import test_in_words
 from dovetail.report.probable import probability_text
@@ -48,7 +48,7 @@ def _structure(result: RunResult[Verdict], shown: Shown) -> Plot:
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
 
 
-def how_sure(result: RunResult[Verdict], shown: Shown) -> Section:
+def how_sure(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return how sure the verdict is, the errors of the steps, and advice."""
     d = result.diagnosis
     if not by_frfs(d):
@@ -56,7 +56,7 @@ def how_sure(result: RunResult[Verdict], shown: Shown) -> Section:
             "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
             "evidence; held-out modes do not count."
         )
-        return Section("How sure", [Items(confidence(result)), staircase.block(d), Text(text)])
+        return ReportSection("How sure", [Items(confidence(result)), staircase.block(d), Text(text)])
     text = (
         "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
         f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
@@ -69,4 +69,4 @@ def how_sure(result: RunResult[Verdict], shown: Shown) -> Section:
         )
     advice = [Heading("Advice"), Items(words.advice(result))] if d.verdict == UNEXPLAINED else []
     blocks = [Items(confidence(result)), staircase.block(d, result.held_out_channels), Text(text), *advice]
-    return Section("How sure", blocks)
+    return ReportSection("How sure", blocks)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dovetail.file.contents import Study
-from dovetail.report.blocks import Details, Facts, Items, Section, TableBlock, Text
+from dovetail.file.contents import StudyContents
+from dovetail.report.blocks import Details, Facts, Items, ReportSection, TableBlock, Text
 from dovetail.report.drawn import held_out_bands
 from dovetail.report.shown import Shown
 from dovetail.result import FrfResult, RunResult, has_frfs
@@ -14,17 +14,17 @@ from updating.inference.fit_data import TRANSVERSE, FitData
 from updating.measurement.measurement import MOTION
 
 
-def check_first(result: RunResult[Verdict], shown: Shown) -> Section:
+def check_first(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the probable faults of the study; nothing without any."""
-    return Section("Check first", [Items(result.study.warnings)])
+    return ReportSection("Check first", [Items(result.study.warnings)])
 
 
-def compared(result: RunResult[Verdict], shown: Shown) -> Section:
+def compared(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the measured data, and how they are compared with the model."""
     study = result.study
     facts = [("model", model_size(study.model.mesh))]
     if not has_frfs(result):
-        return Section("Compared data", [_modes_table(study), Facts([*_motion_seen(study), *facts])])
+        return ReportSection("Compared data", [_modes_table(study), Facts([*_motion_seen(study), *facts])])
     d, data = result.diagnosis, result.diagnosis.problem.data
     f = data.frequency
     facts = [
@@ -36,10 +36,10 @@ def compared(result: RunResult[Verdict], shown: Shown) -> Section:
     ]
     places = f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}"
     tables = [_frfs_table(study), *([_modes_table(study)] if study.modes is not None else [])]
-    return Section("Compared data", [*tables, Facts(facts), Details(places, [_sensor_places(result)])])
+    return ReportSection("Compared data", [*tables, Facts(facts), Details(places, [_sensor_places(result)])])
 
 
-def _frfs_table(study: Study) -> TableBlock:
+def _frfs_table(study: StudyContents) -> TableBlock:
     before = study.baseline_frfs
     named = [(m.name, m) for m in study.measurements or study.amplitudes]
     named += [(f"{before.name}, the baseline", before)] if before is not None else []
@@ -53,7 +53,7 @@ def _frfs_table(study: Study) -> TableBlock:
     return TableBlock(head, rows, numbers=(3, 4, 5), caption="Measured FRFs")
 
 
-def _modes_table(study: Study) -> TableBlock:
+def _modes_table(study: StudyContents) -> TableBlock:
     rows = []
     for name, m in (("modes", study.modes), ("baseline", study.baseline)):
         if m is None:
@@ -67,7 +67,7 @@ def _modes_table(study: Study) -> TableBlock:
     return TableBlock([*head, "held out"], rows, numbers=(2, 6), caption="Measured modes")
 
 
-def _motion_seen(study: Study) -> list[tuple[str, str]]:
+def _motion_seen(study: StudyContents) -> list[tuple[str, str]]:
     """Return which motion a test of modes has seen."""
     m = study.modes
     if m is None:
@@ -85,7 +85,7 @@ def model_size(mesh: Mesh) -> str:
     return f"{members}, {mesh.n_lines} beam elements, {mesh.n_points} points"
 
 
-def gates(result: FrfResult, shown: Shown) -> Section:
+def gates(result: FrfResult, shown: Shown) -> ReportSection:
     """Return the tests of the measurement before the search; nothing without any."""
     known = result.diagnosis.gates
     rows = (
@@ -96,7 +96,7 @@ def gates(result: FrfResult, shown: Shown) -> Section:
         "warning with the verdict."
     )
     blocks = [Text(text), TableBlock(["check", "outcome", "finding"], rows)] if known else []
-    return Section("Checks of the measurement", blocks)
+    return ReportSection("Checks of the measurement", blocks)
 
 
 def _held_out_words(result: FrfResult) -> str:

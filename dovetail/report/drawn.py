@@ -17,7 +17,7 @@ from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
 from updating.diagnosis.verdict import Verdict
 from updating.measurement.measurement import Sensor
-from viz.interactive.solids import Place
+from viz.interactive.solids import MarkedPlace
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
@@ -118,7 +118,7 @@ def test_in_words(result: RunResult[Verdict]) -> str:
     return f" with {' and '.join(many)}" if many else ""
 
 
-def marked_places(result: RunResult[Verdict]) -> list[Place]:
+def marked_places(result: RunResult[Verdict]) -> list[MarkedPlace]:
     """Return the places of findings, departures of the form, faults and other explanations, one a point."""
     d, model = result.diagnosis, result.study.model
     out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
@@ -142,17 +142,17 @@ def marked_places(result: RunResult[Verdict]) -> list[Place]:
     for effect in (e for x in d.credible for e in x.effects):
         mark(effect.locations(model)[:6], effect.where, effect.kind.replace("_", " "), "candidate")
     return [
-        Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
+        MarkedPlace(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
         for xyz, here in out.items()
     ]
 
 
-def failing_places(where: Localisation) -> list[tuple[Place, float]]:
+def failing_places(where: Localisation) -> list[tuple[MarkedPlace, float]]:
     """Return joints and supports with their shares of the misfit, the largest at each point."""
-    out: dict[tuple[float, ...], tuple[Place, float]] = {}
+    out: dict[tuple[float, ...], tuple[MarkedPlace, float]] = {}
     for name, share in where.places:
         for xyz in where.points[name]:
-            out.setdefault(tuple(np.round(xyz, 9)), (Place(xyz, name, words.place(name)), share))
+            out.setdefault(tuple(np.round(xyz, 9)), (MarkedPlace(xyz, name, words.place(name)), share))
     return list(out.values())
 
 

@@ -10,7 +10,7 @@ from dovetail.report.blocks import (
     Items,
     Pick,
     Picture,
-    Section,
+    ReportSection,
     TableBlock,
     Text,
 )
@@ -27,7 +27,7 @@ from updating.diagnosis.separation import Proposal
 from updating.diagnosis.verdict import Verdict
 
 
-def missing(result: RunResult[Verdict], shown: Shown) -> Section:
+def missing(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the found effects or explanations, their evidence, and measurements that would tell rivals."""
     d = result.diagnosis
     blocks: list[Block] = _found(d) if d.findings else _nothing_found(result, shown)
@@ -50,7 +50,7 @@ def missing(result: RunResult[Verdict], shown: Shown) -> Section:
         )
     some = d.findings or d.modes is not None
     title = "Missing effects" if d.baseline is None else "What has changed"
-    return Section(title, [*blocks, *([Text(text)] if some else [])])
+    return ReportSection(title, [*blocks, *([Text(text)] if some else [])])
 
 
 def _found(d: Verdict) -> list[Block]:
@@ -187,11 +187,11 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     return [Text(planning.EXCLUDED), table, figure]
 
 
-def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> Section:
+def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> ReportSection:
     """Return what the first of two states says of the model, where that does not explain it."""
     judged = result.diagnosis.judged
     if judged is None or judged.diagnosis is None:
-        return Section("", ())
+        return ReportSection("", ())
     off = judged.first.missed
     modes = [
         [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
@@ -212,19 +212,19 @@ def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> Section:
         TableBlock(["missing in both states", "probability"], causes, numbers=(1,)),
         TableBlock(["mode", "measured [Hz]", "missed by [σ]"], modes, numbers=(0, 1, 2), caption=caption),
     ]
-    return Section("The baseline is poor", blocks)
+    return ReportSection("The baseline is poor", blocks)
 
 
-def places(result: RunResult[Verdict], shown: Shown) -> Section:
+def places(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the places by the misfit that changes there leave."""
     rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
     text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
     table = TableBlock(["place", "remaining misfit [-]"], rows, numbers=(1,), at_most=8)
-    return Section("Where", [text, table] if rows else ())
+    return ReportSection("Where", [text, table] if rows else ())
 
 
-def measure_next(result: RunResult[Verdict], shown: Shown) -> Section:
+def measure_next(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return what would tell the first two explanations apart; nothing without any."""
     proposals = result.diagnosis.next_measurements
     lead = "To distinguish the first two explanations:" if proposals else ""
-    return Section("What to measure next", [Text(lead), Items(proposals)])
+    return ReportSection("What to measure next", [Text(lead), Items(proposals)])

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.report.answer import answer, how_sure
-from dovetail.report.blocks import Report, Section
+from dovetail.report.blocks import Report, ReportSection
 from dovetail.report.compared import check_first, compared, gates
 from dovetail.report.figures import Figures, make_all
 from dovetail.report.misfit import misfit
@@ -25,7 +25,7 @@ def _always(d: Verdict) -> bool:
     return True
 
 
-SECTIONS: tuple[tuple[Callable[[Verdict], bool], Callable[[RunResult[Any], Shown], Section]], ...] = (
+SECTIONS: tuple[tuple[Callable[[Verdict], bool], Callable[[RunResult[Any], Shown], ReportSection]], ...] = (
     (_always, check_first),
     (by_modes_alone, poor_baseline),
     (_always, how_sure),

@@ -4,16 +4,16 @@ import math
 from dataclasses import replace
 
 from dovetail.report import cells, words
-from dovetail.report.blocks import Block, Group, Line, Mark, Section, TableBlock, Text
+from dovetail.report.blocks import Block, Group, Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.drawn import FRF_ERROR
 from dovetail.report.page import Markup, join, tag
 from dovetail.report.sections import measured_modes
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import FrfResult, RunResult, Uncertain, by_frfs
+from dovetail.result import FrfResult, RunResult, UncertainValue, by_frfs
 from updating.diagnosis.verdict import Verdict
 
 
-def frfs(result: FrfResult, shown: Shown) -> Section:
+def frfs(result: FrfResult, shown: Shown) -> ReportSection:
     """Return the FRFs: any of them where a script runs, the telling ones else."""
     known = result.diagnosis.measured
     tools = join(
@@ -40,10 +40,10 @@ def frfs(result: FrfResult, shown: Shown) -> Section:
         shown.figure("frf-error", FRF_ERROR.partition(";")[0] + ".", FRF_ERROR, ["frf-error"]),
         shown.figure("frf", f"{alt}response and force.", caption, names, tools=tools),
     ]
-    return Section("FRFs before and after", blocks)
+    return ReportSection("FRFs before and after", blocks)
 
 
-def modes(result: RunResult[Verdict], shown: Shown) -> Section:
+def modes(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return natural frequencies, measured and before and after, and the mode shapes."""
     arrows = ""
     if result.reported is not None and result.reported.mac is not None:
@@ -57,7 +57,7 @@ def modes(result: RunResult[Verdict], shown: Shown) -> Section:
             "scaled to the mode; neighbouring modes take part in it. Rings show where the model puts the "
             "arrows' tips."
         )
-    return Section("Natural frequencies and mode shapes", [*blocks, *shapes(shown, arrows)])
+    return ReportSection("Natural frequencies and mode shapes", [*blocks, *shapes(shown, arrows)])
 
 
 def _before_and_after(result: RunResult[Verdict]) -> list[Block]:
@@ -105,7 +105,7 @@ def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
     return [shown.figure("modes", alt, caption.strip(), names, tools=tools, hint=TURN)]
 
 
-def uncertain(result: RunResult[Verdict], shown: Shown) -> Section:
+def uncertain(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the uncertain parameters before and after the fit."""
     d = result.diagnosis
     fitted = (
@@ -121,21 +121,21 @@ def uncertain(result: RunResult[Verdict], shown: Shown) -> Section:
     head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
     table = TableBlock(head, list(map(_parameter_row, result.uncertain)), numbers=(1, 2, 3, 4), at_most=25)
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
-    return Section("Uncertain parameters", [Text(text), table])
+    return ReportSection("UncertainValue parameters", [Text(text), table])
 
 
-def _parameter_row(u: Uncertain) -> list[Line]:
+def _parameter_row(u: UncertainValue) -> list[Line]:
     value, change = "replaced by the effect", "–"
     if math.isfinite(u.fitted):
         value = words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std)
         if math.isfinite(u.moved):
             change = f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−")
-    flag = Mark("at bound", "tag bound") if u.at_bound else ""
+    flag = ReportMark("at bound", "tag bound") if u.at_bound else ""
     prior = cells.percent(u.prior_std, u.nominal)
     return [u.words, words.with_unit(u.nominal, u.unit), value, change, prior, flag]
 
 
-def faults(result: FrfResult, shown: Shown) -> Section:
+def faults(result: FrfResult, shown: Shown) -> ReportSection:
     """Return the faults of the measurement and their remedies."""
     d, known = result.diagnosis, result.diagnosis.every_fault
     none = (
@@ -161,4 +161,4 @@ def faults(result: FrfResult, shown: Shown) -> Section:
         for f in known
     ]
     table = TableBlock(["sensor or force", "fault", "value", "", "remedy"], rows, numbers=(2,))
-    return Section("Faults of the measurement", [Text(some.strip()), table] if known else [Text(none)])
+    return ReportSection("Faults of the measurement", [Text(some.strip()), table] if known else [Text(none)])

@@ -6,10 +6,10 @@ import inspect
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.geometry import describe_sizes
 from dovetail.report import words
-from dovetail.report.blocks import Details, Facts, Items, Mark, Section, TableBlock, Text
+from dovetail.report.blocks import Details, Facts, Items, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult, by_frfs, by_modes_alone, program_version
 from updating.diagnosis.verdict import Verdict
@@ -44,18 +44,18 @@ MODULES_OF_MODES = (
 """The same of a diagnosis from modes."""
 
 
-def notes(result: RunResult[Verdict], shown: Shown) -> Section:
+def notes(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return notes for the reader on methods and limits."""
     study = result.study
     failures = *shown.album.failures, *shown.figures.failures
     known = [*study.model.mesh.notes, *study.measured_notes, *result.notes, *failures]
-    return Section("Notes", [Items(known)])
+    return ReportSection("Notes", [Items(known)])
 
 
-def assumptions(result: RunResult[Verdict], shown: Shown) -> Section:
+def assumptions(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return assumptions, the thresholds of the search, and the study file."""
     rows = [
-        [Mark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
+        [ReportMark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
         for name, value, text in thresholds(MODULES if by_frfs(result.diagnosis) else MODULES_OF_MODES)
     ]
     study, table = result.study, TableBlock(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
@@ -64,7 +64,7 @@ def assumptions(result: RunResult[Verdict], shown: Shown) -> Section:
         Details("Thresholds of the search", [table]),
         Details("The study file", [Text(study.text, "pre")]),
     ]
-    return Section("Assumptions and thresholds", blocks)
+    return ReportSection("Assumptions and thresholds", blocks)
 
 
 def thresholds(modules: Sequence[str] = MODULES) -> Iterator[tuple[str, float, str]]:
@@ -91,7 +91,7 @@ def _program() -> str:
     return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
 
 
-def about(result: RunResult[Verdict], shown: Shown) -> Section:
+def about(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the facts of the run."""
     d = result.diagnosis
     facts = [
@@ -114,10 +114,10 @@ def about(result: RunResult[Verdict], shown: Shown) -> Section:
     if by_modes_alone(d):
         level = d.calibration[0].mesh_level
         facts.append(("error of the mesh", f"{100 * level:.2g} % of natural frequencies"))
-    return Section("About this run", [Facts([*facts, ("files next to this one", files)])])
+    return ReportSection("About this run", [Facts([*facts, ("files next to this one", files)])])
 
 
-def _mesh(study: Study) -> tuple[str, str]:
+def _mesh(study: StudyContents) -> tuple[str, str]:
     mesh = study.model.mesh
     if not mesh.n_lines:
         return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"

@@ -44,7 +44,8 @@ from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.diagnosis.verdict import explanations_of, posterior_of, reason_of, verdict_of
 from updating.inference.belief import TWIN_NATS
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
@@ -250,7 +251,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         explanations=explanations_of(done),
         posterior=posterior_of(done),
-        departures=departed(done, problem, current),
+        departures=departed([(h, done.probability(h)) for h in done.hypotheses], problem, current),
         channel_faults=of_channels,
     )
     verdict, reason = _verdict(out, done, gates)

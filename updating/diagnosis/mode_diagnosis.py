@@ -38,7 +38,7 @@ from updating.diagnosis.verdict import (
     reason_of,
     verdict_of,
 )
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed, formed_mode_problem
 from updating.inference.heartbeat import Progress

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dovetail.report import cells, words
-from dovetail.report.blocks import Block, Details, Line, Mark, Section, TableBlock, Text
+from dovetail.report.blocks import Block, Details, Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.table import Column, Table
 from dovetail.result import FrfResult
 from fem.summary import counted
@@ -131,13 +131,13 @@ def block(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> TableBl
     digits = [words.digits_apart(first, column) for first, *column in zip(*values, strict=True)]
     rows: list[list[Line]] = []
     for (r, what), numbers in zip(known, values, strict=True):
-        label = (words.ranked_label(r), " ", Mark(what) if what else "")
+        label = (words.ranked_label(r), " ", ReportMark(what) if what else "")
         numbers_ = (cells.decimals(x, n) for x, n in zip(numbers, digits, strict=True))
         rows.append([label, words.parameters_text(r.parameters), *numbers_])
     return TableBlock(HEADS, rows, numbers=(2, 3, 4, 5), marked=marked)
 
 
-def page(result: FrfResult, shown: "Shown") -> Section:
+def page(result: FrfResult, shown: "Shown") -> ReportSection:
     """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
     text = (
@@ -152,7 +152,7 @@ def page(result: FrfResult, shown: "Shown") -> Section:
     for k in tried:
         body = _round(d, shown, k)
         blocks += body if k == tried[0] else [Details(f"Round {k + 1}: {_outcome(d, k)}", body)]
-    return Section("How the candidates did", blocks)
+    return ReportSection("How the candidates did", blocks)
 
 
 def _round(d: Diagnosis, shown: "Shown", k: int) -> list[Block]:
