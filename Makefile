@@ -76,7 +76,7 @@ dist: $(DEV)
 
 # minutes for all formats together, or inputs for each; SEED=7 draws others, FORMATS=inp,bdf some of them
 fuzz: $(DEV)
-	$(IN) python -m tests.fuzz --seed $(or $(SEED),1) $(if $(MINUTES),--minutes $(MINUTES)) \
+	$(IN) python -m benchmarks.fuzz --seed $(or $(SEED),1) $(if $(MINUTES),--minutes $(MINUTES)) \
 		$(if $(COUNT),--count $(COUNT)) $(if $(FORMATS),--formats $(FORMATS))
 
 slow: $(DEV)
@@ -87,29 +87,29 @@ long: $(DEV)
 
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
-	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
+	$(IN) python -m benchmarks.independent.table $(if $(CASES),--cases $(CASES))
 
 # NAMES="ladder-notch ladder-mass" for some of them
 a-frames: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.a_frames out/a-frames $(NAMES)
-	$(IN) python -m tests.independent.table --cases out/a-frames --out out/a-frames-results
+	$(PEERS)/bin/python -m benchmarks.independent.a_frames out/a-frames $(NAMES)
+	$(IN) python -m benchmarks.independent.table --cases out/a-frames --out out/a-frames-results
 
 solids: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.solids out/solids $(NAMES)
-	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
+	$(PEERS)/bin/python -m benchmarks.independent.solids out/solids $(NAMES)
+	$(IN) python -m benchmarks.independent.table --cases out/solids --out out/solids-results
 
 # each seed is a set that nobody has looked at; run once, on a program that is not changed for it
 FOREIGN := out/foreign-$(or $(SEED),1)$(if $(TEST),-$(TEST))
 DRAWN = --seed $(or $(SEED),1) $(if $(CASES),--cases $(CASES)) $(if $(STRUCTURES),--structures $(STRUCTURES))
 JUDGED = $(if $(CAP),--cap $(CAP)) $(if $(JOBS),--jobs $(JOBS))
 foreign: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) $(DRAWN) $(if $(TEST),--test $(TEST))
-	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(JUDGED)
+	$(PEERS)/bin/python -m benchmarks.independent.foreign $(FOREIGN) $(DRAWN) $(if $(TEST),--test $(TEST))
+	$(IN) python -m benchmarks.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(JUDGED)
 
 FOREIGN_MODES := out/foreign-modes-$(or $(SEED),1)
 foreign-modes: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.foreign.modes $(FOREIGN_MODES) $(DRAWN)
-	$(IN) python -m tests.independent.table --cases $(FOREIGN_MODES) --out $(FOREIGN_MODES)-results $(JUDGED)
+	$(PEERS)/bin/python -m benchmarks.independent.foreign.modes $(FOREIGN_MODES) $(DRAWN)
+	$(IN) python -m benchmarks.independent.table --cases $(FOREIGN_MODES) --out $(FOREIGN_MODES)-results $(JUDGED)
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock

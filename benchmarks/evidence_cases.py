@@ -10,12 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.independent.by_evidence import stated
+from benchmarks.independent.convert import convert
+from benchmarks.independent.table import CASES, hidden_effects, hidden_in_words
 from benchmarks.validation.evidence import at_truth, decibels
 from dovetail.file.config import load_study
 from dovetail.file.contents import measured, without_held_out
-from tests.independent.by_evidence import stated
-from tests.independent.convert import convert
-from tests.independent.table import CASES, hidden_effects, hidden_in_words
 from updating.diagnosis.evidence.diagnosis import search_by_evidence
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evidence_cases import searched
-from tests.independent.table import CASES, hidden_effects
+from benchmarks.independent.table import CASES, hidden_effects
 from updating.diagnosis.evidence import priors
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.fits import Fits

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from fem import (
     FRF,
     Damping,
@@ -18,7 +19,6 @@ from fem import (
 )
 from fem.effects import SupportFlexibility
 from fem.model import parameter_values
-from tests.hidden.cases import make_case
 from tests.noise import complex_normal
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose
 from updating.diagnosis.diagnose import BASIS_LIMIT_DB

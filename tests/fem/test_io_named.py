@@ -217,7 +217,7 @@ def test_the_error_for_an_unknown_file_lists_what_is_read(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_file_that_ends_the_library_is_refused(tmp_path, monkeypatch):
-    """libhdf5 frees memory twice on some damaged files, which ends the process (tests.fuzz, hdf5)."""
+    """libhdf5 frees memory twice on some damaged files, which ends the process (benchmarks.fuzz, hdf5)."""
     assert end_of_trial(lambda: None) is None
     assert end_of_trial(lambda: {}["key"]) is None
     path = tmp_path / "f.h5"

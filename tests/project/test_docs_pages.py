@@ -136,7 +136,7 @@ def test_the_tutorial_finds_the_hidden_effect(tmp_path, offscreen):
 
 
 def test_the_benchmark_book_has_a_table_of_each_source():
-    from tests.literature.book.shelf import SOURCES
+    from benchmarks.book.shelf import SOURCES
 
     text = (ROOT / "docs" / "benchmark-book.md").read_text(encoding="utf-8")
     assert sorted(pages.BOOK.findall(text)) == sorted([*SOURCES, "summary"])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
+from benchmarks.hidden.cases import make_case
 from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
 from updating import build_problem, propose

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF, Frame
-from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior

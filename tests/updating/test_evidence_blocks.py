@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from fem.effects import JointStiffness
 from tests.frames import cross_beam
-from tests.hidden.cases import make_case
 from updating import build_problem, propose
 from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of

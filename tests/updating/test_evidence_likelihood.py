@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from benchmarks.hidden.cases import make_case
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from fem.effects.member_damping import MemberDamping
 from fem.reduction.local_changes import LocalChanges
 from tests.frames import write_study
-from tests.hidden.cases import make_case
 from tests.noise import complex_normal
 from updating import build_problem
 from updating.diagnosis.evidence.hypothesis import Start

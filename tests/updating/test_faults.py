@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
-from tests.hidden.cases import make_case
 from updating import (
     Fault,
     build_problem,

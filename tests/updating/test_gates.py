@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from dovetail import StudyError
 from dovetail.file.config import load_study
 from fem import FRF
 from fem.io import read_uff, write_uff
 from fem.io.uff_types import Function
-from tests.hidden.cases import make_case
 from tests.studies import study_file
 from updating import Fault, MeasurementError, Reciprocity, build_problem, check_gates
 from updating.diagnosis.amplitude import force_levels

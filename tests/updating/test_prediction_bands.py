@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
+from benchmarks.hidden.cases import make_case
 from updating import build_problem, propose
 from updating.inference.fit_function import ROBUST
 from updating.inference.fitting import FULL_LINES, assessed_fit

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 import fem
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem.connection_damping import ConnectionDamping
-from tests.hidden.cases import make_case
 from updating import build_problem, propose
 from updating.diagnosis.evidence.screening import Grid
 from updating.inference import preparation

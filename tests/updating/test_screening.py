@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
+from benchmarks.hidden.cases import make_case
 from updating import build_problem, propose
 from updating.diagnosis.evidence import screening
 from updating.diagnosis.evidence import shortlist as listing
