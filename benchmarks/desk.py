@@ -21,10 +21,9 @@ from benchmarks.diagnosis import STUDY, tower
 from dovetail import load_study
 from dovetail.desk.figures import curve_changes, moved_map
 from dovetail.pipeline import fit_problem
-from fem.model import Effect
+from fem import Effect
+from updating import Nuisance, propose
 from updating.diagnosis.begin import begin
-from updating.diagnosis.candidates import propose
-from updating.inference.parameters import Nuisance
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 

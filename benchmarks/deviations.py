@@ -18,15 +18,13 @@ import numpy as np
 
 from dovetail import Study, load_study
 from dovetail.pipeline import formed_fit_problem
-from fem.model import Effect, ParameterRef, parameter_values
+from fem import Effect, parameter_values
+from fem.model import ParameterRef
+from updating import FitProblem, Measurement, StrainGauge, computed_frf, place_sensors
 from updating.inference.bases import better_basis
-from updating.inference.fit import FitProblem
 from updating.inference.fitting import fit_given, with_seen_noise
 from updating.inference.scatter import form_scatter
 from updating.inference.solve import Solution
-from updating.measurement.computed import computed_frf
-from updating.measurement.measurement import Measurement, place_sensors
-from updating.measurement.strain_gauge import StrainGauge
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (

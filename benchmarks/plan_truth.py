@@ -22,13 +22,20 @@ from scipy.linalg import eigh
 
 from benchmarks.peers.exchange import TIMOSHENKO, PeerFrame, run
 from dovetail.disk.output import write_json
-from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support
-from fem.analysis.frf import FRF
-from fem.model import DIRECTIONS, Damping, Effect
-from updating.diagnosis.diagnose import diagnose
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Measurement, Sensor
-from updating.plan.plan import Outlook, Plan, plan_test
+from fem import (
+    DIRECTIONS,
+    FRF,
+    Damping,
+    Effect,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    Support,
+)
+from updating import Measurement, Nuisance, Outlook, Plan, Sensor, diagnose, plan_test
 from updating.plan.planned import planned_measurement
 from updating.plan.visibility import SURE
 

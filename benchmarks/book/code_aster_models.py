@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from fem import (
     AddedMass,
     Effect,
+    Excitation,
     Frame,
     InitialStrain,
     LineLoad,
@@ -24,10 +25,9 @@ from fem import (
     compute_frf,
     solve_modes,
     solve_static,
+    solve_transient,
 )
-from fem.analysis.excitation import Excitation
-from fem.analysis.transient import solve_transient
-from fem.effects.sprung_mass import SprungMass
+from fem.effects import SprungMass
 from tests.benchmarks.test_tapered_closed_form import shooting_frequencies
 from tests.frames import STEEL as OTHER
 from tests.frames import beam, fix, planar

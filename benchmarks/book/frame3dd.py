@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.book.entry import Problem, Quantity
 from fem import (
+    DIRECTIONS,
     AddedMass,
     Frame,
     InitialStrain,
@@ -33,7 +34,6 @@ from fem import (
     solve_modes,
     solve_static,
 )
-from fem.model import DIRECTIONS
 
 DATA = Path(__file__).with_suffix("")
 

@@ -20,11 +20,11 @@ from fem import (
     MultiPointConstraint,
     Section,
     assemble,
+    section_stresses,
     solve_modes,
     solve_second_order,
     solve_static,
 )
-from fem.analysis.section_stress import section_stresses
 from tests.frames import beam, fix, planar
 
 STEEL = Material("steel", 30e6, 7.3e-4, nu=0.3)

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.book.entry import Problem, Quantity
 from fem import AddedMass, Joint, Material, Section, assemble, solve_campbell, solve_complex_modes
 from fem.analysis.whirl import whirl
-from fem.effects.spin import Spin
+from fem.effects import Spin
 from tests.frames import beam, fix
 
 E, G = 211e9, 81.2e9

@@ -18,9 +18,9 @@ from fem import (
     Model,
     Section,
     assemble,
+    solve_one_sided,
     solve_static,
 )
-from fem.analysis.one_sided import solve_one_sided
 from tests.frames import beam, fix, planar
 
 IN_PLANE = ("x", "y", "rz")

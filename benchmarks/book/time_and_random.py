@@ -11,20 +11,20 @@ from benchmarks.book.entry import Problem, Quantity
 from fem import (
     AddedMass,
     Damping,
+    Excitation,
     Frame,
     Material,
     MemberProperties,
     Mesh,
     Model,
     Section,
+    Tabulated,
     assemble,
     solve_modes,
+    solve_random,
+    solve_spectrum,
+    solve_transient,
 )
-from fem.analysis.excitation import Excitation
-from fem.analysis.random_vibration import solve_random
-from fem.analysis.response_spectrum import solve_spectrum
-from fem.analysis.tabulated import Tabulated
-from fem.analysis.transient import solve_transient
 from tests.frames import fix, planar
 
 G = 386.0886

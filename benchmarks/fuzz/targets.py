@@ -29,22 +29,22 @@ from fem.io import (
     model_of,
     read_calculix,
     read_csv,
+    read_deck,
     read_frfs,
     read_matrices,
     read_mesh,
     read_npz,
     read_npz_mode_std,
     read_npz_modes,
+    read_time_data,
     read_uff,
     write_mesh,
     write_npz,
     write_uff,
 )
-from fem.io.frame_model import read_deck
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.named_frf import frf_of_arrays
 from fem.io.time_data import _arrays as time_of_arrays
-from fem.io.time_data import read_time_data
 
 
 def _portal() -> Mesh:

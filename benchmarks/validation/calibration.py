@@ -29,7 +29,7 @@ from benchmarks.validation.evidence import (
     WRONG_FAULT,
 )
 from dovetail.units.folder import json_lines
-from updating.diagnosis.diagnosis import UNEXPLAINED
+from updating import UNEXPLAINED
 from viz import style
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)

@@ -15,7 +15,7 @@ from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool, ThisProcess
 from dovetail.units.program import fingerprint
 from dovetail.units.work import Step, work_through
-from updating.diagnosis.diagnose import diagnose
+from updating import diagnose
 
 CASES_FILE = "cases.jsonl"
 

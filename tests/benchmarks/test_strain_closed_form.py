@@ -6,8 +6,7 @@ from scipy.optimize import brentq
 
 from fem import Frame, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from tests.frames import FLAT, STEEL, beam, fix
-from updating import MeasurementError, StrainGauge, place_sensors
-from updating.measurement.measurement import sensor_rows
+from updating import MeasurementError, StrainGauge, place_sensors, sensor_rows
 from updating.measurement.strain_gauge import SHORT
 
 L, OFFSET = 1.2, (0.011, 0.004)

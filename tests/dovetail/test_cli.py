@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.report.page import page
 from fem import FRF, assemble, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from tests.frames import CROSSED_BEAMS
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
 

@@ -16,8 +16,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.desk.guard import Guard
 from dovetail.desk.scale import Scale
 from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for

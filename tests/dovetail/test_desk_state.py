@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from docs.images.desk import with_two
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.desk import figures
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
@@ -32,12 +31,10 @@ from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
-from updating import Fault, MeasurementError
+from updating import Fault, MeasurementError, assessed_fit, sensor_rows
 from updating.diagnosis.fitted_modes import damped_modes
-from updating.inference.fitting import assessed_fit
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import sensor_rows
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"

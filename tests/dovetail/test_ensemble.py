@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from dovetail.cli import main
+from dovetail import main
 from dovetail.ensemble.quantiles import PROBABILITIES, quantiles
 from dovetail.ensemble.run import run_ensemble
 from dovetail.ensemble.samples import SampledModel, check, compute

@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.disk.output import null_keys
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_value
@@ -21,22 +20,13 @@ from dovetail.modes_pipeline import mode_problem, targets_of
 from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
 from dovetail.report.outline import read_outline
 from dovetail.report.probable import probability_text
-from fem import Modes, assemble
-from fem.analysis.modes import first_modes
+from fem import Modes, assemble, first_modes
 from fem.io import write_npz
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
-from updating import Nuisance, propose
-from updating.diagnosis.mode_diagnosis import (
-    Explanation,
-    ModeDiagnosis,
-    ModeTable,
-    _reason,
-    diagnose_modes,
-)
+from updating import ModeDiagnosis, ModeTargets, Nuisance, diagnose_modes, propose, sensor_rows
+from updating.diagnosis.mode_diagnosis import Explanation, ModeTable, _reason
 from updating.diagnosis.reported_modes import reported_modes
-from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import sensor_rows
 
 LINES = f"""{MAST}
 [candidates]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.cli import main
+from dovetail import main
 from dovetail.disk.exchange import exchanged
 from dovetail.disk.output import (
     MARK,
@@ -25,7 +25,8 @@ from dovetail.disk.output import (
     write_json,
 )
 from dovetail.file.paths import input_files
-from fem.io.atomic import WriteError, replacing
+from fem.io import WriteError
+from fem.io.atomic import replacing
 from tests.frames import STUDY
 
 

@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.file.plausible import naming_implausible
 from fem import (
     AddedMass,

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from plotly.offline import get_plotlyjs
 
-from dovetail import load_study
+from dovetail import load_study, main
 from dovetail import pipeline as run
-from dovetail.cli import main
 from dovetail.report import blocks, figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
 from dovetail.report.outline import Picture, TableBlock, read_outline
@@ -28,10 +27,9 @@ from tests.frames import beam, write_study
 from updating import FAULT, Fault
 from updating.correlation import rms_db
 from updating.diagnosis.fitted_modes import modes_of
-from viz.interactive import frf, model, solids
-from viz.interactive.error import ranking_figure
+from viz import displacement_at
+from viz.interactive import frf, model, ranking_figure, solids
 from viz.interactive.theme import CONFIG
-from viz.models import displacement_at
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
 CHROMIUM = (

@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import StudyError, load_study, main
 from dovetail import pipeline as run
-from dovetail.cli import main
 from dovetail.disk.output import OutputError
 from dovetail.pipeline import fit_problem
 from dovetail.report import pictures
@@ -16,7 +15,7 @@ from dovetail.result import SCHEMA
 from fem.effects import candidate_kinds, effect_classes
 from fem.io import read_npz
 from tests.frames import STUDY, write_study
-from updating.inference.fitting import assessed_fit
+from updating import assessed_fit
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError
-from dovetail.cli import main
+from dovetail import StudyError, main
 from dovetail.file.paths import input_files, with_paths
 from tests.frames import MAST
 from tests.studies import study_from

@@ -9,7 +9,7 @@ from dovetail.file.config import read_study
 from dovetail.file.writing import with_parameters
 from fem import assemble, solve_modes
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 STUDY = """
 [points]

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.desk.saving import by_hand, live_model
 from dovetail.file.measured import pieces_of
 from dovetail.found import found_text

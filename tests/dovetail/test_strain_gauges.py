@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from fem import FRF
-from fem.io import read_frf, read_uff, write_npz, write_uff
-from fem.io.uff import Points
+from fem.io import Points, read_frf, read_uff, write_npz, write_uff
 from tests.studies import study_file, study_from
 from updating import MeasurementError, identify_modes
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -287,7 +285,7 @@ def test_other_commands_take_the_motions_alone(tmp_path, capsys):
 
 def test_reports_give_each_frf_its_unit(tmp_path):
     from dovetail.report.figures import magnitude_title
-    from viz.curves import plot_frf
+    from viz import plot_frf
 
     frf = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).measurements[0].frf
     labels = [a.get_ylabel() for a in plot_frf(frf, pairs=[("A1", "F"), ("G1", "F")]).axes]

@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser, main
+from dovetail import main
+from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser
 from dovetail.disk.output import OutputError
 from dovetail.report import table as tables
 from dovetail.report.table import Column, Table, write_csv, write_xlsx

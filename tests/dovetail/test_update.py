@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.disk.output import null_keys
 from dovetail.ensemble import bootstrap
 from dovetail.ensemble.bootstrap import run_bootstrap
@@ -25,7 +24,7 @@ from dovetail.update import update_study
 from fem import FRF, Modes, assemble, compute_frf, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff
 from tests.frames import on_fine_mesh
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 pytestmark = pytest.mark.usefixtures("offscreen")
 

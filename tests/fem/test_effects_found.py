@@ -16,9 +16,9 @@ from fem import (
     Support,
     assemble,
     compute_frf,
+    parameter_values,
 )
 from fem.effects import SupportFlexibility
-from fem.model import parameter_values
 from tests.noise import complex_normal
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose
 from updating.diagnosis.diagnose import BASIS_LIMIT_DB

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fem.io import Asked, TableError, read_frf, read_frfs
+from fem.io import G0, Asked, TableError, read_frf, read_frfs
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.trial import end_of_trial
-from fem.io.units import G0
 from tests.noise import complex_normal
 
 RNG = np.random.default_rng(4)

@@ -11,7 +11,7 @@ from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from tests.conftest import ROOT
 from tests.peers.interpreter import run_peers
-from updating.inference.fitting import assessed_fit
+from updating import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
 SHARED = ROOT.parent / "shared" / "data" / "independent-cases" / "truth.json"

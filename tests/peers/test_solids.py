@@ -9,7 +9,7 @@ from benchmarks.independent.convert import convert
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from tests.peers.interpreter import run_peers
-from updating.inference.fitting import assessed_fit
+from updating import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
 

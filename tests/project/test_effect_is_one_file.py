@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.make.effects import BLOCK, PAGES, TABLES, candidates, with_tables
-from fem.declarations import Entry
+from fem import Entry
 from fem.effects import candidate_kinds, effect_classes
 
 ROOT = Path(__file__).parents[2]

@@ -12,9 +12,12 @@ import dovetail
 import fem
 import fem.effects
 import fem.io
+import fem.reduction
 import joint
 import updating
 import updating.correlation
+import viz
+import viz.interactive
 
 PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
 SPLIT = ("dovetail.report", "dovetail.notebook", "viz.interactive")
@@ -124,7 +127,20 @@ print(*sorted({heavy} & set(sys.modules)))
 
 
 @pytest.mark.parametrize(
-    "package", [dovetail, fem, fem.effects, fem.io, joint, updating, updating.correlation], ids=str
+    "package",
+    [
+        dovetail,
+        fem,
+        fem.effects,
+        fem.io,
+        fem.reduction,
+        joint,
+        updating,
+        updating.correlation,
+        viz,
+        viz.interactive,
+    ],
+    ids=str,
 )
 def test_every_public_name_is_there_without_being_imported_before(package):
     assert set(package.__all__) <= set(dir(package))

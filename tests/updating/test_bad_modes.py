@@ -7,11 +7,18 @@ import pytest
 
 from fem import Section
 from tests.frames import FLAT, STEEL, beam, fix
-from updating import EFFECT, NOTHING, Nuisance, Sensor, place_sensors
-from updating.diagnosis.mode_diagnosis import diagnose_modes
+from updating import (
+    EFFECT,
+    NOTHING,
+    ModeTargets,
+    Nuisance,
+    Sensor,
+    build_mode_problem,
+    diagnose_modes,
+    place_sensors,
+)
 from updating.inference.mode_fit import n_below
-from updating.inference.mode_preparation import build_mode_problem
-from updating.inference.mode_targets import ModeTargets, match
+from updating.inference.mode_targets import match
 
 E = Nuisance("frame", "E:steel", 0.02)
 KINDS = ["support_flexibility", "point_mass", "member_stiffness"]

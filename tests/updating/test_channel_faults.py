@@ -8,9 +8,7 @@ import pytest
 from fem import FRF, Damping, assemble, compute_frf
 from tests.frames import beam, fix
 from tests.noise import complex_normal
-from updating import Fault, Measurement, Sensor, build_problem, find_faults
-from updating.inference.fitting import assessed_fit
-from updating.measurement.measurement import sensor_rows
+from updating import Fault, Measurement, Sensor, assessed_fit, build_problem, find_faults, sensor_rows
 from updating.quality.corrections import corrected, mirrored, mirrored_fault, set_right, uncorrected
 from updating.quality.signs import log_odds, reversed_channels
 

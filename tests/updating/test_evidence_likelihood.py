@@ -10,16 +10,16 @@ from scipy.linalg import eigh
 from benchmarks.hidden.cases import make_case
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from fem.effects.member_damping import MemberDamping
-from fem.reduction.local_changes import LocalChanges
+from fem.effects import MemberDamping
+from fem.reduction import LocalChanges
 from tests.frames import write_study
 from tests.noise import complex_normal
-from updating import build_problem
+from updating import assessed_fit, build_problem
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fitting import assessed_fit, with_seen_noise
+from updating.inference.fitting import with_seen_noise
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from fem import PointMass
-from fem.effects import SupportFlexibility
-from fem.effects.rigid_end_zone import RigidEndZone
-from fem.effects.support_shift import SupportShift
+from fem.effects import RigidEndZone, SupportFlexibility, SupportShift
 from updating import FitResult
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module

@@ -10,6 +10,7 @@ from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
 from updating import (
     Fault,
+    assessed_fit,
     build_problem,
     check_gates,
     confirm_faults,
@@ -19,7 +20,6 @@ from updating import (
     noise_from_repeats,
     settle_faults,
 )
-from updating.inference.fitting import assessed_fit
 from updating.quality.corrections import combined, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.fault_hypotheses import valued

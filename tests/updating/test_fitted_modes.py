@@ -13,8 +13,8 @@ from fem import Damping, Joint, assemble
 from fem.effects import JointStiffness
 from fem.system import connection_stiffness
 from tests.frames import cross_beam
+from updating import DampingCurve
 from updating.diagnosis.fitted_modes import FittedModePair, damped_modes, most_changed
-from updating.inference.parameters import DampingCurve
 
 CURVE = DampingCurve(np.array([40.0, 1200.0]), np.array([0.003, 0.003]), 0.5, connections=True)
 

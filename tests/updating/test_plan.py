@@ -7,16 +7,24 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, compute_frf, solve_modes
-from fem.declarations import Relevant
-from fem.model import parameter_values
+from fem import (
+    Damping,
+    Frame,
+    MemberProperties,
+    Mesh,
+    Model,
+    Relevant,
+    assemble,
+    compute_frf,
+    parameter_values,
+    solve_modes,
+)
 from tests.frames import FLAT, STEEL, beam, fix, planar, portal
-from updating import Nuisance, Sensor
+from updating import Nuisance, Sensor, plan_test, sensor_rows
 from updating.diagnosis.evidence.hypothesis import near_to
 from updating.inference.fitting import fit
-from updating.measurement.measurement import sensor_rows
 from updating.plan.check import MULTIPLES, FailedTrial, trials
-from updating.plan.plan import plan_test, with_averages
+from updating.plan.plan import with_averages
 from updating.plan.planned import planned_measurement
 from updating.plan.trial import drawn
 from updating.plan.visibility import POWER, SURE, needed, size_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.declarations import Relevant
+from fem import Relevant
 from tests.frames import fix
 from tests.updating.test_plan import BAND, channels, halves, mapped
 from updating.plan.choose import choose

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.cases import make_case
-from updating import build_problem, propose
+from updating import assessed_fit, build_problem, propose
 from updating.inference.fit_function import ROBUST
-from updating.inference.fitting import FULL_LINES, assessed_fit
+from updating.inference.fitting import FULL_LINES
 from updating.least_squares.loss import pseudo_huber
-from viz.curves import plot_frf, plot_frf_error
+from viz import plot_frf, plot_frf_error
 
 STEP = 2e-5
 

@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fem.effects.distributed_mass import DistributedMass
-from fem.effects.joint_complex_stiffness import JointComplexStiffness
-from fem.model import parameter_values
-from fem.system import sum_contributions
+from fem import parameter_values, sum_contributions
+from fem.effects import DistributedMass, JointComplexStiffness
 from tests.frames import cross_beam, portal
 from updating import Ranked, propose
 from updating.diagnosis.evidence.diagnosis import Searched

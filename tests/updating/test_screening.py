@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.cases import make_case
-from updating import build_problem, propose
+from updating import assessed_fit, build_problem, propose
 from updating.diagnosis.evidence import screening
 from updating.diagnosis.evidence import shortlist as listing
 from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.screening import Grid, screen
-from updating.inference.fitting import assessed_fit
 
 
 @pytest.fixture(scope="module")

@@ -5,15 +5,13 @@ import pytest
 from scipy.integrate import quad
 
 from tests.updating.test_evidence_modes import E, cantilever, measured
-from updating import propose
+from updating import build_mode_problem, diagnose_modes, propose
 from updating.diagnosis.evidence.hypothesis import values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.mode_diagnosis import diagnose_modes
 from updating.diagnosis.unfitted import weigh_unfitted
 from updating.inference.effect_priors import EffectPrior
 from updating.inference.mode_fit import ModeProblem
-from updating.inference.mode_preparation import build_mode_problem
 from updating.least_squares.mode_levels import ModeLevels
 
 
