@@ -21,10 +21,7 @@ from dovetail.pipeline import formed_fit_problem
 from fem import Effect, parameter_values
 from fem.model import ParameterRef
 from updating import FitProblem, Measurement, StrainGauge, computed_frf, place_sensors
-from updating.inference.bases import better_basis
-from updating.inference.fitting import fit_given, with_seen_noise
-from updating.inference.scatter import form_scatter
-from updating.inference.solve import Solution
+from updating.inference import Solution, better_basis, fit_given, form_scatter, with_seen_noise
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (

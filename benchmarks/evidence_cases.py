@@ -14,9 +14,9 @@ from benchmarks.independent.by_evidence import stated
 from benchmarks.independent.convert import convert
 from benchmarks.independent.table import CASES, hidden_effects, hidden_in_words
 from benchmarks.validation.evidence import at_truth, decibels
-from dovetail.file.config import load_study
-from dovetail.file.contents import measured, without_held_out
-from updating.diagnosis.evidence.diagnosis import search_by_evidence
+from dovetail.file import load_study, without_held_out
+from dovetail.file.contents import measured
+from updating.diagnosis.evidence import search_by_evidence
 
 
 def searched(case, folder, say=lambda text: None):

@@ -19,11 +19,8 @@ from scipy.stats import rankdata
 
 from benchmarks.validation.calibration import Share
 from dovetail import load_study
-from dovetail.fleet.diagnosing import cause_text, diagnose_outliers
-from dovetail.fleet.run import Triaged, run_fleet
-from dovetail.fleet.triage import Fleet
-from dovetail.units.folder import Record
-from dovetail.units.pool import pool_of
+from dovetail.fleet import Fleet, Triaged, cause_text, diagnose_outliers, run_fleet
+from dovetail.units import Record, pool_of
 from fem import FRF, Effect, Model, assemble, compute_frf
 from fem.io import write_npz
 from updating import propose, sensor_rows

@@ -36,8 +36,7 @@ from fem import (
     Support,
 )
 from updating import Measurement, Nuisance, Outlook, Plan, Sensor, diagnose, plan_test
-from updating.plan.planned import planned_measurement
-from updating.plan.visibility import SURE
+from updating.plan import SURE, planned_measurement
 
 Floats = NDArray[np.float64]
 

@@ -19,9 +19,7 @@ import numpy as np
 
 from benchmarks.evidence_cases import searched
 from benchmarks.independent.table import CASES, hidden_effects
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.fits import Fits
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence import Fits, Hypothesis, Searched, values_of
 from updating.inference import belief, effect_priors
 
 FACTORS = 0.5, 2.0

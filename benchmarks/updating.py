@@ -15,7 +15,7 @@ import numpy as np
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.effects import MemberStiffness
 from updating import FitProblem, Unknown, build_mode_problem, build_problem, frf_data, mode_data
-from updating.inference.mode_fit import ModeProblem
+from updating.inference import ModeProblem
 
 LINES = np.linspace(5.0, 120.0, 250)
 BAYS = 6

@@ -93,7 +93,7 @@ def study(root):
 @pytest.fixture(scope="session")
 def live(study):
     """Return its model, ready for one hypothesis after the other."""
-    from dovetail.desk.saving import live_model
+    from dovetail.desk import live_model
 
     return live_model(study)
 

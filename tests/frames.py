@@ -32,7 +32,7 @@ from fem.elements.splitting import split
 from fem.io import matrices_of, write_npz
 from tests.noise import complex_normal
 from updating import sensor_rows
-from updating.inference.preparation import with_higher_mass
+from updating.inference import with_higher_mass
 
 STEEL = Material("steel", 210e9, 7850.0)
 FLAT = Section.rectangle(0.03, 0.01)

@@ -1,7 +1,7 @@
 """Study files that tests write: a text becomes a file, or the study that is read from it."""
 
 from dovetail import load_study
-from dovetail.file.config import NEEDS
+from dovetail.file import NEEDS
 
 
 def study_file(folder, text):

@@ -15,13 +15,8 @@ from benchmarks.fuzz import ansys_script, decks, drawing
 from benchmarks.fuzz.worker import OURS, Target
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.spectrum import FREQUENCY, PERIOD, TIME, _spectra
-from dovetail.desk.journal import write_journal
-from dovetail.desk.session import Desk
-from dovetail.desk.state import History
-from dovetail.file.config import load_study, read_study
-from dovetail.file.histories import read_columns
-from dovetail.file.named_points import read_named_points
-from dovetail.file.template import write_template
+from dovetail.desk import Desk, History, write_journal
+from dovetail.file import load_study, read_columns, read_named_points, read_study, write_template
 from dovetail.units import folder as units_folder
 from fem import FRF, Mesh, Modes, check_model
 from fem.io import (

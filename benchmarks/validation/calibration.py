@@ -28,7 +28,7 @@ from benchmarks.validation.evidence import (
     SURE,
     WRONG_FAULT,
 )
-from dovetail.units.folder import json_lines
+from dovetail.units import json_lines
 from updating import UNEXPLAINED
 from viz import style
 

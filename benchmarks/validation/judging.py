@@ -14,7 +14,7 @@ from benchmarks.validation.hiding import Place
 from fem import Effect, Model
 from updating import EFFECT, FAULT, NOTHING, Diagnosis, Fault, Finding, ModeDiagnosis, propose
 from updating.correlation import log_ratio, rms_db
-from updating.diagnosis.evidence.diagnosis import Searched
+from updating.diagnosis.evidence import Searched
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""

@@ -1,1 +1,62 @@
 """The report of a run: words, pictures and one HTML page."""
+
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from dovetail.report.blocks import TableBlock
+    from dovetail.report.drawn import compared_models, fits_of, marked_places, pair_errors, rivals
+    from dovetail.report.figures import Figures, magnitude_title, measured_shapes, packed, sizes
+    from dovetail.report.mode_drawn import make_mode_figures
+    from dovetail.report.outline import Picture, read_outline
+    from dovetail.report.page import Markup, html, join, report_page, tag
+    from dovetail.report.pictures import Album, draw_all, mode_heading
+    from dovetail.report.probable import label_of, probability_text
+    from dovetail.report.report import report_html
+    from dovetail.report.shown import Shown
+    from dovetail.report.small_print import notes, thresholds
+    from dovetail.report.table import Column, Table, write_csv, write_xlsx
+    from dovetail.report.words import departure_text, fitted_text, headline, level_label, parameter_text
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
+
+__all__ = [
+    "Album",
+    "Column",
+    "Figures",
+    "Markup",
+    "Picture",
+    "Shown",
+    "Table",
+    "TableBlock",
+    "compared_models",
+    "departure_text",
+    "draw_all",
+    "fits_of",
+    "fitted_text",
+    "headline",
+    "html",
+    "join",
+    "label_of",
+    "level_label",
+    "magnitude_title",
+    "make_mode_figures",
+    "marked_places",
+    "measured_shapes",
+    "mode_heading",
+    "notes",
+    "packed",
+    "pair_errors",
+    "parameter_text",
+    "probability_text",
+    "read_outline",
+    "report_html",
+    "report_page",
+    "rivals",
+    "sizes",
+    "tag",
+    "thresholds",
+    "write_csv",
+    "write_xlsx",
+]

@@ -18,7 +18,7 @@ from fem.effects.moving_base import HEAVIER, base_moved
 from fem.reduction import ParametricFRF, reduce_model
 from tests.frames import beam, fix, portal
 from updating import BaseMotion, MeasurementError, Sensor, sensor_rows, with_moving_base
-from updating.measurement.measurement import with_resting_base
+from updating.measurement import with_resting_base
 
 X, Y, Z = np.eye(3)
 LIGHT = Material("light", 1e10, 1e-6)

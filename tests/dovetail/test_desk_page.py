@@ -17,9 +17,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from dovetail.desk.guard import Guard
-from dovetail.desk.scale import Scale
-from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
+from dovetail.desk import HOST, Guard, MissingExtraError, Scale, free_port, require_nicegui, wait_for
 from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning

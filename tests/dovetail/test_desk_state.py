@@ -17,24 +17,34 @@ import pytest
 
 from docs.images.desk import with_two
 from dovetail import StudyError, load_study, main
-from dovetail.desk import figures
-from dovetail.desk.jobs import Job, Newest
-from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
-from dovetail.desk.saving import save_study
-from dovetail.desk.session import Desk
-from dovetail.desk.state import MOST_STATES, History, Stair, State
-from dovetail.desk.views import VIEWS, Chosen, frequency_bars
+from dovetail.desk import (
+    MOST_STATES,
+    VIEWS,
+    Chosen,
+    Desk,
+    History,
+    Job,
+    JournalError,
+    Newest,
+    Stair,
+    State,
+    figures,
+    frequency_bars,
+    journal_of,
+    read_journal,
+    save_study,
+    write_journal,
+)
 from dovetail.disk.output import OutputError
-from dovetail.file.measured_modes import MeasuredModes
+from dovetail.file import MeasuredModes
 from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
 from updating import Fault, MeasurementError, assessed_fit, sensor_rows
-from updating.diagnosis.fitted_modes import damped_modes
-from updating.live.engine import LiveModel
-from updating.live.hypothesis import Hypothesis
+from updating.diagnosis import damped_modes
+from updating.live import Hypothesis, LiveModel
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"

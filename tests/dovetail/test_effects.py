@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from dovetail.file.effects import effect_table
+from dovetail.file import effect_table
 from fem import FRF, Environment, parameter_values, sum_contributions
 from fem.effects import candidate_kinds
 from tests.frames import STUDY

@@ -8,12 +8,16 @@ import pytest
 
 from benchmarks.fleet import STUDY, auc, draw_fleet, judged
 from dovetail import load_study, main
-from dovetail.fleet.diagnosing import diagnose_outliers
-from dovetail.fleet.population import PopulationError, find_population
-from dovetail.fleet.run import run_fleet
-from dovetail.fleet.triage import Fleet
-from dovetail.fleet.typical import between_units, typical_measurement
-from dovetail.units.pool import ThisProcess
+from dovetail.fleet import (
+    Fleet,
+    PopulationError,
+    between_units,
+    diagnose_outliers,
+    find_population,
+    run_fleet,
+    typical_measurement,
+)
+from dovetail.units import ThisProcess
 from fem import assemble, compute_frf
 from fem.io import read_npz, write_npz
 from updating import sensor_rows

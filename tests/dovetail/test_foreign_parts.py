@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail import StudyError, main
+from dovetail import StudyError, load_study, main
 from dovetail.export import WRITERS, exported_deck
 from dovetail.file import condensed, connections
-from dovetail.file.config import load_study
 from fem import DIRECTIONS, Attachment, Superelement, assemble, solve_modes
 from fem.effects import JointStiffness
 from fem.io import model_of, read_deck, read_matrices, write_matrices, write_npz

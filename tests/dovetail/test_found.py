@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study, main
-from dovetail.file.faults import fault_table
-from dovetail.file.toml import toml_value
-from dovetail.file.writing import with_damping, with_effects, with_parameters
+from dovetail.file import fault_table, toml_value, with_damping, with_effects, with_parameters
 from dovetail.found import found_text
 from dovetail.pipeline import fit_problem
 from fem import FRF, ConnectionDamping, Damping, assemble, compute_frf, parameter_values, sum_contributions

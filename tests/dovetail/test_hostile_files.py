@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, main
-from dovetail.desk.journal import journal_of
-from dovetail.desk.session import Desk
-from dovetail.file.histories import read_columns
-from dovetail.file.mode_table import read_mode_table
-from dovetail.file.section_table import section_rows
-from dovetail.units.folder import FolderError, read_records
+from dovetail.desk import Desk, journal_of
+from dovetail.file import read_columns, read_mode_table, section_rows
+from dovetail.units import FolderError, read_records
 from fem import FRF, MeshError
 from fem.io import Function, TableError, read_matrices, read_mesh, read_time_data, read_uff, write_npz
 from fem.io.mat5 import read_mat5

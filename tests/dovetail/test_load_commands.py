@@ -7,7 +7,7 @@ import pytest
 
 from dovetail import load_study, main
 from dovetail.disk.output import null_keys
-from dovetail.file.rotation import at_speed
+from dovetail.file import at_speed
 from fem import (
     Excitation,
     Tabulated,

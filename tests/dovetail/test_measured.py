@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study, main
-from dovetail.file.faults import fault_table
-from dovetail.file.suspicions import LazyComparison
+from dovetail.file import LazyComparison, fault_table
 from fem import FRF, Modes
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.io import Function, read_npz, write_csv, write_npz, write_uff

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study, main
-from dovetail.file.contents import has_modes_alone
+from dovetail.file import has_modes_alone
 from dovetail.modes_pipeline import by_modes, mode_problem
 from fem import FRF, PointMass, assemble, compute_frf, first_modes
 from fem.io import write_npz

@@ -12,20 +12,19 @@ import pytest
 
 from dovetail import StudyError, load_study, main
 from dovetail.disk.output import null_keys
-from dovetail.file.paths import with_paths
-from dovetail.file.toml import toml_value
+from dovetail.file import toml_value, with_paths
 from dovetail.found import mode_found_text
 from dovetail.modes_history import StateChange
 from dovetail.modes_pipeline import mode_problem, targets_of
-from dovetail.report.mode_drawn import make_mode_figures, measured_shapes
-from dovetail.report.outline import read_outline
-from dovetail.report.probable import probability_text
+from dovetail.report import make_mode_figures, probability_text, read_outline
+from dovetail.report.mode_drawn import measured_shapes
 from fem import Modes, assemble, first_modes
 from fem.io import write_npz
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
 from updating import ModeDiagnosis, ModeTargets, Nuisance, diagnose_modes, propose, sensor_rows
-from updating.diagnosis.mode_diagnosis import Explanation, ModeTable, _reason
+from updating.diagnosis import Explanation, ModeTable
+from updating.diagnosis.mode_diagnosis import _reason
 from updating.diagnosis.reported_modes import reported_modes
 
 LINES = f"""{MAST}

@@ -24,7 +24,7 @@ from dovetail.disk.output import (
     result_folder,
     write_json,
 )
-from dovetail.file.paths import input_files
+from dovetail.file import input_files
 from fem.io import WriteError
 from fem.io.atomic import replacing
 from tests.frames import STUDY

@@ -12,17 +12,14 @@ from PIL import Image
 
 from dovetail import StudyError, load_study, main, pipeline
 from dovetail.plan import check_plan, plan_study
-from dovetail.report import missing, planning
-from dovetail.report.figures import Figures, packed, sizes
-from dovetail.report.page import join, page
-from dovetail.report.pictures import Album
-from dovetail.report.shown import Shown
+from dovetail.report import Album, Figures, Shown, join, missing, packed, planning, sizes
+from dovetail.report.page import page
 from dovetail.result import excluded_dict
 from fem import ModelError, Relevant
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
 from tests.studies import study_file
-from updating.plan.choose import ChosenChannels
+from updating.plan import ChosenChannels
 from viz import render_plan
 from viz.interactive.plan import BLIND
 

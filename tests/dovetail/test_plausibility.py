@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study, main
-from dovetail.file.plausible import naming_implausible
+from dovetail.file import naming_implausible
 from fem import (
     AddedMass,
     Damping,

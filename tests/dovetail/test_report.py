@@ -15,23 +15,30 @@ from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
 from dovetail.found import found_text
 from dovetail.notebook.diagnosis import Diagnosis
-from dovetail.report import probable, words
-from dovetail.report.blocks import TableBlock
-from dovetail.report.drawn import fits_of, marked_places, rivals
-from dovetail.report.page import Markup, html, tag
-from dovetail.report.pictures import Album, draw_all
-from dovetail.report.probable import probability_text
-from dovetail.report.report import report_html
-from dovetail.report.small_print import thresholds
+from dovetail.report import (
+    Album,
+    Markup,
+    TableBlock,
+    draw_all,
+    fits_of,
+    html,
+    marked_places,
+    probability_text,
+    probable,
+    report_html,
+    rivals,
+    tag,
+    thresholds,
+    words,
+)
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import Uncertain, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
 from tests.frames import cross_beam, portal, write_study
 from updating import EffectParameter, Fault, Finding, propose
-from updating.diagnosis.departures import Departure
-from updating.diagnosis.localisation import NOWHERE
-from updating.inference.belief import FORM_SECTION, FORM_ZONE
+from updating.diagnosis import NOWHERE, Departure
+from updating.inference import FORM_SECTION, FORM_ZONE
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 

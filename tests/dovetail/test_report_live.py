@@ -15,18 +15,27 @@ from plotly.offline import get_plotlyjs
 
 from dovetail import load_study, main
 from dovetail import pipeline as run
-from dovetail.report import blocks, figures, probable, words
-from dovetail.report.drawn import compared_models, pair_errors
-from dovetail.report.outline import Picture, TableBlock, read_outline
-from dovetail.report.page import report_page
-from dovetail.report.pictures import Album, draw_all
-from dovetail.report.report import report_html
+from dovetail.report import (
+    Album,
+    Picture,
+    TableBlock,
+    blocks,
+    compared_models,
+    draw_all,
+    figures,
+    pair_errors,
+    probable,
+    read_outline,
+    report_html,
+    report_page,
+    words,
+)
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
 from tests.frames import beam, write_study
 from updating import FAULT, Fault
 from updating.correlation import rms_db
-from updating.diagnosis.fitted_modes import modes_of
+from updating.diagnosis import modes_of
 from viz import displacement_at
 from viz.interactive import frf, model, ranking_figure, solids
 from viz.interactive.theme import CONFIG

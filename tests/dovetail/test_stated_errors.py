@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from dovetail.desk.saving import by_hand, live_model
-from dovetail.file.measured import pieces_of
+from dovetail.desk import by_hand, live_model
+from dovetail.file import pieces_of
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import FOUND, FRFS, frf_arrays, result_dict
@@ -17,8 +17,7 @@ from tests.dovetail.test_effects import JOINTED, candidates
 from tests.frames import STUDY, measured_frf
 from tests.studies import study_file
 from updating import Fault
-from updating.live.fitting import fit_all
-from updating.live.hypothesis import Hypothesis
+from updating.live import Hypothesis, fit_all
 
 MEMBER = """[members.{name}]
 from = "{start}"

@@ -284,7 +284,7 @@ def test_other_commands_take_the_motions_alone(tmp_path, capsys):
 
 
 def test_reports_give_each_frf_its_unit(tmp_path):
-    from dovetail.report.figures import magnitude_title
+    from dovetail.report import magnitude_title
     from viz import plot_frf
 
     frf = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).measurements[0].frf
@@ -313,11 +313,8 @@ def test_gauges_and_strains_of_a_measurement_agree(tmp_path):
 
 
 def test_the_desk_shows_each_quantity_with_its_unit_and_saves_gauges(tmp_path):
-    from dovetail.desk import figures
-    from dovetail.desk.saving import live_model, save_study
-    from dovetail.desk.session import Desk
-    from dovetail.desk.state import History, Stair, State
-    from updating.live.hypothesis import Hypothesis
+    from dovetail.desk import Desk, History, Stair, State, figures, live_model, save_study
+    from updating.live import Hypothesis
 
     test = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))
     live = live_model(test)

@@ -9,8 +9,8 @@ import pytest
 from dovetail import main
 from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser
 from dovetail.disk.output import OutputError
+from dovetail.report import Column, Table, write_csv, write_xlsx
 from dovetail.report import table as tables
-from dovetail.report.table import Column, Table, write_csv, write_xlsx
 from tests.frames import STUDY
 
 NAMES = ["a,b", 'say "x"', "=1+1"]

@@ -15,11 +15,9 @@ from matplotlib.figure import Figure
 
 from dovetail import load_study, main
 from dovetail.disk.output import null_keys
-from dovetail.ensemble import bootstrap
-from dovetail.ensemble.bootstrap import run_bootstrap
+from dovetail.ensemble import bootstrap, run_bootstrap
 from dovetail.pipeline import formed_fit_problem
-from dovetail.units.folder import FolderError
-from dovetail.units.pool import pool_of
+from dovetail.units import FolderError, pool_of
 from dovetail.update import update_study
 from fem import FRF, Modes, assemble, compute_frf, solve_modes
 from fem.io import read_npz_modes, read_uff, write_npz, write_uff

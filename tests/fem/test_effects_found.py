@@ -21,7 +21,7 @@ from fem import (
 from fem.effects import SupportFlexibility
 from tests.noise import complex_normal
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose
-from updating.diagnosis.diagnose import BASIS_LIMIT_DB
+from updating.diagnosis import BASIS_LIMIT_DB
 
 
 @pytest.mark.parametrize(

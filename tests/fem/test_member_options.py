@@ -27,7 +27,7 @@ from fem.elements.splitting import split
 from fem.system import rigid_motions
 from tests.frames import FLAT, STEEL, beam, braced, fix, frequencies, planar, welded
 from updating import ModeTargets
-from updating.inference.mode_preparation import fine_enough
+from updating.inference import fine_enough
 
 PINNED = ("x", "y", "z")
 EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from dovetail import main
-from dovetail.report.figures import Figures
-from dovetail.report.page import html
-from dovetail.report.shown import Shown
-from dovetail.report.small_print import notes
+from dovetail.report import Figures, Shown, html, notes
 from fem import Mesh, MeshError, MeshWarning
 from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import ARMS, parts
-from dovetail import main
-from dovetail.file.config import load_study
+from dovetail import load_study, main
 from dovetail.identify import read_task, write_proposal
 from fem import Damping, Joint, assemble, compute_frf
 from fem.reduction import reduce_model

@@ -17,8 +17,7 @@ from updating import (
     diagnose_modes,
     place_sensors,
 )
-from updating.inference.mode_fit import n_below
-from updating.inference.mode_targets import match
+from updating.inference import match, n_below
 
 E = Nuisance("frame", "E:steel", 0.02)
 KINDS = ["support_flexibility", "point_mass", "member_stiffness"]

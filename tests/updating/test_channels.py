@@ -21,8 +21,8 @@ from updating import (
     sensor_rows,
     with_moving_base,
 )
-from updating.measurement.measurement import MOTION, Combination, motions_of, shapes_like_motions
-from updating.quality.phase import driven_points, phase_evidence
+from updating.measurement import MOTION, Combination, motions_of, shapes_like_motions
+from updating.quality import driven_points, phase_evidence
 
 X, Z = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
 TIP, MIDDLE = np.array([1.0, 0, 0]), np.array([0.37, 0, 0])

@@ -9,11 +9,9 @@ from benchmarks.hidden.cases import make_case
 from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
 from updating import build_problem, propose
-from updating.diagnosis.evidence.absence import gains_without, left_out
-from updating.diagnosis.evidence.halving import Damped
-from updating.diagnosis.evidence.hypothesis import values_of
-from updating.diagnosis.evidence.search import Search
-from updating.inference.damped import LEAST_INSIDE, Continuation, damped
+from updating.diagnosis.evidence import Damped, Search, gains_without, left_out, values_of
+from updating.inference import LEAST_INSIDE, Continuation
+from updating.inference.damped import damped
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from fem import FRF, Frame
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior
-from updating.inference import formed, preparation
-from updating.inference.bases import BASIS_SHARE
+from updating.inference import BASIS_SHARE, formed, preparation
 
 
 def run(case, **options):

@@ -8,10 +8,9 @@ from fem.effects import Plane, Spin, candidate_kinds, effect_classes
 from tests.frames import cross_beam
 from tests.updating.test_evidence_modes import E, cantilever
 from updating import ModeTargets, diagnose_modes, propose
-from updating.diagnosis.candidates import admitted, situated, unstated
-from updating.diagnosis.evidence.hypothesis import Odds
-from updating.diagnosis.evidence.places import place_of
-from updating.inference.belief import EFFECT_ODDS, UNSTATED
+from updating.diagnosis import admitted, situated, unstated
+from updating.diagnosis.evidence import Odds, place_of
+from updating.inference import EFFECT_ODDS, UNSTATED
 
 
 def kinds_of(*args, **more):

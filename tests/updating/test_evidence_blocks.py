@@ -9,12 +9,19 @@ from benchmarks.hidden.cases import make_case
 from fem.effects import JointStiffness
 from tests.frames import cross_beam
 from updating import build_problem, propose
-from updating.diagnosis.evidence.blocks import Blocks
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
-from updating.diagnosis.evidence.screening import Grid, look_at
-from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.evidence.shortlist import linear_gains
-from updating.inference.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence import (
+    Blocks,
+    Grid,
+    Hypothesis,
+    Odds,
+    Search,
+    linear_gains,
+    look_at,
+    n_changes,
+    values_of,
+)
+from updating.inference import FULL_LINES
+from updating.inference.fitting import fit
 
 
 @pytest.fixture(scope="module")

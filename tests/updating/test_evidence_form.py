@@ -6,7 +6,7 @@ import pytest
 from fem import Section, assemble, solve_modes
 from fem.effects import ClampForm, SectionForm, ZoneForm
 from tests.frames import FLAT, STEEL, beam, fix, frequencies, portal
-from updating.inference.form import form_of
+from updating.inference import form_of
 
 
 def tip_compliance(model, direction):

@@ -15,14 +15,9 @@ from fem.reduction import LocalChanges
 from tests.frames import write_study
 from tests.noise import complex_normal
 from updating import assessed_fit, build_problem
-from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.ranking import FrfRanking
-from updating.diagnosis.evidence.search import Search
-from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fitting import with_seen_noise
-from updating.inference.preparation import direct_responses
-from updating.inference.scatter import scatter_of
-from updating.least_squares.levels import Levels
+from updating.diagnosis.evidence import FrfRanking, Search, Start
+from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of, with_seen_noise
+from updating.least_squares import Levels
 
 NOISE = 0.02
 """Standard deviation of ln|H| and of the phase [-, rad]."""

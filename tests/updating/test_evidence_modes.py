@@ -17,8 +17,8 @@ from updating import (
     propose,
     sensor_rows,
 )
-from updating.inference.mode_targets import match
-from updating.least_squares.mode_levels import ModeLevels
+from updating.inference import match
+from updating.least_squares import ModeLevels
 
 E = Nuisance("frame", "E:steel", 0.02)
 SENSORS = tuple(

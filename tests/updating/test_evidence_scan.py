@@ -5,8 +5,7 @@ import pytest
 from benchmarks.hidden.cases import make_case
 from fem import PointMass
 from updating import build_problem, propose
-from updating.diagnosis.evidence.places import place_of, places_of
-from updating.diagnosis.evidence.scan import Scan
+from updating.diagnosis.evidence import Scan, place_of, places_of
 
 
 @pytest.fixture(scope="module")

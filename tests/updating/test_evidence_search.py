@@ -10,13 +10,19 @@ import pytest
 from fem import PointMass
 from fem.effects import RigidEndZone, SupportFlexibility, SupportShift
 from updating import FitResult
+from updating.diagnosis.evidence import (
+    N_STARTS,
+    NORMAL,
+    QUICK_STEPS,
+    SHORT_STEPS,
+    Fits,
+    Search,
+    Start,
+    near_to,
+)
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
-from updating.diagnosis.evidence.budget import NORMAL
-from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
-from updating.diagnosis.evidence.hypothesis import Start, near_to
-from updating.diagnosis.evidence.search import Search
-from updating.inference.workers import ALONE
+from updating.inference import ALONE
 
 
 @dataclass(frozen=True)

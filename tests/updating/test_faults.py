@@ -20,10 +20,7 @@ from updating import (
     noise_from_repeats,
     settle_faults,
 )
-from updating.quality.corrections import combined, corrected, uncorrected
-from updating.quality.cross_prediction import Field, cross_predict
-from updating.quality.fault_hypotheses import valued
-from updating.quality.sensor_faults import best_azimuth
+from updating.quality import Field, best_azimuth, combined, corrected, cross_predict, uncorrected, valued
 
 
 def changed(case, change):

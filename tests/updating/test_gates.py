@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.cases import make_case
-from dovetail import StudyError
-from dovetail.file.config import load_study
+from dovetail import StudyError, load_study
 from fem import FRF
 from fem.io import Function, read_uff, write_uff
 from tests.studies import study_file
 from updating import Fault, MeasurementError, Reciprocity, assessed_fit, build_problem, check_gates
-from updating.diagnosis.amplitude import force_levels
-from updating.measurement.measurement import at_values_of
-from updating.quality.gates import reciprocity_check, with_last_faults
+from updating.diagnosis import force_levels
+from updating.measurement import at_values_of
+from updating.quality import reciprocity_check, with_last_faults
 
 AVERAGES = 25
 

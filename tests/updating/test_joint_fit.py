@@ -10,8 +10,8 @@ from dovetail.pipeline import fit_problem
 from fem import assemble, first_modes
 from tests.frames import write_study
 from updating import ModeTargets
+from updating.inference import JointFunction, with_modes
 from updating.inference.fitting import fit
-from updating.inference.joint_fit import JointFunction, with_modes
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,7 @@ from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, first_m
 from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import ModeTargets, build_mode_problem, propose
-from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
-from updating.diagnosis.evidence.screening import Grid, candidate_terms
+from updating.diagnosis.evidence import Grid, ModeLook, ModeRanking, candidate_terms
 
 MODULUS = "frame", "E:steel"
 

@@ -6,8 +6,7 @@ import pytest
 
 from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
-from updating.diagnosis.mode_separation import next_measurements
-from updating.diagnosis.separation import BAND_BEYOND
+from updating.diagnosis import BAND_BEYOND, next_measurements
 
 CANTILEVER = beam(24).with_effect(fix(0))
 

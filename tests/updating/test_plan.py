@@ -21,13 +21,20 @@ from fem import (
 )
 from tests.frames import FLAT, STEEL, beam, fix, planar, portal
 from updating import Nuisance, Sensor, plan_test, sensor_rows
-from updating.diagnosis.evidence.hypothesis import near_to
+from updating.diagnosis.evidence import near_to
 from updating.inference.fitting import fit
-from updating.plan.check import MULTIPLES, FailedTrial, trials
-from updating.plan.plan import with_averages
-from updating.plan.planned import planned_measurement
-from updating.plan.trial import drawn
-from updating.plan.visibility import POWER, SURE, needed, size_of
+from updating.plan import (
+    MULTIPLES,
+    POWER,
+    SURE,
+    FailedTrial,
+    drawn,
+    needed,
+    planned_measurement,
+    size_of,
+    trials,
+    with_averages,
+)
 
 BAND = np.linspace(20.0, 800.0, 44)
 """No more lines than those at which effects are looked at [Hz]."""

@@ -7,9 +7,8 @@ import pytest
 
 from benchmarks.hidden.cases import make_case
 from updating import assessed_fit, build_problem, propose
-from updating.inference.fit_function import ROBUST
-from updating.inference.fitting import FULL_LINES
-from updating.least_squares.loss import pseudo_huber
+from updating.inference import FULL_LINES, ROBUST
+from updating.least_squares import pseudo_huber
 from viz import plot_frf, plot_frf_error
 
 STEP = 2e-5

@@ -9,10 +9,8 @@ from fem import parameter_values, sum_contributions
 from fem.effects import DistributedMass, JointComplexStiffness
 from tests.frames import cross_beam, portal
 from updating import Ranked, propose
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
-from updating.diagnosis.evidence.search import Search
-from updating.inference.belief import TWIN_NATS
+from updating.diagnosis.evidence import Hypothesis, Search, Searched
+from updating.inference import TWIN_NATS
 
 
 class Fit:

@@ -8,10 +8,8 @@ import pytest
 
 from benchmarks.hidden.cases import make_case
 from updating import assessed_fit, build_problem, propose
-from updating.diagnosis.evidence import screening
+from updating.diagnosis.evidence import NORMAL, Grid, screen, screening
 from updating.diagnosis.evidence import shortlist as listing
-from updating.diagnosis.evidence.budget import NORMAL
-from updating.diagnosis.evidence.screening import Grid, screen
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,7 @@ from updating import (
     update,
     with_sensor_masses,
 )
-from updating.inference.fit_data import sensor_vectors
-from updating.inference.preparation import with_higher_mass
+from updating.inference import sensor_vectors, with_higher_mass
 
 BEAM = f"""
 [points]

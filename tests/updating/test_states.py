@@ -6,9 +6,8 @@ import pytest
 from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
 from updating import ModeTargets, Nuisance, diagnose_change
-from updating.diagnosis.baseline import calibrate, judged
-from updating.diagnosis.states import changed_problem, corrected
-from updating.inference.common_errors import CommonErrors
+from updating.diagnosis import calibrate, changed_problem, corrected, judged
+from updating.inference import CommonErrors
 
 NOISE, N_MODES = 1e-3, 6
 

@@ -7,7 +7,7 @@ import pytest
 
 from fem import FRF
 from updating import identify_modes
-from updating.modal.peaks import UnexplainedPeak
+from updating.modal import UnexplainedPeak
 from viz import plot_stabilisation, plot_synthesis, style
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from dovetail import StudyError
-from dovetail.file.config import load_study
+from dovetail import StudyError, load_study
 from fem import assemble, solve_modes
 from fem.io import read_matrices
 from viz import displacement_at, member_families, model_surface, render_model
