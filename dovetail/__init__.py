@@ -13,9 +13,10 @@ from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
     from dovetail.cli import main
+    from dovetail.disk.output import OutputError
     from dovetail.file.table import StudyError
     from dovetail.study import Study, load_study
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
-__all__ = ["Study", "StudyError", "load_study", "main"]
+__all__ = ["OutputError", "Study", "StudyError", "load_study", "main"]

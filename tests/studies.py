@@ -1,7 +1,10 @@
-"""Study files that tests write: a text becomes a file, or the study that is read from it."""
+"""Study files that tests write, the studies that are read from them, and their problems for fits."""
 
 from dovetail import load_study
 from dovetail.file import NEEDS
+from dovetail.pipeline import fit_problem
+
+__all__ = ["fit_problem", "study_file", "study_from"]
 
 
 def study_file(folder, text):

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from docs.images.desk import with_two
-from dovetail import StudyError, load_study, main
+from dovetail import OutputError, StudyError, load_study, main
 from dovetail.desk import (
     MOST_STATES,
     VIEWS,
@@ -35,13 +35,12 @@ from dovetail.desk import (
     save_study,
     write_journal,
 )
-from dovetail.disk.output import OutputError
 from dovetail.file import MeasuredModes
-from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
+from tests.studies import fit_problem
 from updating import Fault, MeasurementError, assessed_fit, sensor_rows
 from updating.diagnosis import damped_modes
 from updating.live import Hypothesis, LiveModel

@@ -10,7 +10,6 @@ import pytest
 from dovetail import StudyError, load_study, main
 from dovetail.file import fault_table, toml_value, with_damping, with_effects, with_parameters
 from dovetail.found import found_text
-from dovetail.pipeline import fit_problem
 from fem import FRF, ConnectionDamping, Damping, assemble, compute_frf, parameter_values, sum_contributions
 from fem.effects import JointStiffness, candidate_kinds
 from fem.io import read_csv, read_npz, read_uff
@@ -18,6 +17,7 @@ from fem.linalg.solvers import factorise
 from fem.system import connection_stiffness
 from tests.dovetail.test_effects import JOINTED, candidates, loaded
 from tests.frames import STUDY, write_study
+from tests.studies import fit_problem
 from updating import DampingCurve, Fault, Measurement, sensor_rows
 from updating.diagnosis.begin import begin
 

@@ -12,10 +12,10 @@ import dovetail
 import fem
 import joint
 import updating
-from dovetail.pipeline import fit_problem
 from fem import FRF, Effect, FRFError, Parameter, assemble
 from fem.summary import fields_summary, quantity, span
 from tests.frames import write_study
+from tests.studies import fit_problem
 
 LONGEST = 300
 """Characters of a line that a prompt may print."""

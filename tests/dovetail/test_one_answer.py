@@ -8,11 +8,11 @@ import pytest
 
 from dovetail import load_study, main
 from dovetail.desk import by_hand, held_out_of, live_model, save_study
-from dovetail.pipeline import fit_problem
 from fem import FRF, assemble, compute_frf
 from fem.effects import EndRelease, candidate_kinds, effect_classes
 from fem.io import write_npz
 from tests.dovetail.test_effects import JOINTED, candidates
+from tests.studies import fit_problem
 from updating import Fault, sensor_rows
 from updating.live import Hypothesis
 

@@ -6,15 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study, main
+from dovetail import OutputError, StudyError, load_study, main
 from dovetail import pipeline as run
-from dovetail.disk.output import OutputError
-from dovetail.pipeline import fit_problem
 from dovetail.report import pictures
 from dovetail.result import SCHEMA
 from fem.effects import candidate_kinds, effect_classes
 from fem.io import read_npz
 from tests.frames import STUDY, write_study
+from tests.studies import fit_problem
 from updating import assessed_fit
 
 

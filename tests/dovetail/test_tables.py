@@ -6,9 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from dovetail import main
+from dovetail import OutputError, main
 from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser
-from dovetail.disk.output import OutputError
 from dovetail.report import Column, Table, write_csv, write_xlsx
 from dovetail.report import table as tables
 from tests.frames import STUDY

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.independent.convert import convert
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
 from tests.peers.interpreter import run_peers
+from tests.studies import fit_problem
 from updating import assessed_fit
 
 pytestmark = pytest.mark.peer

@@ -9,11 +9,11 @@ from scipy.linalg import eigh
 
 from benchmarks.hidden.cases import make_case
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
 from fem.effects import MemberDamping
 from fem.reduction import LocalChanges
 from tests.frames import write_study
 from tests.noise import complex_normal
+from tests.studies import fit_problem
 from updating import assessed_fit, build_problem
 from updating.diagnosis.evidence import FrfRanking, Search, Start
 from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of, with_seen_noise

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.pipeline import fit_problem
 from fem import ModelError, assemble, solve_modes
+from tests.studies import fit_problem
 from updating import Fault, compare
 from updating.inference import fitted_model
 from updating.live import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
+from tests.studies import fit_problem
 from updating import locate
 from updating.diagnosis import localisation
 

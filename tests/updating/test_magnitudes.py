@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
 from dovetail.report import level_label, measured_shapes
 from fem import FRF
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
+from tests.studies import fit_problem
 from updating import Measurement, Sensor
 from updating.inference import prepare
 
