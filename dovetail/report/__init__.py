@@ -7,7 +7,7 @@ from fem.lazy import names_on_use
 if TYPE_CHECKING:
     from dovetail.report.blocks import TableBlock
     from dovetail.report.drawn import compared_models, fits_of, marked_places, pair_errors, rivals
-    from dovetail.report.figures import Figures, magnitude_title, measured_shapes, packed, sizes
+    from dovetail.report.figures import Figures, magnitude_title, packed, sizes
     from dovetail.report.mode_drawn import make_mode_figures
     from dovetail.report.outline import Picture, read_outline
     from dovetail.report.page import Markup, html, join, report_page, tag
@@ -43,7 +43,6 @@ __all__ = [
     "magnitude_title",
     "make_mode_figures",
     "marked_places",
-    "measured_shapes",
     "mode_heading",
     "notes",
     "packed",

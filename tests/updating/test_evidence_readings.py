@@ -13,7 +13,8 @@ from tests.frames import write_study
 from updating import EFFECT, FAULT, Fault, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.evidence import as_read, doubtful, log_prior
-from updating.inference import EFFECT_ODDS, FitData, refit
+from updating.inference import EFFECT_ODDS, FitData
+from updating.inference.fitting import refit
 from updating.quality import corrected
 
 GAIN = Fault("sensor_gain", "K", 1.3, 0.013, span=6.0)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.report import level_label, measured_shapes
+from dovetail.report import level_label
+from dovetail.report.figures import measured_shapes
 from fem import FRF
 from fem.io import read_frf, write_npz
 from tests.frames import write_study

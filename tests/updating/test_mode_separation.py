@@ -6,7 +6,8 @@ import pytest
 
 from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
-from updating.diagnosis import BAND_BEYOND, next_measurements
+from updating.diagnosis import BAND_BEYOND
+from updating.diagnosis.mode_separation import next_measurements
 
 CANTILEVER = beam(24).with_effect(fix(0))
 

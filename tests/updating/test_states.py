@@ -6,7 +6,8 @@ import pytest
 from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
 from updating import ModeTargets, Nuisance, diagnose_change
-from updating.diagnosis import calibrate, changed_problem, corrected, judged
+from updating.diagnosis import calibrate, changed_problem, judged
+from updating.diagnosis.states import corrected
 from updating.inference import CommonErrors
 
 NOISE, N_MODES = 1e-3, 6

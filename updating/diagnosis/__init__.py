@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     )
     from updating.diagnosis.localisation import NOWHERE
     from updating.diagnosis.mode_diagnosis import Explanation, ModeTable
-    from updating.diagnosis.mode_separation import next_measurements
     from updating.diagnosis.separation import BAND_BEYOND, what_decides
-    from updating.diagnosis.states import changed_problem, corrected
+    from updating.diagnosis.states import changed_problem
     from updating.diagnosis.unfitted import weigh_unfitted
 else:
     __getattr__, __dir__ = names_on_use(__name__)
@@ -43,14 +42,12 @@ __all__ = [
     "carried_over",
     "changed_frf_problem",
     "changed_problem",
-    "corrected",
     "damped_modes",
     "departed",
     "force_levels",
     "judged",
     "modes_of",
     "most_changed",
-    "next_measurements",
     "poor_baseline",
     "situated",
     "unstated",

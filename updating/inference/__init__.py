@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from updating.inference.effect_priors import EffectPrior, log_occam_factor
     from updating.inference.fit_data import MODEL_ERROR, FitData, prepare, sensor_vectors
     from updating.inference.fit_function import ROBUST
-    from updating.inference.fitting import FULL_LINES, fit_given, refit, with_seen_noise
+    from updating.inference.fitting import FULL_LINES, fit_given, with_seen_noise
     from updating.inference.form import form_of
     from updating.inference.formed import formed_mode_problem, formed_problem
     from updating.inference.joint_fit import JointFunction, with_modes
@@ -97,7 +97,6 @@ __all__ = [
     "n_below",
     "prepare",
     "refined_at",
-    "refit",
     "sample",
     "scatter_of",
     "sensor_vectors",
