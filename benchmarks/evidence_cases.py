@@ -14,7 +14,8 @@ from benchmarks.independent.by_evidence import stated
 from benchmarks.independent.convert import convert
 from benchmarks.independent.table import CASES, hidden_effects, hidden_in_words
 from benchmarks.validation.evidence import at_truth, decibels
-from dovetail.file import load_study, without_held_out
+from dovetail import load_study
+from dovetail.file import without_held_out
 from dovetail.file.contents import measured
 from updating.diagnosis.evidence import search_by_evidence
 

@@ -19,7 +19,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from dovetail.file import Study, load_study
+from dovetail import Study, load_study
 from fem import FRF, assemble, compute_frf
 from fem.io import write_npz
 from updating import sensor_rows

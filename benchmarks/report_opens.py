@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 
 from benchmarks.diagnosis import STUDY
 from benchmarks.written_tower import write_tower
-from dovetail import load_study
+from dovetail import Study, load_study
 from dovetail.desk import live_model, write_desk_report
-from dovetail.file import Study
 from updating.live import Hypothesis
 
 if TYPE_CHECKING:

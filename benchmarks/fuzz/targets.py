@@ -13,10 +13,11 @@ from scipy.io import savemat, wavfile
 
 from benchmarks.fuzz import ansys_script, decks, drawing
 from benchmarks.fuzz.worker import OURS, Target
+from dovetail import load_study
 from dovetail.commands.excitations import driven_by
 from dovetail.commands.spectrum import FREQUENCY, PERIOD, TIME, _spectra
 from dovetail.desk import Desk, History, write_journal
-from dovetail.file import load_study, read_columns, read_named_points, read_study, write_template
+from dovetail.file import read_columns, read_named_points, read_study, write_template
 from dovetail.units import folder as units_folder
 from fem import FRF, Mesh, Modes, check_model
 from fem.io import (

@@ -16,8 +16,9 @@ import numpy as np
 
 from benchmarks.independent import table
 from benchmarks.validation.evidence import Stated, assess
+from dovetail import load_study
 from dovetail.disk.output import write_json
-from dovetail.file import has_modes_alone, load_study
+from dovetail.file import has_modes_alone
 from dovetail.mode_result import ModeRunResult, mode_result_dict, mode_uncertain
 from dovetail.modes_pipeline import diagnose_study_modes
 from dovetail.pipeline import analyse

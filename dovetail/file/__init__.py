@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
-    from dovetail.file.config import NEEDS, load_study, read_study
-    from dovetail.file.contents import Study, has_modes_alone, without_held_out
+    from dovetail.file.config import NEEDS, read_study
+    from dovetail.file.contents import has_modes_alone, without_held_out
     from dovetail.file.effects import effect_table
     from dovetail.file.faults import fault_table
     from dovetail.file.geometry import element_size, refine
@@ -31,7 +31,6 @@ __all__ = [
     "NEEDS",
     "LazyComparison",
     "MeasuredModes",
-    "Study",
     "at_speed",
     "effect_table",
     "element_size",
@@ -39,7 +38,6 @@ __all__ = [
     "has_modes_alone",
     "input_files",
     "key_lines",
-    "load_study",
     "naming_implausible",
     "pieces_of",
     "read_columns",
