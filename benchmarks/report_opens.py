@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 from benchmarks.diagnosis import STUDY
 from benchmarks.written_tower import write_tower
-from dovetail import Study, load_study
+from dovetail import load_study
 from dovetail.desk import live_model, write_desk_report
+from dovetail.file.config import StudyContents
 from updating.live import Hypothesis
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ HEAD = (
 )
 
 
-def written(study: Study, folder: Path) -> Path:
+def written(study: StudyContents, folder: Path) -> Path:
     """Write the report of a study's nominal model, with its uncertain parameters fitted; return it."""
     live = live_model(study)
     return write_desk_report(study, live, Hypothesis.nominal(live.problem), folder, lambda text, done: None)

@@ -53,7 +53,8 @@ if TYPE_CHECKING:
     from fem.analysis.second_order import SecondOrder, solve_second_order
     from fem.analysis.section_stress import SectionStresses, section_stresses
     from fem.analysis.selection import dof_vectors
-    from fem.analysis.shock_spectrum import shock_response_spectrum
+    from fem.analysis.shock_spectrum import pseudo_acceleration_spectrum, shock_response_spectrum
+    from fem.analysis.static_cases import StaticCases
     from fem.analysis.statics import StaticSolution, solve_static
     from fem.analysis.tabulated import Tabulated
     from fem.analysis.transient import solve_transient
@@ -166,6 +167,7 @@ __all__ = [
     "SolverError",
     "SpectrumResponse",
     "SpringPot",
+    "StaticCases",
     "StaticSolution",
     "Steady",
     "Superelement",
@@ -197,6 +199,7 @@ __all__ = [
     "lever_matrix",
     "parameter_values",
     "prestressed",
+    "pseudo_acceleration_spectrum",
     "reassemble",
     "section_stresses",
     "shock_response_spectrum",

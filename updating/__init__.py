@@ -90,6 +90,7 @@ if TYPE_CHECKING:
         EstimationError,
         estimate_frf,
         estimate_roving,
+        level_at_end,
         split_hits,
     )
     from updating.measurement.matching import (
@@ -111,6 +112,7 @@ if TYPE_CHECKING:
     )
     from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
     from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+    from updating.measurement.recorded_channels import RecordedChannels, recorded_channels
     from updating.measurement.strain_gauge import StrainGauge
     from updating.measurement.tables import (
         frf_from_labelled,
@@ -180,6 +182,7 @@ __all__ = [
     "PretestPlan",
     "Ranked",
     "Reciprocity",
+    "RecordedChannels",
     "Samples",
     "Sensor",
     "Stabilisation",
@@ -225,6 +228,7 @@ __all__ = [
     "l_curve",
     "labelled_from_frf",
     "labelled_from_modes",
+    "level_at_end",
     "locate",
     "mac",
     "mac_without",
@@ -249,6 +253,7 @@ __all__ = [
     "principal_angles",
     "propose",
     "real_shapes",
+    "recorded_channels",
     "refit",
     "relative_noise",
     "select_by_pivoting",

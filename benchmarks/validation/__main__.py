@@ -17,7 +17,7 @@ from benchmarks.validation.hidden import SETS
 from benchmarks.validation.judging import Record
 from benchmarks.validation.table import as_markdown
 from dovetail.commands.argument_types import add_pool, integer_up_to, natural
-from dovetail.units import FolderError, PoolError, Step, outcome_of, pool_of
+from dovetail.units import FolderError, PoolError, WorkStep, outcome_of, pool_of
 from fem.io.atomic import replacing
 
 
@@ -67,7 +67,7 @@ def run_all(options: argparse.Namespace, settings: CaseSettings) -> None:
     nulls = options.nulls if options.nulls is not None else options.cases
     folder: Path = options.out or Path(f"validation-{options.seed}")
 
-    def say(record: Record, step: Step) -> None:
+    def say(record: Record, step: WorkStep) -> None:
         if not options.quiet:
             words = f"{record['case']} {record['outcome']} in {record['seconds']:.0f} s; {step.words}"
             print(words, file=sys.stderr, flush=True)

@@ -14,8 +14,8 @@ from dovetail.units import (
     Journal,
     Outcome,
     Pool,
-    Step,
     ThisProcess,
+    WorkStep,
     alone_in,
     fingerprint,
     read_records,
@@ -91,7 +91,7 @@ def validate(
     folder: Path,
     *,
     pool: Pool = ThisProcess(),  # noqa: B008 - frozen
-    say: Callable[[Record, Step], None] = lambda record, step: None,
+    say: Callable[[Record, WorkStep], None] = lambda record, step: None,
 ) -> list[Record]:
     """Run the cases that a folder does not hold yet; return the records of all that were asked for.
 
@@ -111,7 +111,7 @@ def validate(
             by_task[outcome.unit] = record_of(settings, outcome)
             journal.add(by_task[outcome.unit])
 
-        def ended(step: Step) -> None:
+        def ended(step: WorkStep) -> None:
             say(by_task[step.outcome.unit], step)
 
         with closing(Journal(file, known)) as journal:

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
     from dovetail.desk.saving import by_hand, held_out_of, live_model, save_study, write_desk_report
     from dovetail.desk.scale import Scale
-    from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
+    from dovetail.desk.serve import HOST, MissingDeskError, free_port, require_nicegui, wait_for
     from dovetail.desk.session import Desk
-    from dovetail.desk.state import MOST_STATES, History, Stair, State
+    from dovetail.desk.state import MOST_STATES, DeskState, History, Stair
     from dovetail.desk.views import VIEWS, Chosen, frequency_bars
 else:
     __getattr__, __dir__ = names_on_use(__name__)
@@ -24,15 +24,15 @@ __all__ = [
     "VIEWS",
     "Chosen",
     "Desk",
+    "DeskState",
     "Guard",
     "History",
     "Job",
     "JournalError",
-    "MissingExtraError",
+    "MissingDeskError",
     "Newest",
     "Scale",
     "Stair",
-    "State",
     "by_hand",
     "curve_changes",
     "free_port",

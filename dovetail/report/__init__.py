@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from dovetail.report.drawn import compared_models, fits_of, marked_places, pair_errors, rivals
     from dovetail.report.figures import Figures, magnitude_title, packed, sizes
     from dovetail.report.mode_drawn import make_mode_figures
-    from dovetail.report.outline import Picture, read_outline
+    from dovetail.report.outline import OutlinePicture, read_outline
     from dovetail.report.page import Markup, html, join, report_page, tag
     from dovetail.report.pictures import Album, draw_all, mode_heading
     from dovetail.report.probable import label_of, probability_text
@@ -26,7 +26,7 @@ __all__ = [
     "Column",
     "Figures",
     "Markup",
-    "Picture",
+    "OutlinePicture",
     "Shown",
     "Table",
     "TableBlock",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dovetail.units.outcome import PROCESS_ENDED, Outcome, PoolError, outcome_of
     from dovetail.units.pool import Pool, ThisProcess, pool_of
     from dovetail.units.program import fingerprint
-    from dovetail.units.work import Step, duration, work_through
+    from dovetail.units.work import WorkStep, duration, work_through
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
@@ -30,8 +30,8 @@ __all__ = [
     "Pool",
     "PoolError",
     "Record",
-    "Step",
     "ThisProcess",
+    "WorkStep",
     "alone_in",
     "duration",
     "fingerprint",

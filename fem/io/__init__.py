@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fem.io.arrays import TableError, read_npz, read_npz_mode_std, read_npz_modes, write_csv, write_npz
     from fem.io.atomic import WriteError
     from fem.io.column_frf import read_csv
-    from fem.io.deck_units import Units
+    from fem.io.deck_units import DeckUnits
     from fem.io.fields import line_axial_force, line_strain_energy, write_fields, write_modes
     from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
     from fem.io.frame_model import model_of, read_deck, read_model
@@ -44,6 +44,7 @@ __all__ = [
     "Bars",
     "Body",
     "Connection",
+    "DeckUnits",
     "Equation",
     "FrameDeck",
     "Function",
@@ -55,7 +56,6 @@ __all__ = [
     "TableError",
     "UffError",
     "UffFile",
-    "Units",
     "WriteError",
     "abaqus_text",
     "ansys_text",

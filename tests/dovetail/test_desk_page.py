@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from dovetail.desk import HOST, Guard, MissingExtraError, Scale, free_port, require_nicegui, wait_for
+from dovetail.desk import HOST, Guard, MissingDeskError, Scale, free_port, require_nicegui, wait_for
 from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning
@@ -159,7 +159,7 @@ def test_others_are_refused(headers, query):
 
 def test_without_nicegui_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingExtraError, match=r"pip install nicegui"):
+    with pytest.raises(MissingDeskError, match=r"pip install nicegui"):
         require_nicegui()
 
 

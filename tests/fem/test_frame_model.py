@@ -7,7 +7,7 @@ import pytest
 
 from fem import DIRECTIONS, MeshError, MeshWarning, Section, assemble, solve_modes
 from fem.effects import DistributedMass
-from fem.io import BarProperty, Body, Connection, Equation, Link, Units, model_of, read_model
+from fem.io import BarProperty, Body, Connection, DeckUnits, Equation, Link, model_of, read_model
 from tests.decks import FLAT, LIGHT, STEEL, deck, everything, literal
 from tests.frames import frequencies
 
@@ -274,13 +274,13 @@ def test_refusals_name_file_and_element():
 
 
 def test_units_and_notes(monkeypatch, tmp_path):
-    assert Units.of("mm-t-s").stress == pytest.approx(1e6)
-    assert Units.of((1e-3, 1.0, 1e-3)).force == pytest.approx(1e3)
-    assert Units.of("mm-t-s").density == pytest.approx(1e12)
+    assert DeckUnits.of("mm-t-s").stress == pytest.approx(1e6)
+    assert DeckUnits.of((1e-3, 1.0, 1e-3)).force == pytest.approx(1e3)
+    assert DeckUnits.of("mm-t-s").density == pytest.approx(1e12)
     with pytest.raises(MeshError, match="the units are 'cm'; allowed are SI, mm-t-s"):
-        Units.of("cm")
+        DeckUnits.of("cm")
     with pytest.raises(MeshError, match=r"length, mass and time in m, kg and s are needed"):
-        Units.of((1.0, 2.0))
+        DeckUnits.of((1.0, 2.0))
     with pytest.raises(MeshError, match=r"models are read from \.bdf.*, not '\.msh'"):
         read_model(tmp_path / "a.msh")
     monkeypatch.setattr("fem.io.frame_model.read_deck", lambda *_: everything())

@@ -31,7 +31,7 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.diagnosis.unfitted import looked_at
 from updating.inference.bases import N_BASES, better_basis
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
 from updating.inference.formed import Formed, formed_mode_problem

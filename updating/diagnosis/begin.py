@@ -7,7 +7,8 @@ from typing import Unpack
 import numpy as np
 
 from fem.model import Model
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
 from updating.inference.formed import builder, refined

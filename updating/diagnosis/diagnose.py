@@ -46,7 +46,8 @@ from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, se
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
 from updating.inference.belief import TWIN_NATS
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_targets import ModeTargets
@@ -253,7 +254,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
         searched=done,
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         posterior=tuple(posterior),
-        departures=departed(done, problem, current),
+        departures=departed([(h, done.probability(h)) for h in done.hypotheses], problem, current),
         channel_faults=of_channels,
     )
 

@@ -25,7 +25,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import FormScatter
+from updating.inference.form_scatter import FormScatter
 from updating.least_squares.loss import pseudo_huber
 
 N_LAWS = 4

@@ -22,7 +22,7 @@ from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import EffectParameter, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.unfitted import weigh_unfitted
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed, formed_mode_problem
 from updating.inference.heartbeat import Progress

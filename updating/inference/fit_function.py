@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,9 @@ from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_data import noise_squares
+from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
 from updating.inference.heartbeat import beat
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
@@ -25,11 +26,6 @@ from updating.inference.unknowns import ScaledUnknown, by_unknowns, values_at
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
-    from updating.inference.scatter import FormScatter
-
 
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
@@ -66,7 +62,7 @@ class FitFunction:
 
     Attributes
     ----------
-    problem : FitProblem
+    problem : FitInputs
     effects : tuple of Effect
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
@@ -75,7 +71,7 @@ class FitFunction:
         Small deviations.
     """
 
-    problem: FitProblem
+    problem: FitInputs
     effects: tuple[Effect, ...]
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]

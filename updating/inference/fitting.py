@@ -16,10 +16,11 @@ from updating.inference.defaults import FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
 from updating.inference.joint_fit import with_modes
 from updating.inference.marginal import by_size, log_evidence, mixed
 from updating.inference.mode_fit import ModeProblem
-from updating.inference.scatter import FormScatter, form_scatter
+from updating.inference.scatter import form_scatter
 from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber

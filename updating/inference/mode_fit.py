@@ -16,7 +16,7 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult

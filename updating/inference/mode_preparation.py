@@ -11,7 +11,7 @@ from fem.elements.splitting import split
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets

@@ -5,7 +5,8 @@ cent more or less than a smooth damping curve says; of a joint's dissipation les
 point a little otherwise than a test's description says. Thousands of lines see that.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,13 @@ from scipy.linalg import eigh
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
-from fem.reduction.deviations import Deviations, EndChanges
+from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.defaults import FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import ChannelScatter, FormScatter
 from updating.inference.mode_fit import ModeProblem
 
 Floats = NDArray[np.float64]
@@ -33,104 +35,6 @@ LEAST_KNOWN = 0.3
 """An error of a channel that changes the data by less than this does not vary [standard deviations of them].
 
 It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at most."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ChannelScatter:
-    """Errors of channels that data can know, in combinations that are independent beforehand.
-
-    Attributes
-    ----------
-    of : ndarray of int (k,)
-        Number of the channel of each, excitations behind sensors; rising.
-    units : ndarray (k, 5)
-        Errors of that channel for a standard deviation of each combination, as of :class:`ChannelErrors`.
-    std : ndarray (5,)
-        Standard deviations of these.
-    """
-
-    of: NDArray[np.int64]
-    units: Floats
-    std: Floats
-
-    def changes(self, misread: Floats, n_out: int) -> tuple[EndChanges, EndChanges]:
-        """Return what the combinations change of n_out outputs, and of inputs.
-
-        ``misread`` (r, n, 5) is what a unit of each error of each channel does on the basis's columns.
-        """
-        along = np.einsum("rke,ke->rk", misread[:, self.of], self.units)
-        first = self.of < n_out
-        inputs = EndChanges(self.of[~first] - n_out, along[:, ~first])
-        return EndChanges(self.of[first], along[:, first]), inputs
-
-    def errors(self, x: Floats, n: int) -> Floats:
-        """Return the errors (n, 5) of all channels from the sizes (k,) of the combinations."""
-        out = np.zeros((n, self.units.shape[1]))
-        np.add.at(out, self.of, x[:, None] * self.units)
-        return out
-
-    def deviations(self, covariance: Floats, n: int) -> Floats:
-        """Return the standard deviations (n, 5) of the errors of all channels.
-
-        ``covariance`` (k, k) is that of the combinations' sizes. What data cannot know keeps its prior's.
-        """
-        out = np.tile(self.std**2, (n, 1))
-        for channel in np.unique(self.of):
-            k = np.flatnonzero(self.of == channel)
-            less = np.eye(len(k)) - covariance[np.ix_(k, k)]
-            out[channel] -= np.einsum("ke,kl,le->e", self.units[k], less, self.units[k])
-        return np.sqrt(np.maximum(out, 0.0))
-
-    def sizes(self, errors: Floats) -> Floats:
-        """Return the sizes (k,) of the combinations in errors (n, 5) of all channels; 0 without any."""
-        if not len(errors):
-            return np.zeros(len(self.of))
-        squares = np.where(self.std > 0, self.std, 1.0) ** 2
-        return (self.units * errors[self.of] / squares).sum(axis=1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FormScatter:
-    """Deviations of modes' eigenvalues and damping ratios, and of the loss factors of members and joints.
-
-    With s = √λ_r Mφ_r of a fitted model x s sᵀ in K shifts the eigenvalue of mode r by the share x, and
-    i 2ζ_r y s sᵀ its damping ratio by the share y.
-
-    Attributes
-    ----------
-    deviations : Deviations
-    eigenvalue : float
-        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
-    losses : ndarray (m,)
-        Standard deviations of the other deviations [-].
-    sizes : tuple of float
-        What ``eigenvalue`` may be, each as probable as the others.
-    channels : ChannelScatter, optional
-        Their deviations are the last.
-    """
-
-    deviations: Deviations
-    eigenvalue: float
-    losses: Floats
-    sizes: tuple[float, ...] = ()
-    channels: ChannelScatter | None = None
-
-    @property
-    def shifts(self) -> NDArray[np.int64]:
-        """Which deviations are shifts of eigenvalues."""
-        return np.arange(self.deviations.stiff.shape[1])
-
-    @property
-    def std(self) -> Floats:
-        """Standard deviations of all deviations, (n,)."""
-        return np.concatenate(
-            [np.full(len(self.shifts), self.eigenvalue), self.losses, np.ones(self.n_channels)]
-        )
-
-    @property
-    def n_channels(self) -> int:
-        """Number of deviations of channels."""
-        return 0 if self.channels is None else len(self.channels.of)
 
 
 def form_scatter(
@@ -202,7 +106,7 @@ def scatter_of(
     members = tuple(model.mesh.members) if len(model.mesh.members) > 1 and model.of_kind(Frame) else ()
     connections = _as_fitted(model, result)
     parts = [member_contribution(frame_of(model), model, m) for m in members]
-    parts += [model.parts_of(e) for e in connections]
+    parts += [_with_changes(model, e, result.effects) for e in connections]
     elements = tuple(tuple(Contribution(c.dofs, D=c.K) for c in each if c.K is not None) for each in parts)
     of_joints = [problem.damping.std * (_loss_factor(e) + typical_loss) for e in connections]
     std = [np.full(modes.shape[1], damping), np.full(len(members), damping * typical_loss), of_joints]
@@ -289,17 +193,21 @@ def _of_members(problem: FitProblem, result: FitResult, frequency: Floats) -> Fl
 
 
 def _as_fitted(model: Model, result: FitResult) -> tuple[Effect, ...]:
-    """Return connections with a loss factor at fitted values, effects that are parts of them included."""
+    """Return connections with a loss factor at fitted values."""
     out = []
     for e in model.effects:
         if not e.connection or not np.isfinite(_loss_factor(e)):
             continue
         values = {name: v for (effect, name), v in result.values.items() if effect == e.name}
-        now: Effect = e.with_values(**values)
-        for part in result.effects:
-            now = part.merged_into(now) or now
-        out.append(now)
+        out.append(e.with_values(**values))
     return tuple(out)
+
+
+def _with_changes(model: Model, connection: Effect, effects: Iterable[Effect]) -> tuple[Contribution, ...]:
+    """Return the elements of a connection, and those that effects add to the same DOFs."""
+    parts = model.parts_of(connection)
+    more = (c for e in effects for c in model.parts_of(e))
+    return *parts, *(c for c in more if any(np.array_equal(c.dofs, part.dofs) for part in parts))
 
 
 def _loss_factor(effect: Effect) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fem import assemble, solve_modes
-from fem.io import Units, model_of
+from fem.io import DeckUnits, model_of
 from fem.io.abaqus_frame import read_abaqus_frame
 
 E, RHO, L = 2.1e11, 7800.0, 2.0
@@ -24,7 +24,7 @@ def deck_of(folder, text, units=None):
     """Return the deck of a text."""
     path = folder / "a.inp"
     path.write_text(text)
-    return read_abaqus_frame(path, units or Units())
+    return read_abaqus_frame(path, units or DeckUnits())
 
 
 def frequencies(folder, text, n=4, units=None, size=None):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem import DIRECTIONS, assemble, solve_modes
-from fem.io import Body, Units, model_of
+from fem.io import Body, DeckUnits, model_of
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, deck_of, frequencies, line
 
 A, I11, I22 = 6e-4, 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12
@@ -229,7 +229,7 @@ def test_equations_of_sets_in_the_deck_s_units(tmp_path):
         BEAM + "*NSET, NSET=A\n2, 3\n*NSET, NSET=B\n4, 5\n*EQUATION\n"
         "2\nA, 1, 1., B, 6, -5.\n3\n7, 1, 2.\n8, 2, 3.\n9, 3, 4\n"
     )
-    deck = deck_of(tmp_path, text, Units(1e-3, 1.0, 1.0))
+    deck = deck_of(tmp_path, text, DeckUnits(1e-3, 1.0, 1.0))
     assert [e.terms for e in deck.equations] == [
         ((1, "x", 1.0), (3, "rz", -0.005)),
         ((2, "x", 1.0), (4, "rz", -0.005)),
