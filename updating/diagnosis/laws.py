@@ -15,9 +15,8 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
-from updating.diagnosis.amplitude import LevelProblem
+from updating.diagnosis.amplitude import at_force_levels
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.fits import AnyProblem
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
@@ -63,7 +62,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     one = done.search
     at_first = one.fits.problem
     assert isinstance(at_first, FitProblem)
-    problem = LevelProblem.of(at_first, levels)
+    problem = at_force_levels(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
         problem,
@@ -81,18 +80,22 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     if done.best.effects:
         bases.append(search.full(done.best.effects, values_of(done.best.effects), done.best))
     for base in bases:
-        _add_laws(search, base, at_first, laws)
+        _add_laws(search, base, at_first, levels, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
     return replace(done, search=search, best=search.polished(best), otherwise=())
 
 
 def _add_laws(
-    search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
+    search: Search,
+    base: Hypothesis,
+    problem: FitProblem,
+    levels: Sequence[FitData],
+    laws: Sequence[AmplitudeDependent],
 ) -> None:
     """Fit the most promising laws in addition to a hypothesis."""
     quick, free = search.fits.problems(base)
     fits = []
-    for starts in _looked_at(problem, search.fits.problem, base.fitted, laws):
+    for starts in _looked_at(problem, levels, base.fitted, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
         points = [Start((*values, parameter_values(s)), base.fitted) for s in starts]
         short = search.fits.shortly(quick, effects, points)
@@ -104,11 +107,10 @@ def _add_laws(
 
 
 def _looked_at(
-    problem: FitProblem, levels: AnyProblem, current: FitResult, laws: Sequence[AmplitudeDependent]
+    problem: FitProblem, levels: Sequence[FitData], current: FitResult, laws: Sequence[AmplitudeDependent]
 ) -> list[list[AmplitudeDependent]]:
     """Return the most promising laws by their residual level on a grid of values, each at its best points."""
     lines = problem.lines_up_to(np.inf, N_GRID_LINES)
-    assert isinstance(levels, LevelProblem)
     looked: list[tuple[float, list[AmplitudeDependent]]] = []
     nearby: dict[tuple[str, str], Receptances] = {}
     for law in laws:
@@ -116,13 +118,13 @@ def _looked_at(
         if key not in nearby:
             nearby[key] = _at_joint(problem, current, law, lines)
         part = nearby[key]
-        top = max(d.measurement.force_level or 0.0 for d in levels.levels)
+        top = max(d.measurement.force_level or 0.0 for d in levels)
         amplitude = float(np.quantile(np.abs(part.h), LARGE_MOTION)) * top
         if amplitude <= 0:  # nothing moves the joint in this direction
             continue
         scaled = replace(law, amplitude=amplitude)
         points = [scaled.with_values(**p) for p in scaled.starts(problem.surroundings)]
-        seen = [_level(levels.levels, e, part, lines) for e in points]
+        seen = [_level(levels, e, part, lines) for e in points]
         best = np.argsort(seen, kind="stable")[:N_STARTS]
         looked.append((seen[best[0]], [points[k] for k in best]))
     looked.sort(key=lambda pair: pair[0])

@@ -100,9 +100,9 @@ def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
 
 
 def continuation_of(problem: FitProblem) -> Continuation | None:
-    """Return the measured FRFs on and below the real axis; None of amplitudes without phases."""
+    """Return the measured FRFs on and below the real axis; None of amplitudes and of several levels."""
     data = problem.data
-    if len(data.frequency) < 2 or not data.phase:
+    if len(data.frequency) < 2 or not data.phase or problem.responses.n_levels > 1:
         return None
     return Continuation.of(data.frequency, data.H)
 

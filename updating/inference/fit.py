@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from fem.analysis.frf import FRF
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, dofs_of, parameter_values
-from fem.reduction.deviations import DeviatingFRF, Deviations
+from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.set_ups import SetUp, SetUpsFRF
@@ -27,6 +27,7 @@ from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve
+from updating.inference.responses import LINEAR, LinearResponses
 from updating.inference.solve import Solution
 from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unknowns
 from updating.least_squares.levels import Levels
@@ -71,6 +72,10 @@ class FitProblem:
         factor.
     pieces : int
         Into how many each element of the model was cut for the data; 0 where that was not asked.
+    responses : LinearResponses
+        How the receptances that are compared with the data follow from the model.
+    make_function : callable
+        Makes the residuals, of the arguments of :class:`updating.inference.fit_function.FitFunction`.
     """
 
     reduced: ReducedModel
@@ -87,6 +92,8 @@ class FitProblem:
     decay: float = 0.0
     viscous: bool = False
     pieces: int = 0
+    responses: LinearResponses = LINEAR
+    make_function: Callable[..., FitFunction] = FitFunction
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""
@@ -104,7 +111,7 @@ class FitProblem:
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sensors and excitations as combinations of DOFs."""
-        outputs, inputs, *_ = self._ends
+        outputs, inputs, *_ = self.ends
         return outputs, inputs
 
     @property
@@ -124,7 +131,7 @@ class FitProblem:
         return on_basis.reshape(len(on_basis), len(channels), N_ERRORS)
 
     @property
-    def _ends(self) -> tuple[NDArray[np.float64], ...]:
+    def ends(self) -> tuple[NDArray[np.float64], ...]:
         """Sensors and excitations as combinations of DOFs, and of the basis's columns (computed once)."""
         ends = (tuple(each) for each in (self.data.measurement.sensors, self.data.measurement.excitations))
         vectors = (
@@ -159,23 +166,7 @@ class FitProblem:
         channels : ndarray (n_sensors + n_excitations, 5), optional
             Errors of the channels; none unless given.
         """
-        *_, outputs, inputs = self._ends
-        if channels is not None and channels.any():
-            moved = np.einsum("rne,ne->rn", self.misread, channels)
-            outputs, inputs = outputs + moved[:, : outputs.shape[1]], inputs + moved[:, outputs.shape[1] :]
-        make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
-        return make(
-            self.reduced,
-            outputs,
-            inputs,
-            frequency,
-            refs,
-            effects,
-            release,
-            projected=True,
-            decay=self.decay,
-            viscous=self.viscous,
-        )
+        return self.responses.engine(self, frequency, refs, effects, release, deviations, channels)
 
     def in_set_ups(self, engine: ParametricFRF) -> ParametricFRF | SetUpsFRF:
         """Return an engine whose responses have the masses of roving sensors, each that at its own place."""
@@ -258,7 +249,8 @@ class FitProblem:
         nuisance = nuisance_unknowns(self.reduced.model, varying)
         variables = (*nuisance, *effect_unknowns(effects, starts))
         start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
-        return FitFunction(self, tuple(effects), variables, start, lines).with_scatter(self.scatter)
+        function = self.make_function(self, tuple(effects), variables, start, lines)
+        return function.with_scatter(self.scatter)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.
@@ -280,16 +272,7 @@ class FitProblem:
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
-        if any(e.amplitude_dependent for e in result.effects):
-            return self.steady(result, lines).H
-        f = self.data.frequency[lines]
-        refs = list(result.values)
-        there = self.with_forces_of(result)
-        engine = there.engine(f, refs, result.effects, channels=result.channels)
-        zeta = self.damping.ratio(f, result.zeta)
-        at = np.array([result.values[r] for r in refs])
-        H, _, _ = self.in_set_ups(engine).evaluate(at, zeta, gradient=False)
-        return H
+        return self.responses.receptance(self, result, lines)
 
     def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return sensors and excitations, each with the motion that an element acts on as the last."""
@@ -383,10 +366,13 @@ class FitProblem:
         values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
         return replace(result, values=values)
 
-    def assessed(self, result: FitResult) -> FitResult:
-        """Return a result with its errors on fitted and on held-out lines."""
-        held_out, ratio = self.data.held_out, self.log_ratio(result)
-        lines = np.arange(len(held_out))
+    def assessed(self, result: FitResult, H: NDArray[np.complex128] | None = None) -> FitResult:
+        """Return a result with its errors on fitted and on held-out lines.
+
+        ``H`` are its receptances, where they are known, (n_freq, n_out, n_in).
+        """
+        held_out, lines = self.data.held_out, np.arange(len(self.data.held_out))
+        ratio = self._log_ratio(self.receptance(result) if H is None else H, lines)
         return replace(
             result,
             fit_db=_rms(ratio.real[~held_out]),
@@ -417,19 +403,23 @@ class FitProblem:
     def log_ratio(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
-        ratio = log_ratio(self.receptance(result, lines), self.data.H[lines])
+        return self._log_ratio(self.receptance(result, lines), lines)
+
+    def _log_ratio(self, H: NDArray[np.complex128], lines: NDArray[np.int64]) -> NDArray[np.complex128]:
+        ratio = log_ratio(H, self.data.H[lines])
         return np.where(self.data.mask[lines], self.data.seen(ratio), complex("nan"))
 
     def frf(self, result: FitResult) -> FRF:
         """Return the fitted model's FRFs in the kind of the measurement."""
-        return self._as_measured(self.receptance(result))
+        return self.as_measured(self.receptance(result))
 
     @property
     def measured(self) -> FRF:
         """The measured FRFs as they were compared: in the band, wrong signs set right."""
-        return self._as_measured(self.data.H)
+        return self.as_measured(self.data.H)
 
-    def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
+    def as_measured(self, H: NDArray[np.complex128]) -> FRF:
+        """Return receptances as FRFs in the kind of the measurement."""
         m = self.data.measurement.frf
         frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs, m.base, m.strain)
         frf = frf.as_kind(m.kind)

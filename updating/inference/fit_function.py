@@ -91,7 +91,7 @@ class FitFunction:
         if scatter is None:
             return self
         start = np.append(self.start, np.zeros(len(scatter.std)))
-        return FitFunction(self.problem, self.effects, self.variables, start, self.lines, scatter)
+        return replace(self, start=start, scatter=scatter)
 
     @property
     def _parts(self) -> tuple[slice, slice, slice]:

@@ -9,7 +9,6 @@ from typing import Any, Unpack
 import numpy as np
 
 from fem.model import Effect, Model
-from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
@@ -75,13 +74,13 @@ class Searched:
         """The problem of the first level of force."""
         p = self.search.fits.problem
         assert isinstance(p, FitProblem)
-        return p.first if isinstance(p, LevelProblem) else p
+        return p.responses.at_first_level(p)
 
     @property
     def n_levels(self) -> int:
         """Number of levels of force whose data the hypotheses were fitted to."""
         p = self.search.fits.problem
-        return len(p.levels) if isinstance(p, LevelProblem) else 1
+        return p.responses.n_levels if isinstance(p, FitProblem) else 1
 
     @property
     def explains(self) -> bool:

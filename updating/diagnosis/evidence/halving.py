@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.fits import with_forces
 from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
 from updating.inference.belief import TWIN_NATS
@@ -81,7 +80,7 @@ class Damped:
     @cached_property
     def measured(self) -> Continuation | None:
         """The measured FRFs below the real axis; None where they have no phases or are of several levels."""
-        return None if isinstance(self.problem, LevelProblem) else continuation_of(self.problem)
+        return continuation_of(self.problem)
 
     @cached_property
     def computed(self) -> FitProblem:
