@@ -18,7 +18,6 @@ from dovetail.units.work import Step, work_through
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
 from updating.inference.fit import FitProblem
-from updating.inference.mode_fit import ModeProblem
 from updating.inference.updated import Updated
 
 Floats = NDArray[np.float64]
@@ -156,7 +155,7 @@ def run_bootstrap(
 def _digest(model: BootstrapModel) -> str:
     """Return a short hash of all on which a refit depends, the program included."""
     problem, updated = model.problem, model.updated
-    targets = problem.targets if isinstance(problem, ModeProblem) else problem.modes
+    targets = problem.measured_modes
     arrays: list[Any] = [updated.values, updated.fitted.solution.x]
     if targets is not None:
         arrays += [targets.frequency, targets.frequency_std, targets.shapes, targets.shape_std]

@@ -19,7 +19,7 @@ from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fitting import assessed_fit, with_seen_noise
+from updating.inference.fitting import assessed_fit
 from updating.inference.preparation import direct_responses
 from updating.inference.scatter import scatter_of
 from updating.least_squares.levels import Levels
@@ -78,7 +78,7 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
     H, rng = problem.receptance(fitted), np.random.default_rng(8)
     H = H * np.exp(NOISE * complex_normal(rng, H.shape))
     data = replace(problem.data, H=H, noise=np.full(H.shape, stated * NOISE))
-    found = with_seen_noise(replace(problem, data=data), fitted).data
+    found = replace(problem, data=data).with_seen_noise(fitted).data
     np.testing.assert_allclose(found.noise, believed * NOISE, rtol=0.1)
 
 

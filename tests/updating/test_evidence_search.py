@@ -148,12 +148,11 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
 
 def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     """Looks promised dampers 16 nats, and fits gained none: reports gave them half of the probability."""
-    monkeypatch.setattr(module, "FitProblem", SimpleNamespace)
     reached = {"a": -2.0, "b": -4.0}
     fits = SimpleNamespace(
         problems=lambda base: (None, None),
         is_far=lambda base: False,
-        ranking=SimpleNamespace(breadth=4),
+        ranking=SimpleNamespace(breadth=4, precise_looks=True),
         shortly=lambda quick, effects, starts, steps: [Given(effects[0].name, reached[effects[0].name])],
         continued=lambda quick, short: short[0],
         pruned=lambda quick, h, base: h,

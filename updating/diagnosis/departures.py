@@ -1,7 +1,7 @@
 """Sections and connections whose fitted form is outside its usual range, and what may be there instead."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -9,9 +9,8 @@ import scipy
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import near_to
 from updating.inference.belief import FAR_STD, RARE
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.problem import Problem
 from updating.inference.unknowns import nuisance_unknowns
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ class Departure:
         return members | set(getattr(self.effect, "members", ())) | {self.where.partition(" ")[2]}
 
 
-def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Departure]:
+def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
     """Return the parameters of the form outside their usual ranges, the farthest first."""
     out = []
     for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
@@ -77,7 +76,7 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
     return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
 
 
-def departed(done: "Searched", problem: FitProblem | ModeProblem, result: FitResult) -> tuple[Departure, ...]:
+def departed(done: "Searched[Any]", problem: Problem[Any], result: FitResult) -> tuple[Departure, ...]:
     """Return the departures of a result, each with the effects that a search has fitted in its place.
 
     Of hypotheses that have more effects than the reported one, those that are not ``RARE``.

@@ -23,7 +23,8 @@ from updating.diagnosis.evidence.diagnosis import Searched, search_of_problem
 from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.inference.bases import N_BASES
 from updating.inference.belief import UNKNOWN_ODDS
-from updating.inference.fit import EXPLAINED_LEVEL, FitProblem
+from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.fit import FitProblem
 from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem
 from updating.inference.heartbeat import Progress
@@ -135,7 +136,7 @@ def search_change(
     progress: Progress,
     crew: Workers = ALONE,
     budget: Budget = NORMAL,
-) -> Searched:
+) -> Searched[FitProblem]:
     """Return a search for what has changed that knows the second state without effects.
 
     Parameters

@@ -47,7 +47,9 @@ class LevelRanking(FrfRanking):
         return None
 
 
-def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]) -> Searched:
+def with_laws(
+    done: Searched[FitProblem], levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]
+) -> Searched[FitProblem]:
     """Return a search that compares the findings, alone and with amplitude laws, at several levels of force.
 
     Parameters
@@ -61,7 +63,6 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     """
     one = done.search
     at_first = one.fits.problem
-    assert isinstance(at_first, FitProblem)
     problem = at_force_levels(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
@@ -86,7 +87,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
 
 
 def _add_laws(
-    search: Search,
+    search: Search[FitProblem],
     base: Hypothesis,
     problem: FitProblem,
     levels: Sequence[FitData],

@@ -39,7 +39,7 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.inference.common_errors import CommonErrors
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes

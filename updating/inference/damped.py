@@ -5,14 +5,18 @@ inversion that is called cycle skipping, and is cured by decaying waves, from st
 *Geophys. J. Int.* 173, 2008, 922; 177, 2009, 1067).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.fit import FitProblem
 from updating.modal.poles import channel_sizes, poles_of_order
+
+if TYPE_CHECKING:
+    from updating.inference.fit import FitProblem
 
 LEAST_INSIDE = 0.85
 """Share of Poisson's kernel that measured lines must cover [-]."""
@@ -52,7 +56,7 @@ class Continuation:
     factors: NDArray[np.float64]
 
     @classmethod
-    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> "Continuation":
+    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> Continuation:
         """Find the rational function of FRFs by polyreference least squares."""
         s, known = 2j * np.pi * frequency, np.isfinite(H).all(axis=(1, 2))
         order = min(HIGHEST_ORDER, int(known.sum()) // LINES_PER_ORDER)
@@ -132,3 +136,21 @@ def damped(problem: FitProblem, share: float, continuation: Continuation | None 
         return None
     damped_data = replace(data, H=H, mask=mask, held_out=held_out)
     return replace(problem, data=damped_data, decay=2 * np.pi * sigma, modes=None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampedFrfs:
+    """The FRFs of a problem on and below the real axis.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    continuation : Continuation
+    """
+
+    problem: FitProblem
+    continuation: Continuation
+
+    def at(self, share: float) -> FitProblem | None:
+        """Return the problem at a decay rate in parts of the band [-], None where its lines allow none."""
+        return damped(self.problem, share, self.continuation)

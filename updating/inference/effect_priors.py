@@ -1,7 +1,7 @@
 """What is known of the parameters of effects before any data."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -10,8 +10,7 @@ from fem.model import Effect, parameter_values
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
-    from updating.inference.mode_fit import ModeProblem
+    from updating.inference.problem import Problem
 
 DECADE = 10.0
 """An unknown whose plausible sizes span more than this factor may be of any order of magnitude [-]."""
@@ -51,7 +50,7 @@ class EffectPrior:
         return abs(float(F[1] - F[0]))
 
 
-def prior_of(problem: "FitProblem | ModeProblem", effect: Effect, variable: ScaledUnknown) -> EffectPrior:
+def prior_of(problem: "Problem[Any]", effect: Effect, variable: ScaledUnknown) -> EffectPrior:
     """Return what is known beforehand of an unknown of an effect.
 
     As wide as the grid from which the effect asks to be started, on the scale of the unknown: it spans what
@@ -75,9 +74,7 @@ def prior_of(problem: "FitProblem | ModeProblem", effect: Effect, variable: Scal
     return EffectPrior(centre, float(min(width / 12**0.5, 10.0)))
 
 
-def log_occam_factor(
-    problem: "FitProblem | ModeProblem", effect: Effect, n_deviations: float, n_positions: int
-) -> float:
+def log_occam_factor(problem: "Problem[Any]", effect: Effect, n_deviations: float, n_positions: int) -> float:
     """Return ln of the share of an effect's sizes and positions that are as likely as its best one.
 
     A size of so many of its standard deviations is known to 1 / ``n_deviations`` of itself, and one of

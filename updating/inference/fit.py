@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,48 +20,39 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.set_ups import SetUp, SetUpsFRF
 from fem.summary import counted, span, summary
 from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.bases import with_responses
 from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
-from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.damped import DampedFrfs, continuation_of
+from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_function import FrfFunction
+from updating.inference.joint_fit import mode_problem_of, with_modes
+from updating.inference.mode_fit import ComputedModes
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import DampingCurve
+from updating.inference.problem import Problem
 from updating.inference.responses import LINEAR, LinearResponses
-from updating.inference.solve import Solution
-from updating.inference.unknowns import Uncertain, effect_unknowns, nuisance_unknowns
+from updating.inference.scatter import FormScatter, form_scatter
+from updating.inference.unknowns import nuisance_unknowns
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
 from updating.measurement.measurement import sensor_point
 
-if TYPE_CHECKING:
-    from updating.inference.scatter import FormScatter
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitProblem:
-    """Everything that a fit needs but the candidates.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitProblem(Problem[FitData]):
+    """Everything that a fit to FRFs needs but the candidates.
 
     Attributes
     ----------
-    reduced : ReducedModel
-    data : FitData
-    nuisances : tuple of Nuisance or Unknown
-    damping : DampingCurve
-    stages : ndarray
+    bands : ndarray
         Upper ends of the bands of the frequency continuation, rising; the last is the whole band [Hz].
     n_modes : int
         Elastic modes in the band.
     n_lines : int
         At most this many lines are fitted.
-    model_error : float
-        Residual level up to which a model counts as right, because beams are not the structure itself
-        [nepers]; 0 if nothing but noise and the mesh may be left.
-    scatter : FormScatter, optional
-        Small deviations that are uncertain in every fit.
-    mesh_level : float
-        Residual level that the elements leave of exact members [nepers].
     modes : ModeTargets or None
         Measured modes that the search by evidence fits beside the FRFs.
     decay : float
@@ -75,25 +66,18 @@ class FitProblem:
     responses : LinearResponses
         How the receptances that are compared with the data follow from the model.
     make_function : callable
-        Makes the residuals, of the arguments of :class:`updating.inference.fit_function.FitFunction`.
+        Makes the residuals, of the arguments of :class:`updating.inference.frf_function.FrfFunction`.
     """
 
-    reduced: ReducedModel
-    data: FitData
-    nuisances: tuple[Uncertain, ...]
-    damping: DampingCurve
-    stages: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
+    bands: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
     n_lines: int = 160
-    model_error: float = EXPLAINED_LEVEL
-    scatter: FormScatter | None = None
-    mesh_level: float = 0.0
     modes: ModeTargets | None = None
     decay: float = 0.0
     viscous: bool = False
     pieces: int = 0
     responses: LinearResponses = LINEAR
-    make_function: Callable[..., FitFunction] = FitFunction
+    make_function: Callable[..., FrfFunction] = FrfFunction
 
     def __repr__(self) -> str:
         """Return the data, the unknowns and the size of the basis on one line."""
@@ -104,9 +88,9 @@ class FitProblem:
         return summary(self, f"{vary}, {size}, at most {counted(self.n_lines, 'line')} fitted; {ends}")
 
     @property
-    def form_right(self) -> bool:
-        """Whether the residual may only be noise and the mesh's error."""
-        return self.model_error == 0
+    def stages(self) -> NDArray[np.float64]:
+        """Upper ends of the bands [Hz]."""
+        return self.bands
 
     @property
     def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -233,24 +217,22 @@ class FitProblem:
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
-    ) -> FitFunction:
-        """Return the residuals at some lines as a function of all that varies.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            Candidates to add to the model.
-        starts : sequence of dict
-            For each of them the parameter values to start from.
-        lines : ndarray of int
-        """
-        fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
-        nuisance = nuisance_unknowns(self.reduced.model, varying)
-        variables = (*nuisance, *effect_unknowns(effects, starts))
-        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
-        function = self.make_function(self, tuple(effects), variables, start, lines)
+    ) -> FrfFunction:
+        """Return the residuals at some lines as a function of all that varies."""
+        function = self.make_function(self, tuple(effects), *self.unknowns(effects, starts), lines)
         return function.with_scatter(self.scatter)
+
+    def residuals(
+        self,
+        effects: Sequence[Effect] = (),
+        starts: Sequence[dict[str, float]] = (),
+        stage: float | None = None,
+        n_lines: int | None = None,
+    ) -> FitFunction[Any]:
+        """Return the residuals of lines, and of measured modes, up to a frequency [Hz]."""
+        top = np.inf if stage is None else stage
+        function = self.function(effects, starts, self.lines_up_to(top, n_lines or self.n_lines))
+        return with_modes(self, function, top)
 
     def surroundings(self, key: tuple[str, str], n_lines: int = 30) -> float:
         """Return the median impedance of the structure to motion along a released constraint.
@@ -259,15 +241,6 @@ class FitProblem:
         """
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
         return self.reduced.impedance(key, omega2)
-
-    def with_forces_of(self, result: FitResult) -> FitProblem:
-        """Return the problem on a basis with the responses to the forces of a fit's effects.
-
-        On a basis without them the same fit has other FRFs: modes and other responses hardly bend where a
-        crack or a released end does.
-        """
-        reduced = self.reduced.with_forces_of(result.effects)
-        return self if reduced is self.reduced else replace(self, reduced=reduced)
 
     def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return the fitted model's receptances as the sensors read them, at some or all lines."""
@@ -322,49 +295,102 @@ class FitProblem:
         return propagated(function, x, function.units, result.covariance).reshape(function.keep.shape)
 
     def nominal(self) -> FitResult:
-        """Return the model as it was given, unfitted."""
-        n = len(self.nuisances)
-        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
-        empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {
-            ref: value
-            for v in variables
-            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
-        }
-        zero = dict.fromkeys(values, 0.0)
-        known = self.data.measurement.channel_errors
-        bare = FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan, channels=known)
-        return self.assessed(bare)
+        """Return the model as it was given, unfitted, with its errors."""
+        bare = Problem.nominal(self)
+        return self.assessed(replace(bare, channels=self.data.measurement.channel_errors))
 
-    def with_even_damping(self, result: FitResult) -> FitResult:
-        """Return a result whose damping ratios are a power of frequency, by medians of slopes and of levels.
+    @property
+    def measured_words(self) -> str:
+        """The kind of data, in the singular."""
+        return "measured FRF" if self.modes is None else "measured mode or measured FRF"
 
-        A fit may leave a part of the band with ratios far from its neighbours', where they cost little: of
-        eight knots two may be anything. Theil and Sen's line through ln ζ over ln f at the knots (Sen, *J.
-        Am. Stat. Assoc.* 63, 1968, 1379).
+    @property
+    def measured_modes(self) -> ModeTargets | None:
+        """Measured modes that are fitted beside the FRFs."""
+        return self.modes
+
+    def computed_modes(self, result: FitResult) -> ComputedModes | None:
+        """Return the partners of the measured modes in a fitted model."""
+        mode_problem = mode_problem_of(self)
+        return None if mode_problem is None else mode_problem.computed(result)
+
+    def small_deviations(
+        self, result: FitResult, size: float | None = None, share: float = 1.0
+    ) -> FormScatter | None:
+        """Return the small deviations that the form has besides its parameters, at a fitted model."""
+        return form_scatter(self, result, size, share)
+
+    def damped_frfs(self) -> DampedFrfs | None:
+        """Return the FRFs at complex frequencies, where fits converge from far away."""
+        continuation = continuation_of(self)
+        return None if continuation is None else DampedFrfs(self, continuation)
+
+    def with_other_damping(self) -> Self:
+        """Return the problem with the other form of damping between resonances."""
+        return replace(self, viscous=not self.viscous)
+
+    def better_basis(
+        self, result: FitResult, n_lines: int = BASIS_LINES[0]
+    ) -> tuple[float, ReducedModel] | None:
+        """Return the error of the basis [nepers], and one with responses of a fitted model at some lines."""
+        return with_responses(self, result, n_lines)
+
+    def with_seen_noise(self, result: FitResult) -> Self:
+        """Return the problem with its noise reduced to what residuals of neighbouring lines differ by.
+
+        A model's residuals are smooth over frequency but near resonances, so that their second differences
+        hold the noise, and no less.
         """
-        n = len(self.damping.knots)
-        f, zeta = np.log(self.damping.knots), np.log(result.zeta[:n])
-        i, j = np.triu_indices(n, 1)
-        slope = float(np.median((zeta[j] - zeta[i]) / (f[j] - f[i]))) if n > 1 else 0.0
-        even = slope * f + np.median(zeta - slope * f)
-        lo, hi = self.damping.limits[:n].T
-        return replace(result, zeta=np.concatenate([np.exp(np.clip(even, lo, hi)), result.zeta[n:]]))
+        data = self.data
+        ratio = data.seen(log_ratio(self.receptance(result), np.where(data.mask, data.H, 1.0)))
+        r = data.weight * np.nan_to_num(ratio)
+        there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
+        if not there.any():
+            return self
+        seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
+        square = (data.weight * data.noise) ** 2
+        stated = data.n_parts * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+        scale = min(1.0, float(seen / stated))
+        return replace(self, data=replace(data, noise=data.noise * np.sqrt(scale)))
+
+    def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
+        """Return the problem with FRFs of a fitted model with noise and other small deviations."""
+        mode_problem = mode_problem_of(self)
+        modes = None if mode_problem is None else mode_problem.resampled(result, misfit, rng).data
+        data, scale = self.data, np.sqrt(max(misfit.get("frf", 1.0), 1.0))
+        function = self.function((), (), np.arange(len(data.frequency)))
+        x = function.moved_to(result)
+        if self.scatter is not None:
+            x[-len(self.scatter.std) :] = rng.standard_normal(len(self.scatter.std))
+        H, kept = data.H.copy(), data.mask & (data.weight > 0)
+        ratio = function(x, False)[0] / data.weight[data.mask]
+        ratio = ratio[data.weight[data.mask] > 0]
+        real, imaginary = rng.standard_normal((2, int(kept.sum())))
+        noise = scale * data.noise[kept] * (real + 1j * imaginary)
+        if not data.phase:  # amplitudes alone: noise of the logarithm
+            H[kept] = H[kept] * np.exp(ratio + noise.real)
+        else:
+            H[kept] = H[kept] * np.exp(ratio) + abs(H[kept]) * noise
+        return replace(self, data=replace(data, H=H), modes=modes)
+
+    def strain(self, result: FitResult) -> float:
+        """Return the largest distance of an uncertain parameter or channel from nominal.
+
+        In prior standard deviations [-].
+        """
+        std = self.data.measurement.errors.std
+        z = result.channels / np.where(std > 0, std, 1.0)
+        return float(np.abs([*self.strains(result).values(), *z.ravel()]).max(initial=0.0))
+
+    def unbent(self, result: FitResult) -> FitResult:
+        """Return a result with all that is uncertain but damping at its nominal value."""
+        return replace(self.at_nominal(result), scatter=np.zeros(0)).as_described()
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
         variables = nuisance_unknowns(self.reduced.model, self.nuisances)
         known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
         return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
-
-    def at_nominal(self, result: FitResult) -> FitResult:
-        """Return a result with the nuisance parameters of the model back at their nominal values.
-
-        Damping stays.
-        """
-        names, nominal = {e.name for e in self.reduced.model.effects}, self.reduced.model.values()
-        values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
-        return replace(result, values=values)
 
     def assessed(self, result: FitResult, H: NDArray[np.complex128] | None = None) -> FitResult:
         """Return a result with its errors on fitted and on held-out lines.

@@ -11,7 +11,7 @@ from fem.elements.splitting import split
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
@@ -72,7 +72,13 @@ def build_mode_problem(
         nominal if np.ptp(model.damping.ratio) or other else None,
     )
     return ModeProblem(
-        reduced, targets, tuple(nuisances), curve, model_error, mesh_level, mass=mass_of(undamped)
+        reduced=reduced,
+        data=targets,
+        nuisances=tuple(nuisances),
+        damping=curve,
+        model_error=model_error,
+        mesh_level=mesh_level,
+        mass=mass_of(undamped),
     )
 
 

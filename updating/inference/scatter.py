@@ -5,8 +5,10 @@ cent more or less than a smooth damping curve says; of a joint's dissipation les
 point a little otherwise than a test's description says. Thousands of lines see that.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +21,10 @@ from fem.reduction.deviations import Deviations, EndChanges
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.defaults import FULL_LINES
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
+
+if TYPE_CHECKING:
+    from updating.inference.fit import FitProblem
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -134,24 +137,21 @@ class FormScatter:
 
 
 def form_scatter(
-    problem: FitProblem | ModeProblem, result: FitResult, size: float | None = None, share: float = 1.0
+    problem: FitProblem, result: FitResult, size: float | None = None, share: float = 1.0
 ) -> FormScatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
-    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right;
-    none in fits to modes, whose errors they are.
+    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right.
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : FitProblem
     result : FitResult
     size : float, optional
         Standard deviation of the shifts of eigenvalues; the middle of what it may be unless given [-].
     share : float
         Part of the deviations that the data still have [-].
     """
-    if isinstance(problem, ModeProblem):
-        return None
     damping = share * FORM_DAMPING
     if problem.model_error == 0:
         return scatter_of(problem, result, damping, 0.0)

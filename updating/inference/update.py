@@ -19,7 +19,7 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.model import Model, ModelError
 from updating.inference.arrays import frf_data, mode_data
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.form import with_form
 from updating.inference.formed import formed_mode_problem, formed_problem
 from updating.inference.mode_targets import ModeTargets

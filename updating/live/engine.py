@@ -14,7 +14,7 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import Comparison, compare
-from updating.inference.bases import BASIS_LINES, better_basis
+from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
@@ -171,7 +171,7 @@ class LiveModel:
         for n_lines in BASIS_LINES:
             problem = self._problem(h)
             enriched = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
-            better = better_basis(enriched, known, n_lines)
+            better = enriched.better_basis(known, n_lines)
             if better is None:
                 return
             with self._lock:

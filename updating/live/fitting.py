@@ -12,9 +12,9 @@ from fem.model import Effect, parameter_values
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.findings import label
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import QUICK_LINES, fit, fit_given, refit, scattered
+from updating.inference.frf_function import FrfFunction
 from updating.inference.solve import Solution
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -53,7 +53,7 @@ class Watch:
 
 
 @dataclass(eq=False)
-class _WatchedFunction(FitFunction):
+class _WatchedFunction(FrfFunction):
     """Residuals that report each evaluation, with some unknowns fixed."""
 
     watch: Watch | None = None

@@ -14,7 +14,7 @@ from fem.model import Effect, Model
 from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import Grid
-from updating.inference.fit import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors

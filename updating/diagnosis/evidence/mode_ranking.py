@@ -397,6 +397,7 @@ class ModeRanking:
     """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
 
     breadth = 12
+    precise_looks = False
 
     def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave.

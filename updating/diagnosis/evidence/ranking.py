@@ -15,7 +15,6 @@ from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlis
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.inference.joint_fit import with_modes
 from updating.inference.scatter import FormScatter, form_scatter
 
 MOST_GRIDS = 100
@@ -32,6 +31,11 @@ class Ranking(Protocol):
     @property
     def breadth(self) -> int:
         """Number of single effects that get a short fit, and of hypotheses whose fits are continued."""
+        ...
+
+    @property
+    def precise_looks(self) -> bool:
+        """Whether a look at small changes near the data tells what a fit would gain."""
         ...
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
@@ -105,6 +109,7 @@ class FrfRanking:
 
     breadth: int = 8
     form_share: float = 1.0
+    precise_looks: bool = True
 
     def scan(self, problem: FitProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the share of the misfit that free forces there leave."""
@@ -158,5 +163,4 @@ class FrfRanking:
 
     def allowed_squares(self, problem: FitProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        lines = problem.lines_up_to(np.inf, FULL_LINES)
-        return with_modes(problem, problem.function((), (), lines), np.inf).allowed_squares()
+        return problem.residuals(n_lines=FULL_LINES).allowed_squares()
