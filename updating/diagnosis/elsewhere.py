@@ -64,7 +64,7 @@ def _other_positions(search: Search[ModeProblem], h: Hypothesis, effect: Effect)
     problem = search.fits.problem
     if position is None:
         return []
-    grid = Grid.of(problem, effect)  # type: ignore[arg-type]
+    grid = Grid.of(problem, effect)
     misfit = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).residual_squares_at(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)

@@ -38,7 +38,7 @@ from updating.inference.unknowns import nuisance_unknowns
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.channel_errors import N_ERRORS
-from updating.measurement.measurement import sensor_point
+from updating.measurement.measurement import Measurement, sensor_point
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -372,6 +372,11 @@ class FitProblem(Problem[FitData]):
         else:
             H[kept] = H[kept] * np.exp(ratio) + abs(H[kept]) * noise
         return replace(self, data=replace(data, H=H), modes=modes)
+
+    def test_of(self, result: FitResult) -> Measurement:
+        """Return the test with the form of damping and the errors of channels that a fit has found."""
+        described = replace(self.data.measurement, viscous=self.viscous)
+        return described.with_channel_errors(result.channels)
 
     def strain(self, result: FitResult) -> float:
         """Return the largest distance of an uncertain parameter or channel from nominal.

@@ -101,11 +101,6 @@ class ModeProblem(Problem[ModeTargets]):
         return self.data
 
     @property
-    def has_damping(self) -> bool:
-        """Whether the damping of any mode was measured."""
-        return bool(np.isfinite(self.data.zeta[self.data.fitted]).any())
-
-    @property
     def stages(self) -> Floats:
         """Factors by which the data are taken for less accurate one fit after the other, the last 1.
 

@@ -152,6 +152,11 @@ class ModeTargets:
         return named or self.has_shapes or bool(self.sensors) or bool(self.driven)
 
     @property
+    def has_damping(self) -> bool:
+        """Whether the damping of any mode that is fitted was measured."""
+        return bool(np.isfinite(self.zeta[self.fitted]).any())
+
+    @property
     def noise_level(self) -> float:
         """Relative deviation that the noise of the frequencies of a fit leaves, root mean square [-]."""
         return float(np.sqrt((self.frequency_std[self.fitted] ** 2).mean()))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from updating.inference.mode_fit import ComputedModes
     from updating.inference.mode_targets import ModeTargets
     from updating.inference.scatter import FormScatter
+    from updating.measurement.measurement import Measurement
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +40,11 @@ class Data(Protocol):
     @property
     def noise_level(self) -> float:
         """Residual level that noise alone leaves [nepers], or relative noise of frequencies [-]."""
+        ...
+
+    @property
+    def has_damping(self) -> bool:
+        """Whether fits see damping."""
         ...
 
 
@@ -157,11 +163,6 @@ class Problem(ABC, Generic[D]):
     # what only some data have -------------------------------------------------------------------------------
 
     @property
-    def has_damping(self) -> bool:
-        """Whether the data tell anything of damping."""
-        return True
-
-    @property
     def measured_modes(self) -> ModeTargets | None:
         """Measured modes that are fitted, alone or beside other data."""
         return None
@@ -196,6 +197,10 @@ class Problem(ABC, Generic[D]):
     def with_seen_noise(self, result: FitResult) -> Self:
         """Return the problem with no more noise than the residuals of a fit show."""
         return self
+
+    def test_of(self, result: FitResult) -> Measurement | None:
+        """Return the test with the form of damping and the errors of channels that a fit has found."""
+        return None
 
     def strain(self, result: FitResult) -> float:
         """Return how far a fit has bent uncertain parameters to stand in for what the model lacks.

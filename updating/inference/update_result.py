@@ -83,7 +83,7 @@ def rows_of(function: FitFunction, asked: Sequence[ScaledUnknown]) -> NDArray[np
 def _damping_rows(function: FitFunction) -> NDArray[np.int64]:
     """Return where the ratios at the knots of the damping curve are, if they are unknown."""
     curve, n = function.problem.damping, len(function.variables)
-    known = curve.std < KNOWN_DAMPING or not function.problem.has_damping
+    known = curve.std < KNOWN_DAMPING or not function.problem.data.has_damping
     return n + np.arange(0 if known else len(curve.knots))
 
 
@@ -146,7 +146,7 @@ def result_of(
     if settings.n_samples:
         samples = _samples(ended, asked, every, lost | bound, settings)
     end = fitted_model(model, result)
-    if problem.has_damping and problem.damping.std >= KNOWN_DAMPING:
+    if problem.data.has_damping and problem.damping.std >= KNOWN_DAMPING:
         end = with_fitted_damping(problem, result, end)
     return Updated(
         model=end,

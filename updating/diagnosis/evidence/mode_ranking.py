@@ -504,7 +504,7 @@ class ModeRanking:
 
 def _grids(problem: ModeProblem, effects: Sequence[Effect]) -> list[Grid]:
     """Return the grids of effects that have points; modes say nothing of amplitudes."""
-    grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
+    grids = [Grid.of(problem, e) for e in effects]
     return [g for g in grids if g.points and not g.effect.amplitude_dependent]
 
 

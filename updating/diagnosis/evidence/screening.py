@@ -26,6 +26,7 @@ from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
+from updating.inference.problem import Problem
 from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
@@ -74,7 +75,7 @@ class Grid:
     _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
 
     @classmethod
-    def of(cls, problem: FitProblem, effect: Effect) -> "Grid":
+    def of(cls, problem: Problem[Any], effect: Effect) -> "Grid":
         """Return the grid that the effect asks for."""
         return cls(effect, tuple(effect.starts(problem.surroundings)))
 
