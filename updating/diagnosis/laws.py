@@ -18,13 +18,11 @@ from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import at_force_levels
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
-from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import FormScatter
 from updating.least_squares.loss import pseudo_huber
 
 N_LAWS = 4
@@ -35,16 +33,6 @@ N_STARTS = 2
 """Points of a law's grid from which it is fitted."""
 LARGE_MOTION = 0.9
 """Share of lines and forces at which a joint moves less than the amplitude of its law [-]."""
-
-
-class LevelRanking(FrfRanking):
-    """Ranking for several levels of force, which are fitted together."""
-
-    def scatter(
-        self, problem: FitProblem, result: FitResult, size: float | None = None
-    ) -> FormScatter | None:
-        """Return nothing: errors of modes are those of linear structures."""
-        return None
 
 
 def with_laws(
@@ -71,7 +59,6 @@ def with_laws(
         candidates,
         one.tell,
         scanned=one.scanned,
-        ranking=LevelRanking(),
         workers=one.workers,
         budget=one.budget,
     )

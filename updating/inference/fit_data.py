@@ -105,6 +105,11 @@ class FitData:
         return self.measurement.phase
 
     @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers on which a fit depends."""
+        return self.frequency, self.H, self.mask, self.noise
+
+    @property
     def has_damping(self) -> bool:
         """Whether fits see damping: resonances always show it."""
         return True

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -150,6 +151,11 @@ class ModeTargets:
         """Whether anything says which of the model's modes the test can have seen."""
         named = self.numbers is not None or bool(self.plane)
         return named or self.has_shapes or bool(self.sensors) or bool(self.driven)
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers on which a fit depends."""
+        return self.frequency, self.frequency_std, self.shapes, self.shape_std
 
     @property
     def has_damping(self) -> bool:

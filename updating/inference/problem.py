@@ -47,6 +47,11 @@ class Data(Protocol):
         """Whether fits see damping."""
         ...
 
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers on which a fit depends."""
+        ...
+
 
 D = TypeVar("D", bound=Data)
 

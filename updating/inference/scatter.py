@@ -141,7 +141,8 @@ def form_scatter(
 ) -> FormScatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
-    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right.
+    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right. At
+    several levels of force there are none: errors of modes are those of linear structures.
 
     Parameters
     ----------
@@ -152,6 +153,8 @@ def form_scatter(
     share : float
         Part of the deviations that the data still have [-].
     """
+    if problem.responses.n_levels > 1:
+        return None
     damping = share * FORM_DAMPING
     if problem.model_error == 0:
         return scatter_of(problem, result, damping, 0.0)
