@@ -84,9 +84,9 @@ def test_only_fits_of_frfs_bend_uncertain_parameters(problems):
     frfs, by_modes = problems["FRFs"], problems["modes"]
     values = {ref: 1.5 * v for ref, v in frfs.nominal().values.items()}
     assert frfs.strain(replace(frfs.nominal(), values=values)) > 5
-    assert frfs.unbent(replace(frfs.nominal(), values=values)).values == frfs.nominal().values
+    assert frfs.far_start(replace(frfs.nominal(), values=values)).values == frfs.nominal().values
     assert by_modes.strain(replace(by_modes.nominal(), values=values)) == 0
-    assert by_modes.unbent(by_modes.nominal()) is None
+    assert by_modes.far_start(by_modes.nominal()) is None
 
 
 def test_a_copy_of_any_problem_keeps_what_makes_it_its_kind(problem):

@@ -387,7 +387,7 @@ class FitProblem(Problem[FitData]):
         z = result.channels / np.where(std > 0, std, 1.0)
         return float(np.abs([*self.strains(result).values(), *z.ravel()]).max(initial=0.0))
 
-    def unbent(self, result: FitResult) -> FitResult:
+    def far_start(self, result: FitResult) -> FitResult:
         """Return a result with all that is uncertain but damping at its nominal value."""
         return replace(self.at_nominal(result), scatter=np.zeros(0)).as_described()
 

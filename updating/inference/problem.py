@@ -99,7 +99,7 @@ class Problem(ABC, Generic[D]):
 
     @abstractmethod
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
-        """Return at most so many lines up to a frequency [Hz], or all modes, which are not held out."""
+        """Return at most ``n_lines`` lines up to a frequency [Hz], or all modes; none is held out."""
 
     @abstractmethod
     def function(
@@ -133,7 +133,7 @@ class Problem(ABC, Generic[D]):
         stage : float, optional
             One of ``stages``; the whole of the data unless given.
         n_lines : int, optional
-            At most so many lines; those of the problem unless given.
+            Largest number of lines; that of the problem unless given.
         """
 
     @abstractmethod
@@ -208,13 +208,13 @@ class Problem(ABC, Generic[D]):
         return None
 
     def strain(self, result: FitResult) -> float:
-        """Return how far a fit has bent uncertain parameters to stand in for what the model lacks.
+        """Return the largest distance of uncertain parameters from nominal, in prior deviations [-].
 
-        The largest distance of one of them from nominal, in prior standard deviations [-].
+        A fit bends uncertain parameters to stand in for what the model lacks.
         """
         return 0.0
 
-    def unbent(self, result: FitResult) -> FitResult | None:
+    def far_start(self, result: FitResult) -> FitResult | None:
         """Return where fits of further effects begin if a fit is far from the data; None for where it is."""
         return None
 

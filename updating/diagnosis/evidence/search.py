@@ -323,7 +323,7 @@ class Search(Generic[P]):
         if frfs is not None:
             # What is bent is near the data, and no measure of how far the model is from them.
             bent = self.fits.is_bent(base)
-            damped = Damped(frfs, frfs.problem.unbent(base.fitted) if bent else base.fitted)
+            damped = Damped(frfs, frfs.problem.far_start(base.fitted) if bent else base.fitted)
         looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:
@@ -359,7 +359,7 @@ class Search(Generic[P]):
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
-            now = damped.problem.unbent(now)
+            now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
@@ -397,7 +397,7 @@ class Search(Generic[P]):
         kept = values_of(base.effects)
         proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
         # Fits that begin where uncertain parameters stand for what is missing stay there.
-        near = free.unbent(base.fitted) if self.fits.is_far(base) else None
+        near = free.far_start(base.fitted) if self.fits.is_far(base) else None
         settled = self.settled(base)
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
