@@ -20,7 +20,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import propagated
 from updating.inference.fit_result import FitResult
-from updating.inference.responses import LINEAR, LinearResponses
+from updating.inference.frf_inputs import LINEAR, F, FrfInputs, LinearResponses
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level
@@ -96,13 +96,13 @@ class LevelResponses(LinearResponses):
         """Number of levels of force that the data are of."""
         return len(self.levels)
 
-    def at_first_level(self, problem: FitProblem) -> FitProblem:
+    def at_first_level(self, problem: F) -> F:
         """Return the problem with the data of the first level of force alone."""
         return replace(problem, data=self.levels[0], responses=LINEAR)
 
     def engine(
         self,
-        problem: FitProblem,
+        problem: FrfInputs,
         frequency: Floats,
         refs: Sequence[ParameterRef],
         effects: Sequence[Effect],
@@ -114,7 +114,7 @@ class LevelResponses(LinearResponses):
         assert deviations is None or deviations.stiff.shape[1] + deviations.lossy.shape[1] == 0
         return LevelEngine(problem, self.levels, frequency, refs, effects, release)
 
-    def receptance(self, problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> Complexes:
+    def receptance(self, problem: FrfInputs, result: FitResult, lines: NDArray[np.int64]) -> Complexes:
         """Return the fitted model's receptances at all levels, at some lines."""
         f = problem.data.frequency[lines]
         engine = problem.engine(f, list(result.values), result.effects)
@@ -127,7 +127,7 @@ class LevelEngine(ParametricFRF):
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     levels : sequence of FitData
     frequency : ndarray (n_freq,)
         Lines of its data [Hz].
@@ -141,7 +141,7 @@ class LevelEngine(ParametricFRF):
 
     def __init__(
         self,
-        problem: FitProblem,
+        problem: FrfInputs,
         levels: Sequence[FitData],
         frequency: Floats,
         refs: Sequence[ParameterRef],

@@ -1,23 +1,16 @@
 """Better reduced bases: with responses or modes of a fitted model, where its fit's own basis errs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.modes import n_unstable, solve_eigenpairs
 from fem.linalg.solvers import factorise
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble, connection_stiffness
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.fit_result import FitResult, fitted_model
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
-    from updating.inference.mode_fit import ModeProblem
+from updating.inference.frf_inputs import FrfInputs
 
 BASIS_SHARE = 0.03
 """Share of the level that a basis may err by [-]."""
@@ -25,11 +18,9 @@ LEAST_SHAPE = 1e-4
 """What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
 N_BASES = 2
 """Number of further fits of a calibration, each with its own modes in the basis."""
-HIGHEST = 1.2
-"""Modes up to this multiple of the highest measured frequency join the basis of a fit to modes [-]."""
 
 
-def with_responses(problem: FitProblem, result: FitResult, n_lines: int) -> tuple[float, ReducedModel] | None:
+def with_responses(problem: FrfInputs, result: FitResult, n_lines: int) -> tuple[float, ReducedModel] | None:
     """Return the error of the basis of FRFs [nepers], and one with responses of the fitted model.
 
     None where the error is small against the level.
@@ -41,7 +32,7 @@ def with_responses(problem: FitProblem, result: FitResult, n_lines: int) -> tupl
 
 
 def direct_responses(
-    problem: FitProblem, result: FitResult, n_lines: int
+    problem: FrfInputs, result: FitResult, n_lines: int
 ) -> tuple[float, NDArray[np.float64]]:
     """Return the error of the reduced basis against direct solutions at some lines [nepers], and these.
 
@@ -73,36 +64,3 @@ def direct_responses(
         responses += [X.real, X.imag]
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio)) / DB_PER_NEPER, np.hstack(responses)
-
-
-def with_fitted_modes(problem: ModeProblem, result: FitResult) -> tuple[float, ReducedModel] | None:
-    """Return the relative error of frequencies by the basis [-], and one with modes of the fitted model.
-
-    None where the error is small against the noise, or the model is unstable.
-    """
-    model = fitted_model(problem.reduced.model, result)
-    top = HIGHEST * float(problem.data.frequency[-1])
-    try:
-        system = assemble(model, reciprocal=False)
-        # Unstable beyond the basis: its shapes would make fits unstable, too. Far below zero lies one
-        # eigenvalue, beside which all others look alike: to compute them would take minutes.
-        if n_unstable(system):
-            return None
-        pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
-        f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
-        if (f <= 0).any():
-            return None
-        refs = list(result.values)
-        at = problem.parametric(problem.data.fitted, refs, result.effects).at(
-            np.array([result.values[r] for r in refs]),
-            problem.damping.ratio(problem.data.frequency[problem.data.fitted], result.zeta),
-        )
-        reduced = at.pairs(0)
-        g = reduced.frequency[reduced.n_rigid :]
-        n = min(len(f), len(g))
-        error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
-        if error <= BASIS_SHARE * problem.data.noise_level:
-            return None
-        return error, problem.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
-    except (np.linalg.LinAlgError, ValueError):
-        return None

@@ -8,15 +8,13 @@ inversion that is called cycle skipping, and is cured by decaying waves, from st
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.inference.frf_inputs import F, FrfInputs
 from updating.modal.poles import channel_sizes, poles_of_order
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
 
 LEAST_INSIDE = 0.85
 """Share of Poisson's kernel that measured lines must cover [-]."""
@@ -103,7 +101,7 @@ def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
     return np.hstack([one + two, 1j * (one - two), beyond]).astype(complex)
 
 
-def continuation_of(problem: FitProblem) -> Continuation | None:
+def continuation_of(problem: FrfInputs) -> Continuation | None:
     """Return the measured FRFs on and below the real axis; None of amplitudes and of several levels."""
     data = problem.data
     if len(data.frequency) < 2 or not data.phase or problem.responses.n_levels > 1:
@@ -111,12 +109,12 @@ def continuation_of(problem: FitProblem) -> Continuation | None:
     return Continuation.of(data.frequency, data.H)
 
 
-def damped(problem: FitProblem, share: float, continuation: Continuation | None = None) -> FitProblem | None:
+def damped(problem: F, share: float, continuation: Continuation | None = None) -> F | None:
     """Return a problem at a decay rate, or None where its lines do not allow one.
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     share : float
         σ in parts of the band [-].
     continuation : Continuation, optional
@@ -139,18 +137,18 @@ def damped(problem: FitProblem, share: float, continuation: Continuation | None 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DampedFrfs:
+class DampedFrfs(Generic[F]):
     """The FRFs of a problem on and below the real axis.
 
     Attributes
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     continuation : Continuation
     """
 
-    problem: FitProblem
+    problem: F
     continuation: Continuation
 
-    def at(self, share: float) -> FitProblem | None:
+    def at(self, share: float) -> F | None:
         """Return the problem at a decay rate in parts of the band [-], None where its lines allow none."""
         return damped(self.problem, share, self.continuation)

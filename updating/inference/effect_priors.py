@@ -1,7 +1,7 @@
 """What is known of the parameters of effects before any data."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
 import numpy as np
 import scipy
@@ -9,11 +9,16 @@ import scipy
 from fem.model import Effect, parameter_values
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
-if TYPE_CHECKING:
-    from updating.inference.problem import Problem
-
 DECADE = 10.0
 """An unknown whose plausible sizes span more than this factor may be of any order of magnitude [-]."""
+
+
+class Surrounded(Protocol):
+    """A problem that knows how stiff the structure is around a constraint."""
+
+    def surroundings(self, key: tuple[str, str]) -> float:
+        """Return the median impedance to motion along a released constraint [N/m, N·m/rad]."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +55,7 @@ class EffectPrior:
         return abs(float(F[1] - F[0]))
 
 
-def prior_of(problem: "Problem[Any]", effect: Effect, variable: ScaledUnknown) -> EffectPrior:
+def prior_of(problem: Surrounded, effect: Effect, variable: ScaledUnknown) -> EffectPrior:
     """Return what is known beforehand of an unknown of an effect.
 
     As wide as the grid from which the effect asks to be started, on the scale of the unknown: it spans what
@@ -74,7 +79,7 @@ def prior_of(problem: "Problem[Any]", effect: Effect, variable: ScaledUnknown) -
     return EffectPrior(centre, float(min(width / 12**0.5, 10.0)))
 
 
-def log_occam_factor(problem: "Problem[Any]", effect: Effect, n_deviations: float, n_positions: int) -> float:
+def log_occam_factor(problem: Surrounded, effect: Effect, n_deviations: float, n_positions: int) -> float:
     """Return ln of the share of an effect's sizes and positions that are as likely as its best one.
 
     A size of so many of its standard deviations is known to 1 / ``n_deviations`` of itself, and one of

@@ -5,28 +5,25 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
 from updating.inference.effect_priors import EffectPrior, prior_of
+from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
 from updating.inference.unknowns import ScaledUnknown, values_at
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 
-if TYPE_CHECKING:
-    from updating.inference.problem import Problem
-    from updating.inference.scatter import FormScatter
-
-
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
-P = TypeVar("P", bound="Problem[Any]", covariant=True)
+P = TypeVar("P", bound=FitInputs[Any], covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +62,7 @@ class FitFunction(ABC, Generic[P]):
 
     Attributes
     ----------
-    problem : Problem
+    problem : FitInputs
     effects : tuple of Effect
     variables : tuple of ScaledUnknown
     start : ndarray (n,)

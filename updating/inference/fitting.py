@@ -13,9 +13,9 @@ from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
 from updating.inference.marginal import by_size, log_evidence, mixed
 from updating.inference.problem import Problem
-from updating.inference.scatter import FormScatter
 from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +16,15 @@ from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import Errors, FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_inputs import FrfInputs
 from updating.inference.heartbeat import beat
 from updating.inference.solve import Solution
 from updating.inference.unknowns import by_unknowns, values_at
 from updating.least_squares.costs import Costs
 
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem  # noqa: F401 - as a string
-
 
 @dataclass(eq=False)
-class FrfFunction(FitFunction["FitProblem"]):
+class FrfFunction(FitFunction[FrfInputs]):
     """Weighted ln(computed / measured) of FRFs at some lines, as a function of all that varies."""
 
     # The end of a fit is asked for again.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,12 @@ from fem.model import Effect
 from updating.inference.fit_function import ROBUST, Errors, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_inputs import FrfInputs
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Solution
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
 
 Floats = NDArray[np.float64]
 OF_MODES = 100
@@ -59,7 +56,7 @@ class JointLevels:
 
 
 @dataclass(eq=False)
-class JointFunction(FitFunction["FitProblem"]):
+class JointFunction(FitFunction[FrfInputs]):
     """Residuals of FRFs, and of modes behind them, of the same unknowns.
 
     Attributes
@@ -132,7 +129,7 @@ class JointFunction(FitFunction["FitProblem"]):
         return replace(self.frf.result(solution), level=float(np.sqrt(pseudo_huber(r, ROBUST).mean())))
 
 
-def mode_problem_of(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModeProblem | None:
+def mode_problem_of(problem: FrfInputs, effects: Sequence[Effect] = ()) -> ModeProblem | None:
     """Return the fit to the modes that a problem has in addition to FRFs, on a basis for given effects."""
     if problem.modes is None:
         return None
@@ -145,7 +142,7 @@ def mode_problem_of(problem: FitProblem, effects: Sequence[Effect] = ()) -> Mode
     )
 
 
-def with_modes(problem: FitProblem, function: FrfFunction, stage: float) -> FitFunction[FitProblem]:
+def with_modes(problem: FrfInputs, function: FrfFunction, stage: float) -> FitFunction[FrfInputs]:
     """Return a function of FRFs with the modes of its problem up to a frequency [Hz], if it has any."""
     mode_problem = mode_problem_of(problem)
     if mode_problem is None:

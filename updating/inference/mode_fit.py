@@ -10,22 +10,25 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.modes import n_unstable, solve_eigenpairs
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
-from updating.inference.bases import with_fitted_modes
+from fem.system import assemble
+from updating.inference.bases import BASIS_SHARE
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
-from updating.inference.fit_result import FitResult
+from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.mode_targets import (
     ALIEN_WIDTH,
     FAR,
     LEAST_MAC,
     SPREAD_BEFORE,
+    ComputedModes,
     Matched,
     ModeTargets,
     match,
@@ -54,6 +57,8 @@ BAD_STD = np.array([ALIEN_WIDTH, 1.0, 1.0])
 """Standard deviations of ln f, ln ζ and components of a shape that do not belong, as of another mode [-]."""
 DOUBT = 0.01
 """Probability from which on a reading may be a bad one [-]."""
+HIGHEST = 1.2
+"""Modes up to this multiple of the highest measured frequency join the basis of a fit [-]."""
 BASIS_NATS = 0.1
 """A basis of the places of effects is as good where the likelihood on it differs by less [nats]."""
 BEFORE_FIT = 0.01
@@ -206,8 +211,36 @@ class ModeProblem(Problem[ModeTargets]):
     def better_basis(
         self, result: FitResult, n_lines: int = BASIS_LINES[0]
     ) -> tuple[float, ReducedModel] | None:
-        """Return the relative error of frequencies by the basis [-], and one with modes of a fitted model."""
-        return with_fitted_modes(self, result)
+        """Return the relative error of frequencies by the basis [-], and one with modes of a fitted model.
+
+        None where the error is small against the noise, or the model is unstable.
+        """
+        model = fitted_model(self.reduced.model, result)
+        top = HIGHEST * float(self.data.frequency[-1])
+        try:
+            system = assemble(model, reciprocal=False)
+            # Unstable beyond the basis: its shapes would make fits unstable, too. Far below zero lies one
+            # eigenvalue, beside which all others look alike: to compute them would take minutes.
+            if n_unstable(system):
+                return None
+            pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
+            f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
+            if (f <= 0).any():
+                return None
+            refs = list(result.values)
+            at = self.parametric(self.data.fitted, refs, result.effects).at(
+                np.array([result.values[r] for r in refs]),
+                self.damping.ratio(self.data.frequency[self.data.fitted], result.zeta),
+            )
+            reduced = at.pairs(0)
+            g = reduced.frequency[reduced.n_rigid :]
+            n = min(len(f), len(g))
+            error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
+            if error <= BASIS_SHARE * self.data.noise_level:
+                return None
+            return error, self.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
+        except (np.linalg.LinAlgError, ValueError):
+            return None
 
     def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
         """Return the problem with modes of a fitted model with errors; modes that it lacks stay."""
@@ -301,26 +334,6 @@ class ModeReading:
     def words(self) -> str:
         """The kind in words."""
         return ("frequency", "damping ratio", "shape")[self.kind]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ComputedModes:
-    """Computed partners of measured modes; NaN where there is none.
-
-    Attributes
-    ----------
-    frequency : ndarray (n,)
-        [Hz].
-    zeta, mac : ndarray (n,)
-        Damping ratio, and modal assurance criterion where there are shapes [-].
-    partner : ndarray of int (n,)
-        Numbers of the computed modes, those of rigid bodies included; -1 for none.
-    """
-
-    frequency: Floats
-    zeta: Floats
-    mac: Floats
-    partner: NDArray[np.int64]
 
 
 def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:

@@ -174,6 +174,26 @@ class ModeTargets:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ComputedModes:
+    """Computed partners of measured modes; NaN where there is none.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        [Hz].
+    zeta, mac : ndarray (n,)
+        Damping ratio, and modal assurance criterion where there are shapes [-].
+    partner : ndarray of int (n,)
+        Numbers of the computed modes, those of rigid bodies included; -1 for none.
+    """
+
+    frequency: Floats
+    zeta: Floats
+    mac: Floats
+    partner: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Matched:
     """Computed modes that belong to measured ones.
 

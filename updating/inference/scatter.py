@@ -5,10 +5,8 @@ cent more or less than a smooth damping curve says; of a joint's dissipation les
 point a little otherwise than a test's description says. Thousands of lines see that.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +15,14 @@ from scipy.linalg import eigh
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
-from fem.reduction.deviations import Deviations, EndChanges
+from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
+from updating.inference.form_scatter import ChannelScatter, FormScatter
+from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_inputs import FrfInputs
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -38,106 +36,8 @@ LEAST_KNOWN = 0.3
 It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at most."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ChannelScatter:
-    """Errors of channels that data can know, in combinations that are independent beforehand.
-
-    Attributes
-    ----------
-    of : ndarray of int (k,)
-        Number of the channel of each, excitations behind sensors; rising.
-    units : ndarray (k, 5)
-        Errors of that channel for a standard deviation of each combination, as of :class:`ChannelErrors`.
-    std : ndarray (5,)
-        Standard deviations of these.
-    """
-
-    of: NDArray[np.int64]
-    units: Floats
-    std: Floats
-
-    def changes(self, misread: Floats, n_out: int) -> tuple[EndChanges, EndChanges]:
-        """Return what the combinations change of n_out outputs, and of inputs.
-
-        ``misread`` (r, n, 5) is what a unit of each error of each channel does on the basis's columns.
-        """
-        along = np.einsum("rke,ke->rk", misread[:, self.of], self.units)
-        first = self.of < n_out
-        inputs = EndChanges(self.of[~first] - n_out, along[:, ~first])
-        return EndChanges(self.of[first], along[:, first]), inputs
-
-    def errors(self, x: Floats, n: int) -> Floats:
-        """Return the errors (n, 5) of all channels from the sizes (k,) of the combinations."""
-        out = np.zeros((n, self.units.shape[1]))
-        np.add.at(out, self.of, x[:, None] * self.units)
-        return out
-
-    def deviations(self, covariance: Floats, n: int) -> Floats:
-        """Return the standard deviations (n, 5) of the errors of all channels.
-
-        ``covariance`` (k, k) is that of the combinations' sizes. What data cannot know keeps its prior's.
-        """
-        out = np.tile(self.std**2, (n, 1))
-        for channel in np.unique(self.of):
-            k = np.flatnonzero(self.of == channel)
-            less = np.eye(len(k)) - covariance[np.ix_(k, k)]
-            out[channel] -= np.einsum("ke,kl,le->e", self.units[k], less, self.units[k])
-        return np.sqrt(np.maximum(out, 0.0))
-
-    def sizes(self, errors: Floats) -> Floats:
-        """Return the sizes (k,) of the combinations in errors (n, 5) of all channels; 0 without any."""
-        if not len(errors):
-            return np.zeros(len(self.of))
-        squares = np.where(self.std > 0, self.std, 1.0) ** 2
-        return (self.units * errors[self.of] / squares).sum(axis=1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FormScatter:
-    """Deviations of modes' eigenvalues and damping ratios, and of the loss factors of members and joints.
-
-    With s = √λ_r Mφ_r of a fitted model x s sᵀ in K shifts the eigenvalue of mode r by the share x, and
-    i 2ζ_r y s sᵀ its damping ratio by the share y.
-
-    Attributes
-    ----------
-    deviations : Deviations
-    eigenvalue : float
-        Standard deviation of the relative shift of each elastic mode's eigenvalue [-].
-    losses : ndarray (m,)
-        Standard deviations of the other deviations [-].
-    sizes : tuple of float
-        What ``eigenvalue`` may be, each as probable as the others.
-    channels : ChannelScatter, optional
-        Their deviations are the last.
-    """
-
-    deviations: Deviations
-    eigenvalue: float
-    losses: Floats
-    sizes: tuple[float, ...] = ()
-    channels: ChannelScatter | None = None
-
-    @property
-    def shifts(self) -> NDArray[np.int64]:
-        """Which deviations are shifts of eigenvalues."""
-        return np.arange(self.deviations.stiff.shape[1])
-
-    @property
-    def std(self) -> Floats:
-        """Standard deviations of all deviations, (n,)."""
-        return np.concatenate(
-            [np.full(len(self.shifts), self.eigenvalue), self.losses, np.ones(self.n_channels)]
-        )
-
-    @property
-    def n_channels(self) -> int:
-        """Number of deviations of channels."""
-        return 0 if self.channels is None else len(self.channels.of)
-
-
 def form_scatter(
-    problem: FitProblem, result: FitResult, size: float | None = None, share: float = 1.0
+    problem: FrfInputs, result: FitResult, size: float | None = None, share: float = 1.0
 ) -> FormScatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
@@ -146,7 +46,7 @@ def form_scatter(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     result : FitResult
     size : float, optional
         Standard deviation of the shifts of eigenvalues; the middle of what it may be unless given [-].
@@ -169,7 +69,7 @@ def form_scatter(
 
 
 def scatter_of(
-    problem: FitProblem,
+    problem: FrfInputs,
     result: FitResult,
     damping: float,
     eigenvalue: float,
@@ -179,7 +79,7 @@ def scatter_of(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     result : FitResult
         The fitted model whose modes deviate.
     damping : float
@@ -213,14 +113,14 @@ def scatter_of(
     return FormScatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
 
 
-def channel_scatter(problem: FitProblem) -> FormScatter | None:
+def channel_scatter(problem: FrfInputs) -> FormScatter | None:
     """Return the errors of channels alone that data can know, at the nominal model."""
     none = np.zeros((problem.reduced.model.n_dof, 0))
     return with_channels(problem, problem.nominal(), FormScatter(Deviations(none, none), 0.0, np.zeros(0)))
 
 
 def with_channels(
-    problem: FitProblem, result: FitResult, scatter: FormScatter | None, share: float = 1.0
+    problem: FrfInputs, result: FitResult, scatter: FormScatter | None, share: float = 1.0
 ) -> FormScatter | None:
     """Return small deviations with the errors of channels that data can know, at a fitted model.
 
@@ -241,7 +141,7 @@ def with_channels(
     return replace(scatter, channels=ChannelScatter(np.array(of, dtype=np.int64), np.concatenate(units), std))
 
 
-def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], list[Floats]]:
+def _misread(problem: FrfInputs, result: FitResult) -> tuple[list[Complexes], list[Floats]]:
     """Return what a unit of each error of each channel does to ln H, and what that counts, by channels.
 
     (5, n_lines, n_in) and (n_lines, n_in) of sensors, then with n_out of excitations.
@@ -258,7 +158,7 @@ def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], l
     of_outputs = np.einsum("roe,rif->oefi", misread[:, :n_out], Xi, optimize=True)
     of_inputs = np.einsum("rie,rof->iefo", misread[:, n_out:], Xo, optimize=True)
     by = np.where(H != 0, 1 / np.where(H != 0, H, 1.0), 0.0)
-    function = problem.function((), (), lines)
+    function = FrfFunction(problem, (), *problem.unknowns((), ()), lines)
     levels = function.levels(counted_as=FULL_LINES)
     member = np.unique(function.groups, return_inverse=True)[1]
     worth = np.zeros(H.shape)
@@ -271,7 +171,7 @@ def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], l
     return [*outputs, *inputs], [*(counts[:, k] for k in range(n_out)), *np.moveaxis(counts, 2, 0)]
 
 
-def _forces(problem: FitProblem, engine: ParametricFRF, total: dict[str, Any]) -> tuple[Floats, Floats]:
+def _forces(problem: FrfInputs, engine: ParametricFRF, total: dict[str, Any]) -> tuple[Floats, Floats]:
     """Return λ (n,) and √λ Mφ (n_dof, n) of the elastic modes in the band and the next one.
 
     M is that of the nominal model; the forces are scaled so that φᵀ s = √λ in any case.
@@ -286,7 +186,7 @@ def _forces(problem: FitProblem, engine: ParametricFRF, total: dict[str, Any]) -
     return lam[elastic], forces * (np.sqrt(lam[elastic]) / (shapes * forces).sum(axis=0))
 
 
-def _of_members(problem: FitProblem, result: FitResult, frequency: Floats) -> Floats:
+def _of_members(problem: FrfInputs, result: FitResult, frequency: Floats) -> Floats:
     """Return the damping ratio of members at frequencies [Hz]."""
     return np.asarray(np.atleast_2d(problem.damping.ratio(frequency, result.zeta))[0], dtype=float)
 

@@ -25,8 +25,8 @@ from updating.diagnosis.evidence.screening import Grid, Screened, candidate_term
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
 from updating.inference.mode_fit import DOUBT, MetModes, ModeFunction, ModeProblem, Partners
-from updating.inference.scatter import FormScatter
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24

@@ -15,7 +15,8 @@ from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlis
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.inference.scatter import FormScatter, form_scatter
+from updating.inference.form_scatter import FormScatter
+from updating.inference.scatter import form_scatter
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
