@@ -87,7 +87,8 @@ def _with_known(study: Study, name: str) -> Model:
             continue
         if isinstance(effect, Spread):
             continue  # it says where the joint acts
-        new = effect.merged_into(model.effect(name))
+        (joint,) = (j for j in model.of_kind(Joint) if j.name == name)
+        new = _with_stiffness_of(effect, joint, model)
         if new is None:
             msg = (
                 f"{study.path}: the effect '{effect.name}' in [[effects]] acts on joint '{name}'; an "
@@ -97,6 +98,22 @@ def _with_known(study: Study, name: str) -> Model:
         kept = (e for e in model.effects if e.name != effect.name)
         model = replace(model, effects=tuple(new if e.name == name else e for e in kept))
     return model
+
+
+def _with_stiffness_of(effect: Effect, joint: Joint, model: Model) -> Joint | None:
+    """Return a joint with the stiffness that an effect adds to it; None where the effect does more."""
+    dofs, B = joint.relative(model)
+    at_joint, free = np.linalg.pinv(B), np.array([d not in joint.rigid for d in DIRECTIONS])
+    K = np.where(np.outer(free, free), joint.K, 0.0)
+    for c in effect.contribute(model):
+        if c.K is None or c.law or c.M is not None or c.C is not None or not np.array_equal(c.dofs, [dofs]):
+            return None
+        lossy = 0 * c.K if c.D is None else c.D
+        if np.abs(lossy - joint.eta * c.K).max() > 1e-9 * np.abs(c.K).max():
+            return None
+        K = K + at_joint.T @ c.K[0] @ at_joint
+    released = {direction for name, direction in effect.released() if name == joint.name}
+    return replace(joint, K=K, rigid=tuple(d for d in joint.rigid if d not in released))
 
 
 def _measurement(study: Study, name: str | None) -> Measurement:

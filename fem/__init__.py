@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from fem.analysis.modes import MechanismError, Modes, UnstableError, solve_modes
     from fem.analysis.participation import Energies, Participation, compute_energies, compute_participation
     from fem.analysis.second_order import SecondOrder, solve_second_order
+    from fem.analysis.shock_spectrum import pseudo_acceleration_spectrum, shock_response_spectrum
+    from fem.analysis.static_cases import StaticCases
     from fem.analysis.statics import StaticSolution, solve_static
     from fem.checks import Defect, check_mesh, check_model
     from fem.effects import (
@@ -115,6 +117,7 @@ __all__ = [
     "RigidLink",
     "SecondOrder",
     "Section",
+    "StaticCases",
     "StaticSolution",
     "Superelement",
     "Support",
@@ -133,7 +136,9 @@ __all__ = [
     "differentiate_modes",
     "frf_blocks",
     "prestressed",
+    "pseudo_acceleration_spectrum",
     "reassemble",
+    "shock_response_spectrum",
     "solve_buckling",
     "solve_campbell",
     "solve_complex_modes",

@@ -22,6 +22,8 @@ from fem.model import Model, ModelError
 from fem.plausibility import suspicions
 from fem.system import assemble
 
+MOST_PAIRS = 250_000
+"""Pairs of points that are all measured; of more a tree finds the near ones, but takes long to import."""
 SHORT = 1 / 100
 """A line shorter than this part of a neighbour is reported: it may be a gap that was closed by hand [-]."""
 
@@ -175,8 +177,20 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]
         )
 
 
+def _within(
+    points: NDArray[np.float64], centres: NDArray[np.float64], radius: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return each centre and point that are no farther apart than the centre's radius (n_centres,)."""
+    if len(points) * len(centres) <= MOST_PAIRS:
+        return np.nonzero(np.linalg.norm(centres[:, None] - points, axis=2) <= radius[:, None])
+    found = scipy.spatial.cKDTree(points).query_ball_point(centres, radius)
+    of = np.repeat(np.arange(len(centres)), [len(f) for f in found])
+    return of, np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
+
+
 def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
-    pairs = scipy.spatial.cKDTree(mesh.points).query_pairs(near, output_type="ndarray")
+    pairs = np.stack(_within(mesh.points, mesh.points, np.full(mesh.n_points, near)), axis=1)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     on = np.isin(pairs, mesh.lines).all(axis=1)
     pairs = pairs[on & ~tied.any(pairs[:, 0], pairs[:, 1])] if len(pairs) else pairs
     gap = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
@@ -218,9 +232,7 @@ def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.
     middle, radius = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2 + near
     if not mesh.n_lines:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    found = scipy.spatial.cKDTree(mesh.points).query_ball_point(middle, radius)
-    row = np.repeat(np.arange(mesh.n_lines), [len(f) for f in found])
-    p = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
+    row, p = _within(mesh.points, middle, radius)
     keep = (p != mesh.lines[row, 0]) & (p != mesh.lines[row, 1])
     return p[keep], row[keep]
 
@@ -233,10 +245,7 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     order = np.argsort(-half)  # each line looks for those that are not longer
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    tree = scipy.spatial.cKDTree(middle)
-    found = tree.query_ball_point(middle, 2 * half + near)
-    first = np.repeat(np.arange(mesh.n_lines), [len(f) for f in found])
-    second = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
+    first, second = _within(middle, middle, 2 * half + near)
     keep = rank[first] < rank[second]
     first, second = first[keep], second[keep]
     for i in range(2):

@@ -1,12 +1,15 @@
 """Declarations of an effect, so that no other code asks for its class: role, marker, documentation."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Flag, StrEnum, auto
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+Contains = Mapping[str, Callable[[Any], dict[str, float]]]
+"""Kinds of effect, each with a function that returns its parameters, of an effect that contains it."""
 
 
 class Role(Flag):
@@ -90,23 +93,31 @@ class ArmForce(NamedTuple):
     force: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StaticState:
-    """One load case of a static solution, as effects see it.
+_STILL = np.zeros((0, 3))
+_STILL.flags.writeable = False
+
+
+class Internal(NamedTuple):
+    """Coordinates of an effect in addition to those of the mesh's points.
 
     Attributes
     ----------
-    displacements : ndarray (n_dof,)
-        [m, rad].
-    gravity : ndarray (3,)
-        [m/s²].
-    reactions : mapping of (str, str) to float
-        Forces of constraints on the structure, by their keys [N, N·m].
+    n : int
+        Their number.
+    ground : ndarray (k, 3)
+        Directions in which the first k of them move all supports and grounds.
+    body : (int, ndarray (3, 6 + n)) or None
+        Of a body on which sensors may be: the point that carries it, and its translation by the six DOFs of
+        that point and the coordinates.
     """
 
-    displacements: NDArray[np.float64]
-    gravity: NDArray[np.float64]
-    reactions: Mapping[tuple[str, str], float]
+    n: int = 0
+    ground: NDArray[np.float64] = _STILL
+    body: tuple[int, NDArray[np.float64]] | None = None
+
+
+NO_INTERNAL = Internal()
+"""Of effects that act on the mesh's points alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
 """Grounds that move: supports and springs to the ground resist the motion relative to a moving base.
 
-An effect with ``ground_motions`` has a coordinate w for each of them, and the ground moves by d w along the
-direction d. Motions of the mesh stay absolute. So a constraint Σ c u = 0 becomes Σ c (u - d w) = 0, and
-element matrices of stiffness and damping act on u - d w; within the structure both leave a translation out.
+An effect may have a coordinate w for each of some directions (`fem.declarations.Internal.ground`), and the
+ground moves by d w along the direction d. Motions of the mesh stay absolute. A constraint Σ c u = 0 becomes
+Σ c (u - d w) = 0, and element matrices of stiffness and damping act on u - d w; within the structure both
+leave a translation out.
 """
 
 from dataclasses import dataclass, replace
@@ -37,9 +38,10 @@ class MovingGround:
     def of(cls, model: Any) -> "MovingGround | None":
         """Return the moving ground of a model; None where it rests."""
         for effect in model.effects:
-            if len(effect.ground_motions):
-                dofs = model.internal_dofs(effect.name)
-                return cls(dofs, effect.ground_motions, 6 * model.mesh.n_points)
+            directions = effect.internal.ground
+            if len(directions):
+                dofs = model.internal_dofs(effect.name)[: len(directions)]
+                return cls(dofs, directions, 6 * model.mesh.n_points)
         return None
 
     def motions(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -12,9 +12,19 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import ArmForce, Entry, Environment, Marker, Relevant, Role, StaticState, Yardstick
+from fem.declarations import (
+    NO_INTERNAL,
+    Contains,
+    Entry,
+    Environment,
+    Internal,
+    Marker,
+    Relevant,
+    Role,
+    Yardstick,
+)
 from fem.ground import MovingGround
-from fem.mesh import Location, Mesh
+from fem.mesh import Mesh
 from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -26,10 +36,6 @@ ParameterRef = tuple[str, str]
 
 Law = Callable[[NDArray[np.float64]], tuple[Array, Array]]
 """A dependence on frequency: from ω (n,) [rad/s] to the real and imaginary factors of a stiffness, (n,)."""
-
-
-_STILL = np.zeros((0, 3))
-_STILL.flags.writeable = False
 
 
 class ModelError(ValueError):
@@ -70,6 +76,10 @@ class Parameter:
         others are fixed.
     position : bool
         True if it is an arc length along the effect's member, which says where the effect is.
+    usual_change : float
+        Change of a form's parameter from which it is unusual, whatever its prior [its unit].
+    in_words : callable or None
+        Gives a value in words of the field, where the number alone tells an engineer little.
     """
 
     name: str
@@ -81,6 +91,8 @@ class Parameter:
     log: bool = False
     linear: bool = False
     position: bool = False
+    usual_change: float = float("inf")
+    in_words: Callable[[float], str] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +111,8 @@ class Contribution:
         of real parameters, so that the complex steps of derivatives pass through each.
     lines : ndarray of int (b,) or None
         Lines of the mesh that the elements are on, with their points' DOFs in order; None for others.
+    xi : ndarray (b,) or None
+        Fractions of their lines at which the masses of the elements are, where each is at one place.
     """
 
     dofs: NDArray[np.int64]
@@ -108,6 +122,7 @@ class Contribution:
     D: Array | None = None
     law: Law | None = field(default=None, kw_only=True)
     lines: NDArray[np.int64] | None = field(default=None, kw_only=True)
+    xi: NDArray[np.float64] | None = field(default=None, kw_only=True)
 
     __repr__ = fields_summary
 
@@ -147,6 +162,8 @@ class Constraint:
     everywhere : bool
         Whether it takes a motion away from all of the structure, as that out of the plane of a planar model:
         it is no support, and its force no reaction.
+    location : ndarray (3,) or None
+        Place at which its force acts, and to which rigid arms lead from its points [m].
     """
 
     key: tuple[str, str]
@@ -154,6 +171,7 @@ class Constraint:
     coefficients: NDArray[np.float64]
     releasable: bool = True
     everywhere: bool = False
+    location: NDArray[np.float64] | None = None
 
     __repr__ = fields_summary
 
@@ -199,10 +217,10 @@ class Effect(ABC):
     role : Role
         Which part of a model it belongs to.
     within_members : bool
-        Whether it acts within members (:meth:`on_lines`), so that it does not hold the structure.
+        Whether its elements are those of lines of the mesh, so that it does not hold the structure.
     gives_way : bool
-        Whether it depends on other effects of an element: is a flexibility in series with what they alter
-        (:meth:`alters`), or acts at a place within an element where others give way (:meth:`follows`).
+        Whether it depends on other effects of an element (:meth:`refers_to`): is a flexibility in series with
+        what they alter (:meth:`alters`), or acts at a place within an element where others give way.
     reduced_part : bool
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None
@@ -214,8 +232,9 @@ class Effect(ABC):
         nominal values.
     environment : Environment or None
         Situation of a structure without which it does not exist; None if it may be anywhere.
-    contains : tuple of str
-        Kinds of effect that it is the same as, at their place, where its further parameters are absent.
+    contains : mapping of str to callable
+        Kinds of effect that it is the same as, at their place, where its further parameters are absent; each
+        with a function of the effect that returns the values at which that kind does most of the same.
     statement : str
         Sentence of a finding: a format string with the fields of `dovetail.report.words.sentence`.
     entry : Entry or None
@@ -235,17 +254,13 @@ class Effect(ABC):
     is_form: ClassVar[bool] = False
     separable: ClassVar[bool] = False
     environment: ClassVar[Environment | None] = None
-    contains: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[Contains] = {}
     entry: ClassVar[Entry | None] = None
     name: str
 
     def __init_subclass__(cls) -> None:
         if "__repr__" not in cls.__dict__:  # otherwise a dataclass would print all of its arrays
             cls.__repr__ = effect_summary
-
-    def odd_beyond(self, parameter: str) -> float:
-        """Return the change of a parameter that is unusual of a form, whatever its prior [its unit]."""
-        return float("inf")
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
@@ -257,42 +272,24 @@ class Effect(ABC):
         """Where on the structure it is, in words."""
 
     @property
-    def n_internal(self) -> int:
-        """Number of coordinates in addition to the points' (modes of a reduced part, for example)."""
-        return 0
-
-    @property
-    def ground_motions(self) -> Array:
-        """Directions (k, 3) in which its first internal coordinates move all supports and grounds."""
-        return _STILL
-
-    @property
-    def support_axes(self) -> Array | None:
-        """Axes of a rigid support, as rows in global components (3, 3); None of what is no rigid support."""
-        return None
+    def internal(self) -> Internal:
+        """Coordinates in addition to the points' (modes of a reduced part, for example)."""
+        return NO_INTERNAL
 
     def with_values(self, **values: Any) -> Self:
         """Return a copy with other parameter values; complex values are carried for derivatives."""
         return replace(self, **values)
 
-    def contribute(self, model: "Model") -> tuple[Contribution, ...]:
-        """Return its contributions to K, M, C and D.
+    def contribute(self, model: "Model") -> Iterable[Contribution]:
+        """Return its contributions to K, M, C and D, or yield them in parts that need little memory.
 
         It must accept complex parameter values, for complex-step derivatives.
         """
         return ()
 
-    def batches(self, model: "Model") -> Iterator[Contribution]:
-        """Return the same as :meth:`contribute`, in parts that need little memory at a time."""
-        yield from self.contribute(model)
-
     def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
         return ()
-
-    def body_motion(self, model: "Model") -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
-        """Return DOFs, and by them the translation (3, n) of its body, on which sensors may be."""
-        return None
 
     def tabulated(self, model: "Model") -> Any:
         """Return tables of its matrices (:class:`fem.tabulated.TabulatedEffect`), None unless it has some."""
@@ -319,16 +316,11 @@ class Effect(ABC):
 
     @classmethod
     def propose(cls, model: "Model") -> tuple["Effect", ...]:
-        """Return candidates of this kind for a model, each at a value from which an estimation may start."""
-        return ()
+        """Return candidates of this kind for a model, each at a value from which an estimation may start.
 
-    @classmethod
-    def propose_for_test(cls, model: "Model", test: Instruments) -> tuple["Effect", ...]:
-        """Return candidates of this kind for a model and a test: those of :meth:`propose` unless it says.
-
-        Kinds that belong to the instruments (masses of sensors, stingers) are proposed here.
+        Kinds that belong to instruments (masses of sensors, stingers) look at ``model.instruments``.
         """
-        return cls.propose(model)
+        return ()
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """Return a grid of parameter values, one mapping for each point.
@@ -358,21 +350,6 @@ class Effect(ABC):
         """
         return None
 
-    def size_in_words(self) -> str:
-        """Return its size in words of the field, where these are other than the value of its parameter."""
-        return ""
-
-    def covers(self, other: "Effect") -> bool:
-        """Whether it does the same as another effect at its place, and more (:attr:`contains`)."""
-        free = {"name", *parameter_values(self), *parameter_values(other)}
-        both = {f.name for f in fields(self)} & {f.name for f in fields(other)} - free
-        return other.kind in self.contains and all(getattr(self, k) == getattr(other, k) for k in both)
-
-    def within(self, other: "Effect") -> dict[str, float]:
-        """Return the values at which an effect that it :meth:`covers` does most of the same."""
-        values = parameter_values(self)
-        return {name: values.get(name, value) for name, value in parameter_values(other).items()}
-
     def rebased(self, model: "Model") -> Self:
         """Return the same effect for a model that states the values of this one as its nominal ones.
 
@@ -388,15 +365,6 @@ class Effect(ABC):
         """Return a model with it; an effect that stands for values of others changes these, too."""
         return model.with_effect(self)
 
-    def merged_into(self, other: "Effect") -> "Effect | None":
-        """Return another effect whose values include this one's change; None if they cannot."""
-        return None
-
-    def acts_along(self, model: "Model", direction: str) -> bool:
-        """Whether it acts in a direction of the model's, x … rz; also one that names no direction does."""
-        along = getattr(self, "direction", None)
-        return not isinstance(along, str) or along.lstrip("+-") == direction
-
     def alters(self, model: "Model", member: str, line: int | None = None) -> bool:
         """Whether it changes elements of a member, or that on one of its lines.
 
@@ -404,27 +372,6 @@ class Effect(ABC):
         (`fem.effects.giving_way`).
         """
         return False
-
-    def follows(self, other: "Effect", model: "Model") -> bool:
-        """Whether it depends on another effect of an element, if it :attr:`gives_way`."""
-        return False
-
-    def on_line(self, model: "Model", member: str, line: int) -> tuple[Contribution, ...]:
-        """Return what it changes of the element on one line of a member that it alters."""
-        dofs = dofs_of(model.mesh.lines[line]).ravel()
-        return tuple(one for c in self.contribute(model) for one in c.elements_at(dofs))
-
-    def on_lines(self, model: "Model") -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return those of its elements that belong to lines of the mesh, with these lines (b,)."""
-        return ()
-
-    def point_masses(self, model: "Model") -> tuple[tuple[Location, float], ...]:
-        """Return masses between the ends of lines, which gravity pulls there: places, and masses [kg]."""
-        return ()
-
-    def arm_forces(self, model: "Model", state: StaticState) -> tuple[ArmForce, ...]:
-        """Return the forces of a static state at the ends of rigid arms, but for those of its stiffness."""
-        return ()
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield parameters or fields whose values are implausible, each with a sentence that says why."""
@@ -434,6 +381,13 @@ class Effect(ABC):
 def parameter_values(effect: Effect) -> dict[str, float]:
     """Return the present values of an effect's parameters by name."""
     return {p.name: p.value for p in effect.parameters()}
+
+
+def covers(effect: Effect, other: Effect) -> bool:
+    """Whether an effect does the same as another one at its place, and more (:attr:`Effect.contains`)."""
+    free = {"name", *parameter_values(effect), *parameter_values(other)}
+    both = {f.name for f in fields(effect)} & {f.name for f in fields(other)} - free
+    return other.kind in effect.contains and all(getattr(effect, k) == getattr(other, k) for k in both)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -541,6 +495,8 @@ class Model:
         Damping of the structure.
     environment : frozenset of Environment
         Situation of the structure, as far as it is stated: which effects it may lack.
+    instruments : Instruments or None
+        Sensors and drivers of a test, by which kinds of effect that belong to these are proposed.
     ground : MovingGround or None
         What supports and springs to the ground rest on, if it moves.
     """
@@ -549,6 +505,7 @@ class Model:
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
     environment: frozenset[Environment] = frozenset()
+    instruments: Instruments | None = field(default=None, repr=False)
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
     __repr__ = model_summary
@@ -565,7 +522,7 @@ class Model:
     @property
     def n_dof(self) -> int:
         """Number of DOFs before constraints: 6 for each point, then the effects' internal coordinates."""
-        return 6 * self.mesh.n_points + sum(e.n_internal for e in self.effects)
+        return 6 * self.mesh.n_points + sum(e.internal.n for e in self.effects)
 
     def internal_dofs(self, name: str) -> NDArray[np.int64]:
         """Return the DOF numbers of an effect's internal coordinates, shape (n_internal,).
@@ -576,8 +533,8 @@ class Model:
             If there is no such effect.
         """
         effect, start = self.effect(name), 6 * self.mesh.n_points
-        start += sum(e.n_internal for e in self.effects[: self.effects.index(effect)])
-        return np.arange(start, start + effect.n_internal)
+        start += sum(e.internal.n for e in self.effects[: self.effects.index(effect)])
+        return np.arange(start, start + effect.internal.n)
 
     def effect(self, name: str) -> Effect:
         """Return the effect with a name.
@@ -615,6 +572,10 @@ class Model:
         """Return a model that states more of its situation."""
         return replace(self, environment=self.environment.union(more))
 
+    def with_instruments(self, instruments: Instruments) -> "Model":
+        """Return a model on which a test has sensors and drivers."""
+        return replace(self, instruments=instruments)
+
     def with_mesh(self, mesh: Mesh) -> "Model":
         """Return a model on another mesh of the same points and members, a refined one for example."""
         return replace(self, mesh=mesh)
@@ -651,13 +612,13 @@ class Model:
 
     def parts_of(self, effect: Effect) -> tuple[Contribution, ...]:
         """Return the contributions of an effect; those that the ground holds are relative to its motion."""
-        parts, ground = effect.contribute(self), self.ground
-        return parts if ground is None else tuple(ground.resisted(c) for c in parts)
+        ground = self.ground
+        return tuple(c if ground is None else ground.resisted(c) for c in effect.contribute(self))
 
     def batches(self) -> Iterator[Contribution]:
         """Return the contributions of all effects in parts that need little memory at a time."""
         for effect in self.effects:
-            for part in effect.batches(self):
+            for part in effect.contribute(self):
                 yield part if self.ground is None else self.ground.resisted(part)
 
     def constraints(self) -> tuple[Constraint, ...]:

@@ -168,7 +168,7 @@ def reassemble(system: System, model: Model) -> System:
     if (
         model.mesh is not was.mesh
         or system.laws
-        or any(e.n_internal for e in model.effects)
+        or any(e.internal.n for e in model.effects)
         or any(e.released() or e.constraints(model) for e in others)
         or (frames and change is None)
     ):
@@ -513,15 +513,15 @@ def _on_q(X: Any, Q: Any, free: NDArray[np.int64] | None) -> sp.csc_array:
     return sp.csc_array(X if len(free) == X.shape[0] else X[free][:, free])
 
 
-def sum_contributions(contributions: tuple[Contribution, ...], n_dof: int) -> list[Any]:
+def sum_contributions(contributions: Iterable[Contribution], n_dof: int) -> list[Any]:
     """Return sparse K, M, C and D (n_dof, n_dof) from batches of element matrices.
 
     Elements that depend on frequency give their static stiffness.
     """
-    out = []
+    out, parts = [], tuple(contributions)
     for key in "KMCD":
         rows, cols, data = [], [], []
-        for part in contributions:
+        for part in parts:
             X = part.static if key == "K" else getattr(part, key)
             if X is None:
                 continue

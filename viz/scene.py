@@ -24,7 +24,7 @@ from fem.model import Model
 from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import merge_names
-from viz.markers import COLOURS, OTHER_MARKERS, SHAPES
+from viz.markers import COLOURS, OTHER_MARKERS, SHAPES, support_axes
 from viz.meshes import arrow_mesh, polydata, wire_mesh
 from viz.models import surface_places
 from viz.overlay import (
@@ -175,7 +175,7 @@ class Scene:
             places = effect.locations(model)
             if not len(places):
                 continue
-            axes = effect.support_axes
+            axes = support_axes(effect, model)
             kind, marker = (effect.kind, effect.marker) if axes is None else ("support", SUPPORT_MARKER)
             if kind in seen:
                 shape, colour = seen[kind]

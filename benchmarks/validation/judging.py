@@ -11,6 +11,7 @@ from benchmarks.validation.evidence import Stated, assess
 from benchmarks.validation.frames import Draft
 from benchmarks.validation.hidden import KINDS
 from benchmarks.validation.hiding import Place
+from fem.effects.places import PARALLEL, frame_of
 from fem.model import Effect, Model
 from updating.correlation import log_ratio, rms_db
 from updating.diagnosis.candidates import propose
@@ -36,7 +37,7 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
             have = getattr(effect, several, None) or (getattr(effect, one, None),)
             if tuple(have) != (want,):
                 return False
-    if place.direction is not None and not effect.acts_along(model, place.direction):
+    if place.direction is not None and not _acts_along(effect, model, place.direction):
         return False
     turned = getattr(effect, "member", None), getattr(effect, "direction", None)
     if place.turns and turned not in place.turns:
@@ -55,6 +56,17 @@ def same_place(effect: Effect, model: Model, place: Place) -> bool:
         have = getattr(effect, "members", None) or (getattr(effect, "member", None),)
         return tuple(have) == (place.member,)
     return True
+
+
+def _acts_along(effect: Effect, model: Model, direction: str) -> bool:
+    """Whether an effect acts in a direction x … rz; also one that names no direction does."""
+    along, member = getattr(effect, "direction", None), getattr(effect, "member", None)
+    if not isinstance(along, str):
+        return True
+    if member is None or along not in "xyz":
+        return along.lstrip("+-") == direction
+    axes = frame_of(model).rotations(model.mesh, model.mesh.members[member][:1])[0]  # across the member
+    return direction in "xyz" and bool(abs(axes["xyz".index(along), "xyz".index(direction)]) >= PARALLEL)
 
 
 def _matches(effect: Effect | None, model: Model, implant: Implant) -> bool:

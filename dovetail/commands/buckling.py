@@ -2,8 +2,6 @@
 
 import argparse
 
-import numpy as np
-
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
@@ -13,7 +11,6 @@ from dovetail.disk.output import Progress, result_folder
 from dovetail.report.table import Column, Table
 from fem.analysis.buckling import SIGNS, solve_buckling
 from fem.analysis.modes import Modes
-from fem.model import Model
 from fem.system import assemble
 
 EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --pictures out/buckling"
@@ -61,7 +58,7 @@ def run(options: Options, progress: Progress) -> Answer:
         "shapes",
         Column("shape", range(1, found.factors.size + 1)),
         Column("load factor", found.factors, show=".6g"),
-        Column("moves most", _moving_members(study.model, found.shapes)),
+        Column("moves most", found.moving_members),
     )
     return Answer(
         study,
@@ -73,12 +70,3 @@ def run(options: Options, progress: Progress) -> Answer:
         ],
         {"case": solution.cases[0], "factors": found.factors, "moves_most": table.columns[-1].values},
     )
-
-
-def _moving_members(model: Model, shapes: np.ndarray) -> list[str]:
-    """Return the member with the largest displacement of each shape."""
-    mesh = model.mesh
-    size = np.linalg.norm(shapes[: 6 * mesh.n_points].reshape(mesh.n_points, 6, -1)[:, :3], axis=1)
-    member = mesh.member_of_line()
-    on_lines = size[mesh.lines].sum(axis=1)
-    return [str(member[int(k)]) for k in on_lines.argmax(axis=0)]

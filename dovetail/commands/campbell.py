@@ -168,6 +168,5 @@ def _every(rpm: np.ndarray, found: Campbell) -> Table:
 
 def _unstable(rpm: np.ndarray, found: Campbell) -> list[str]:
     """Return the lowest of the speeds at which a mode grows, if one does."""
-    grows = np.nan_to_num(found.zeta) < -1e-9  # below it is rounding
-    at = np.flatnonzero(grows.any(axis=1))
+    at = np.flatnonzero(found.unstable)
     return [f"unstable: a mode grows at {rpm[at[0]]:g} 1/min"] if at.size else []

@@ -20,7 +20,7 @@ from dovetail.report.table import Column, Table, columns_of
 from dovetail.study import Study
 from fem.analysis.response_spectrum import COMBINATIONS, SpectrumResponse, solve_spectrum
 from fem.analysis.section_forces import SECTION_FORCES
-from fem.analysis.shock_spectrum import shock_response_spectrum
+from fem.analysis.shock_spectrum import pseudo_acceleration_spectrum
 from fem.analysis.tabulated import Tabulated
 from fem.effects.spin import Spin
 from fem.model import DIRECTIONS
@@ -28,9 +28,6 @@ from fem.system import assemble
 from updating.measurement.measurement import Sensor, motions_of, sensor_rows
 
 FREQUENCY, PERIOD, TIME = "frequency", "period", "time"
-PER_OCTAVE = 24
-"""Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
-half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
 EXAMPLE = "dovetail spectrum study.toml --spectrum design.csv --max 60 --json spectrum.json"
 Forces = dict[str, dict[str, float]]
 RESULTS = Results(
@@ -93,7 +90,7 @@ def run(options: Options, progress: Progress) -> Answer:
         from viz.style import save
 
         save(plot_spectra(spectra, found.modes.frequency, study.name), options.picture)
-    share = found.effective_mass / np.where(found.total_mass > 0, found.total_mass, np.inf)
+    share = found.mass_share
     mesh = study.model.mesh
     members = {m: abs(found.line_forces[rows]).max(axis=(0, 1)) for m, rows in mesh.members.items()}
     reactions: Forces = {}
@@ -184,11 +181,9 @@ def _at_sensors(sensors: Sequence[Sensor], found: SpectrumResponse) -> Table:
 def _write_peaks(path: Path, study: Study, found: SpectrumResponse) -> None:
     """Write the largest displacements and section forces, and the peak of each mode in each direction."""
     motions = {"largest": found.motion}
-    factors = np.sqrt(found.effective_mass) * found.acceleration_of_modes / found.modes.omega[:, None] ** 2
-    for k, (f, of_mode) in enumerate(zip(found.modes.frequency, factors, strict=True)):
-        for direction, factor in zip(found.directions, of_mode, strict=True):
-            name = f"mode {k + 1}: {f:.6g} Hz, {direction}"
-            motions[name] = factor * np.real(found.modes.shapes[:, k])
+    for k, (f, peaks) in enumerate(zip(found.modes.frequency, found.mode_motions, strict=True)):
+        for direction, motion in zip(found.directions, peaks, strict=True):
+            motions[f"mode {k + 1}: {f:.6g} Hz, {direction}"] = motion
     forces = np.abs(found.line_forces).max(axis=1)
     lines = {f"largest {q}": forces[:, i] for i, q in enumerate(SECTION_FORCES)}
     write_motions(path, study, motions, lines=lines)
@@ -223,17 +218,9 @@ def _spectra(table: Columns, zeta: float) -> tuple[dict[str, Tabulated], dict[st
     values = np.column_stack([table.in_si(k, unit) for k, unit in enumerate(units)])
     if table.abscissa == TIME:
         rigid = dict(zip(names, np.abs(values).max(axis=0).tolist(), strict=True))
-        x, values = _shock_spectra(x, values, zeta)
+        x, values = pseudo_acceleration_spectrum(x, values, zeta)
     if table.abscissa == PERIOD:
         if x[0] == 0:
             rigid, x, values = dict(zip(names, values[0].tolist(), strict=True)), x[1:], values[1:]
         x, values = 1 / x[::-1], values[::-1]
     return {name: Tabulated.of(x, column) for name, column in zip(names, values.T, strict=True)}, rigid
-
-
-def _shock_spectra(time: np.ndarray, acceleration: np.ndarray, zeta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies, and the pseudo-accelerations of each column (n_freq, n) there."""
-    span, n = float(time[-1] - time[0]), len(time) - 1
-    f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(PER_OCTAVE * np.log2(50 * n))) + 1)
-    each = [shock_response_spectrum(time, a, f, zeta, response="pseudo_velocity") for a in acceleration.T]
-    return f, 2 * np.pi * f[:, None] * np.stack(each, axis=1)

@@ -13,7 +13,7 @@ from dovetail.commands.argument_types import integer_up_to
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved, table_of_reactions
 from dovetail.commands.results import Results, write_motions
-from dovetail.commands.static_cases import STRESSES, StaticCases, factor_fields, factor_words
+from dovetail.commands.static_cases import STRESSES, factor_fields, factor_words
 from dovetail.disk.output import Progress, result_folder
 from dovetail.report.table import Column, Table
 from dovetail.study import Study
@@ -21,6 +21,7 @@ from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.section_stress import SectionStresses
+from fem.analysis.static_cases import StaticCases
 from fem.analysis.stations import LargestDisplacement
 from fem.model import DIRECTIONS
 

@@ -188,7 +188,7 @@ def candidates_of(
     kind: str, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
 ) -> tuple[Effect, ...]:
     """Return the candidates of a kind for a model and its instruments."""
-    return effect_classes()[kind].propose_for_test(model, _instruments(model, sensors, excitations))
+    return effect_classes()[kind].propose(model.with_instruments(_instruments(model, sensors, excitations)))
 
 
 def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseline: bool = False) -> str:

@@ -73,7 +73,7 @@ def read_candidates(top: Table) -> tuple[tuple[str, ...] | None, tuple[str, ...]
     t = top.table("candidates")
     kinds, exclude, environment = t.texts("kinds", None), t.texts("exclude", ()), t.texts("environment", ())
     t.finish()
-    known = candidate_kinds()
+    known = candidate_kinds() if kinds or exclude else ()  # which imports every kind
     for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
         for word in words:
             if word not in known:

@@ -52,9 +52,9 @@ class KindRow:
 
 def size_text(effect: Effect) -> str:
     """Return the size of an effect in words of the field, or its first parameter."""
-    if size := effect.size_in_words():
-        return size
     p = effect.parameters()[0]
+    if p.in_words is not None:
+        return p.in_words(p.value)
     shown = words.as_stiffness(EffectParameter(p.name, float(p.value), p.unit, np.nan))
     return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 
 from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
-from fem.model import Effect
+from fem.model import Effect, covers
 from fem.summary import percent
 from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
 from updating.diagnosis.evidence.diagnosis import AS_READ, UNKNOWN
@@ -101,7 +101,7 @@ def vague_text(d: Diagnosis) -> str:
 
 def with_extensions(effect: Effect, candidates: Iterable[Effect]) -> list[str]:
     """Return the names of an effect and of all candidates that do the same and more."""
-    return [effect.name, *(e.name for e in candidates if e.covers(effect))]
+    return [effect.name, *(e.name for e in candidates if covers(e, effect))]
 
 
 def replaced_text(d: Diagnosis, subject: str, effect: Effect) -> str:

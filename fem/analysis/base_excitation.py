@@ -19,7 +19,6 @@ from fem.analysis.planar import refuse_motion
 from fem.analysis.selection import Selection, dof_columns
 from fem.analysis.statics import factor_stiffness
 from fem.declarations import Role
-from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
 
@@ -214,7 +213,7 @@ def _grounded(model: Model) -> tuple[str, ...]:
     rigid = rigid_motion_field(model, model.mesh.points.mean(axis=0))
     out = []
     for effect in model.effects:
-        if isinstance(effect, Frame) or effect.within_members or Role.GYROSCOPIC in effect.role:
+        if effect.within_members or Role.GYROSCOPIC in effect.role:
             continue  # a rotor resists its rotation in space, not that relative to its foot
         for c in effect.contribute(model):
             for X in (c.K, c.C, c.D):

@@ -57,6 +57,14 @@ class BucklingModes:
         """Return the model under the load times a factor: its modes reach 0 Hz at a load factor."""
         return self.model.with_values({("prestress", "factor"): factor})
 
+    @property
+    def moving_members(self) -> list[str]:
+        """The member of each shape with the line whose ends move most."""
+        mesh = self.model.mesh
+        size = np.linalg.norm(self.shapes[: 6 * mesh.n_points].reshape(mesh.n_points, 6, -1)[:, :3], axis=1)
+        names = mesh.member_of_line()
+        return [str(names[int(k)]) for k in size[mesh.lines].sum(axis=1).argmax(axis=0)]
+
 
 def solve_buckling(
     model: Model | System,

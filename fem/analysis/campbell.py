@@ -106,6 +106,11 @@ class Campbell:
         """Damping ratios -Re s/|s|, shape (n_speeds, n_branches) [-]."""
         return -np.real(self.poles) / np.abs(self.poles)
 
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Whether a mode grows at each speed, shape (n_speeds,); negative ratios below 1e-9 are rounding."""
+        return (np.nan_to_num(self.zeta) < -1e-9).any(axis=1)
+
     def turning(self, branch: int) -> float:
         """Return the mean whirl of a branch [-]; NaN where no axis turns."""
         known = self.whirl[:, branch]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.analysis.labelled import frf_array, frf_frame
+from fem.analysis.labelled import imported
 from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
@@ -183,7 +183,20 @@ class FRF:
         ImportError
             If xarray is not installed.
         """
-        return frf_array(self)
+        xarray = imported("xarray")
+        array = xarray.DataArray(
+            np.array(self.H),
+            dims=("frequency", "output", "input"),
+            coords={
+                "frequency": np.array(self.frequency),
+                "output": list(self.outputs),
+                "input": list(self.inputs),
+            },
+            name=self.quantity,
+            attrs={"units": self.unit, "kind": str(self.kind), "time_dependence": "exp(+i omega t)"},
+        )
+        array["frequency"].attrs["units"] = "Hz"
+        return array
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame``: frequencies [Hz] down, (output, input) across, complex values.
@@ -193,7 +206,12 @@ class FRF:
         ImportError
             If pandas is not installed.
         """
-        return frf_frame(self)
+        pandas = imported("pandas")
+        columns = pandas.MultiIndex.from_product([self.outputs, self.inputs], names=["output", "input"])
+        index = pandas.Index(np.array(self.frequency), name="frequency [Hz]")
+        frame = pandas.DataFrame(self.H.reshape(self.n_freq, -1), index=index, columns=columns)
+        frame.attrs = {"units": self.unit, "kind": str(self.kind)}
+        return frame
 
     def _repr_html_(self) -> str:
         """Return the text of the prompt: labels of files stay text."""

@@ -1,6 +1,6 @@
 """Geometric stiffness of a static state: section forces along members, and forces on rigid arms."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from fem.analysis.line_loads import line_dofs
 from fem.analysis.section_forces import LineEquilibrium, line_stiffness, section_forces
 from fem.analysis.statics import StaticSolution
-from fem.declarations import ArmForce, Role, StaticState
-from fem.effects.joint import PointPair, forces_at
+from fem.declarations import ArmForce, Role
+from fem.effects.joint import PointPair
 from fem.effects.prestress import LeverForces, Prestress
-from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import FORCE_NODES, SectionForces
-from fem.model import Model, ModelError
+from fem.model import Model, ModelError, dofs_of
 
 _ROUNDING = 1e-13
 """Section forces below this, relative to the largest term of their sum, are rounding."""
@@ -153,22 +152,53 @@ def lever_forces(static: StressedState) -> LeverForces:
     """Return the forces on rigid arms: of elements between points, of rigid links, and of bodies' weight."""
     model = static.model
     u, gravity = static.displacements[:, 0], static.equilibrium.gravity[:, 0]
-    state = StaticState(u, gravity, static.reactions)
     place = {
         tuple(effect.relative(model)[0].tolist()): effect.location for effect in model.of_kind(PointPair)
     }
     out: list[ArmForce] = []
     for effect in model.effects:
-        if not isinstance(effect, Frame) and Role.INITIAL_STRESS not in effect.role:
+        if not effect.within_members and Role.INITIAL_STRESS not in effect.role:
             for c in effect.contribute(model):
                 for dofs, K in zip(c.dofs, () if c.static is None else np.real(c.static), strict=False):
                     if (key := tuple(dofs.tolist())) in place and len(key) in (6, 12):
                         location = effect.location if isinstance(effect, PointPair) else place[key]
-                        out += forces_at(model, dofs, location, K @ u[dofs])
-        out += effect.arm_forces(model, state)
+                        out += _forces_at(model, dofs, location, K @ u[dofs])
+                if c.M is not None and not effect.reduced_part:
+                    out += _weights_at_arms(model, c.dofs, np.real(c.M), gravity)
+        for c in effect.constraints(model):
+            if c.location is not None and c.key in static.reactions:
+                force = -static.reactions[c.key] * c.coefficients
+                out += _forces_at(model, c.dofs, c.location, force)
     out = [f for f in out if np.any(f.arm) and np.any(f.force)]
     return LeverForces(
         np.array([f.point for f in out], dtype=np.int64),
         np.array([f.arm for f in out], dtype=float).reshape(-1, 3),
         np.array([f.force for f in out], dtype=float).reshape(-1, 3),
     )
+
+
+def _forces_at(
+    model: Model, dofs: NDArray[np.int64], location: NDArray[np.float64], force: NDArray[np.float64]
+) -> Iterator[ArmForce]:
+    """Yield forces on DOFs of points as such at a place that rigid arms lead to."""
+    for point in dict.fromkeys((dofs // 6).tolist()):
+        there = (dofs // 6 == point) & (dofs % 6 < 3)
+        f = np.zeros(3)
+        f[dofs[there] % 6] = force[there]
+        yield ArmForce(point, location - model.mesh.points[point], f)
+
+
+def _weights_at_arms(
+    model: Model, dofs: NDArray[np.int64], M: NDArray[np.float64], gravity: NDArray[np.float64]
+) -> Iterator[ArmForce]:
+    """Yield the weights of rigid bodies that single points carry, by their mass matrices (b, m, m).
+
+    With the arm r from the point to the centre the block of translations by rotations is -m S(r), where
+    S(r) w = r × w.
+    """
+    n = 6 * model.mesh.n_points
+    for at, X in zip(dofs, M, strict=True):
+        if len(at) >= 6 and (at[:6] == dofs_of(at[0] // 6)).all() and (at[6:] >= n).all():
+            mass, moment = np.diag(X)[[1, 2, 0]], np.array([X[1, 5], X[2, 3], X[0, 4]])
+            arm = np.divide(moment, mass, out=np.zeros(3), where=mass > 0)
+            yield ArmForce(int(at[0] // 6), arm, -X[:3, :3] @ gravity)

@@ -4,7 +4,7 @@ Distributed and concentrated loads and the lines' weight become `SpreadLoads`, f
 follow; `nodal_loads` and `nodal_weights` are the right-hand side of K u = f.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from fem.elements.layout import axes_and_arms, layout_of
 from fem.elements.properties import LUMPED
 from fem.elements.quadrature import gauss_points
 from fem.mesh import Location
-from fem.model import Model, ModelError
+from fem.model import Contribution, Model, ModelError
 
 N_WEIGHT_STRETCHES = 32
 """Stretches of a tapered line along which its weight is linear."""
@@ -212,19 +212,26 @@ def nodal_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.floa
     if not gravity.any():
         return out
     field = np.tile(np.vstack([np.eye(3), np.zeros((3, 3))]), (2, 1)) @ gravity
-    for effect in model.effects:
-        if isinstance(effect, Frame):
-            every = np.arange(mesh.n_lines)
-            parts = [(every, c) for c in effect.contribution_of(model, every)]
-        else:
-            parts = effect.on_lines(model)
-        for rows, c in parts:
-            if c.M is not None and c.dofs.shape[1] == 12:
-                np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(c.M) @ field)
+    for rows, c in elements_on_lines(model):
+        if c.M is not None:
+            np.add.at(out, rows, np.real(c.M) @ field)
     return out
 
 
-def lines_of_elements(model: Model, rows: NDArray[np.int64], dofs: NDArray[np.int64]) -> NDArray[np.int64]:
+def elements_on_lines(model: Model) -> Iterator[tuple[NDArray[np.int64], Contribution]]:
+    """Yield the elements of the frame and of effects within members, with the lines that they are on (b,)."""
+    mesh = model.mesh
+    for effect in model.effects:
+        for c in effect.contribute(model) if effect.within_members else ():
+            if c.dofs.shape[1] == 12:
+                rows = c.lines
+                if rows is None:
+                    altered = [lines for m, lines in mesh.members.items() if effect.alters(model, m)]
+                    rows = _lines_of_elements(model, np.concatenate(altered), c.dofs)
+                yield rows, c
+
+
+def _lines_of_elements(model: Model, rows: NDArray[np.int64], dofs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the line, out of ``rows``, of each element of 12 DOFs."""
     if len(rows) == len(dofs) and (line_dofs(model)[rows] == dofs).all():
         return rows  # also where two lines join the same points
@@ -245,6 +252,15 @@ def _mass_along(
     return x, area / np.trapezoid(area, x)
 
 
+def _masses_between(model: Model) -> Iterator[tuple[int, float, float]]:
+    """Yield masses at places between the ends of lines: line, fraction of it and mass [kg]."""
+    along_x = np.tile(np.eye(6)[0], 2)
+    for rows, c in elements_on_lines(model):
+        if c.xi is not None and c.M is not None:
+            masses = np.real(along_x @ c.M @ along_x)
+            yield from zip(rows.tolist(), c.xi.tolist(), masses.tolist(), strict=True)
+
+
 def with_weights(
     model: Model,
     axes: LineAxes,
@@ -260,11 +276,11 @@ def with_weights(
     rows: list[tuple[Any, ...]] = list(
         zip(spread.line, spread.case, *spread.xi.T, spread.force[:, 0], spread.force[:, 1], strict=True)
     )
-    for at, mass in (found for effect in model.effects for found in effect.point_masses(model)):
+    for line, xi, mass in _masses_between(model):
         for c in np.flatnonzero(gravity.any(axis=0)):
             weight = mass * gravity[:, c]
-            force[at.line, :, c] -= weight
-            rows.append((at.line, int(c), at.xi, at.xi, weight, weight))
+            force[line, :, c] -= weight
+            rows.append((line, int(c), xi, xi, weight, weight))
     lumped = np.zeros(mesh.n_lines, dtype=bool)
     for member, chain in mesh.members.items():
         lumped[chain] = getattr(frame.members[member], "mass", "consistent") in LUMPED

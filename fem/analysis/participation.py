@@ -164,7 +164,7 @@ def compute_energies(model: Model, modes: Modes) -> Energies:
                 pulled = (effect.geometric_stiffness(model, member, N),) if N else ()
                 parts[member] = (*contributions, *pulled)
     for effect in model.effects:
-        contributions = () if isinstance(effect, Frame) else effect.contribute(model)
+        contributions = () if isinstance(effect, Frame) else tuple(effect.contribute(model))
         if contributions:
             name = effect.name if effect.name not in parts else f"{effect.name} ({effect.kind})"
             parts[name] = contributions

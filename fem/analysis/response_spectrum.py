@@ -86,6 +86,17 @@ class SpectrumResponse:
 
     __repr__ = fields_summary
 
+    @property
+    def mass_share(self) -> Floats:
+        """Effective mass over the structure's, (n_modes, n_dir) [-]; 0 along a direction without mass."""
+        return self.effective_mass / np.where(self.total_mass > 0, self.total_mass, np.inf)
+
+    @property
+    def mode_motions(self) -> Floats:
+        """Largest displacements φ Γ S_a / ω² of each mode alone, (n_modes, n_dir, n_dof) [m, rad]."""
+        factors = np.sqrt(self.effective_mass) * self.acceleration_of_modes / self.modes.omega[:, None] ** 2
+        return factors[:, :, None] * np.real(self.modes.shapes.T[:, None])
+
 
 def modal_correlation(omega: ArrayLike, zeta: ArrayLike) -> Floats:
     """Return the correlation of the peaks of modes under white noise, shape (n, n).

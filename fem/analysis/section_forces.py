@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from fem.analysis.line_loads import (
     LineAxes,
     SpreadLoads,
+    elements_on_lines,
     force_at,
     line_dofs,
-    lines_of_elements,
     rigidity_at,
 )
 from fem.elements import tapered
@@ -77,22 +77,11 @@ def line_mass(model: Model) -> NDArray[np.float64]:
 
 
 def _line_matrices(model: Model, key: str) -> NDArray[np.float64]:
-    mesh = model.mesh
-    every = np.arange(mesh.n_lines)
-    out = np.zeros((mesh.n_lines, 12, 12))
-    for effect in model.effects:
-        if isinstance(effect, Frame):
-            pulled = {m: getattr(effect.members[m], "pretension", 0.0) for m in mesh.members}
-            parts = [(every, c) for c in effect.contribution_of(model, every)]
-            parts += [
-                (mesh.members[m], effect.geometric_stiffness(model, m, N)) for m, N in pulled.items() if N
-            ]
-        else:
-            parts = effect.on_lines(model)
-        for rows, c in parts:
-            X = getattr(c, key)
-            if X is not None and c.dofs.shape[1] == 12:
-                np.add.at(out, lines_of_elements(model, rows, c.dofs), np.real(X))
+    out = np.zeros((model.mesh.n_lines, 12, 12))
+    for rows, c in elements_on_lines(model):
+        X = getattr(c, key)
+        if X is not None:
+            np.add.at(out, rows, np.real(X))
     return out
 
 

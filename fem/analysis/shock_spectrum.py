@@ -14,6 +14,10 @@ _PER_PERIOD = 48
 
 Floats = NDArray[np.float64]
 
+PER_OCTAVE = 24
+"""Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
+half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
+
 
 def shock_response_spectrum(
     time: ArrayLike,
@@ -103,3 +107,31 @@ def _free_peaks(value: Floats, slope: Floats, omega: Floats, zeta: float) -> Flo
     first = np.arctan2(damped * B - decay * A, damped * A + decay * B) % np.pi
     at = np.stack([first, first + np.pi])
     return np.exp(-decay / damped * at) * (A * np.cos(at) + B * np.sin(at))
+
+
+def pseudo_acceleration_spectrum(
+    time: ArrayLike, acceleration: ArrayLike, zeta: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the shock response spectra of motions of a base at all frequencies that their record has.
+
+    Parameters
+    ----------
+    time : ndarray (n_times,)
+        Even [s].
+    acceleration : ndarray (n_times, n)
+        [m/s², rad/s²].
+    zeta : float
+        Damping ratio of the oscillators [-].
+
+    Returns
+    -------
+    frequency : ndarray (n_freq,)
+        [Hz].
+    spectra : ndarray (n_freq, n)
+        Pseudo-accelerations ω² max|u| of the relative displacement u [m/s², rad/s²].
+    """
+    time, acceleration = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
+    span, n = float(time[-1] - time[0]), len(time) - 1
+    f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(PER_OCTAVE * np.log2(50 * n))) + 1)
+    each = [shock_response_spectrum(time, a, f, zeta, response="pseudo_velocity") for a in acceleration.T]
+    return f, 2 * np.pi * f[:, None] * np.stack(each, axis=1)

@@ -492,7 +492,7 @@ def _ground_springs(model: Model, u: NDArray[np.float64]) -> dict[Key, NDArray[n
     out: dict[Key, NDArray[np.float64]] = {}
     n = 6 * model.mesh.n_points
     for effect in model.effects:
-        if isinstance(effect, Frame) or effect.within_members:
+        if effect.within_members:
             continue
         elements = [
             (dofs, np.real(K))

@@ -79,9 +79,5 @@ def _classes_in(folders: tuple[str, ...]) -> dict[str, type[Effect]]:
 
 def candidate_kinds() -> tuple[str, ...]:
     """Return the kinds of effect that propose candidates, for a model or for a test on it."""
-    inherited = (Effect.propose.__func__, Effect.propose_for_test.__func__)
-    return tuple(
-        kind
-        for kind, cls in effect_classes().items()
-        if (cls.propose.__func__, cls.propose_for_test.__func__) != inherited
-    )
+    inherited = Effect.propose.__func__
+    return tuple(kind for kind, cls in effect_classes().items() if cls.propose.__func__ is not inherited)

@@ -7,10 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import ArmForce, Entry, Marker, Relevant, Role, StaticState, Yardstick
+from fem.declarations import Entry, Marker, Relevant, Role, Yardstick
 from fem.effects.on_member import AtPosition, WithinMember
 from fem.elements.frame import Frame
-from fem.mesh import Location
 from fem.model import (
     Contribution,
     Effect,
@@ -79,10 +78,6 @@ class AddedMass(Effect):
         T = lever_matrix(self.arm)
         return (Contribution(dofs_of(self.point)[None], M=(T.T @ G @ T)[None]),)
 
-    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
-        """Return its weight at its arm."""
-        return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)
-
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield a mass that no member carries, and an arm or an inertia larger than the structure."""
         yield from too_heavy(self.name, self.mass, structure)
@@ -147,12 +142,9 @@ class PointMass(AtPosition, WithinMember):
         """Return M = m Nᵀ N with the beam's shape functions N for translations."""
         (frame,) = model.of_kind(Frame)
         dofs, N = frame.shapes_at(model.mesh, self.member, self.position)
-        N = N[:3]
-        return (Contribution(dofs[None], M=(self.mass * (N.T @ N))[None]),)
-
-    def point_masses(self, model: Model) -> tuple[tuple[Location, float], ...]:
-        """Return the mass at its place."""
-        return ((model.mesh.locate(self.member, float(np.real(self.position))), np.real(self.mass)),)
+        N, at = N[:3], model.mesh.locate(self.member, float(np.real(self.position)))
+        M, line, xi = self.mass * (N.T @ N), np.array([at.line]), np.array([at.xi])
+        return (Contribution(dofs[None], M=M[None], lines=line, xi=xi),)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield a mass that no member carries."""

@@ -45,7 +45,7 @@ class ClampForm(OnStretches):
         meaning="stiffness e^u of the first stretch of a clamped member",
         places="each support that holds a member in all directions and against turning",
     )
-    shares: tuple[tuple[float, ...], ...]
+    shares: tuple[tuple[float, ...], ...] = ()
     u: Any = 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -101,5 +101,6 @@ def _clamps(model: Model) -> Iterator[ClampForm]:
             zones=tuple(zones),
             shares=((1.0, y, z, 1.0, z, y),) * len(zones),
             place=support.where,
+            around=support.name,
             frame=frame,
         )

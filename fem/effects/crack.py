@@ -67,8 +67,9 @@ class Crack(GivesWay):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return compliance and position."""
+        c = self.compliance, 0.0, 0.0, 5 * self.reference
         return (
-            Parameter("compliance", "rad/(N·m)", self.compliance, 0.0, 0.0, 5 * self.reference),
+            Parameter("compliance", "rad/(N·m)", *c, in_words=self.depth_in_words),
             Parameter(
                 "position",
                 "m",
@@ -106,10 +107,10 @@ class Crack(GivesWay):
             for f in (0.01, 0.05, 0.2, 1.0)
         )
 
-    def size_in_words(self) -> str:
-        """Return the depth of an open crack of this compliance."""
+    def depth_in_words(self, compliance: float) -> str:
+        """Return the depth of an open crack of some compliance [rad/(N·m)]."""
         shares = np.linspace(0.0, 0.6, 601)
-        deep = np.interp(float(np.real(self.compliance)), [self.compliance_of(s) for s in shares], shares)
+        deep = np.interp(float(np.real(compliance)), [self.compliance_of(s) for s in shares], shares)
         return (
             f"a cut of {100 * deep:.0f} % of the depth"
             if deep < 0.6

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Environment, Marker, Role
+from fem.declarations import Contains, Entry, Environment, Marker, Role
 from fem.effects.on_member import OnMember
 from fem.effects.places import frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
@@ -41,7 +41,12 @@ class DistributedMass(OnMember):
 
     kind: ClassVar[str] = "distributed_mass"
     role: ClassVar[Role] = Role.MASS
-    contains: ClassVar[tuple[str, ...]] = ("point_mass",)
+    contains: ClassVar[Contains] = {
+        "point_mass": lambda e: {
+            "mass": float(np.real(e.mass * e.width)),
+            "position": float(np.real(e.position)),
+        }
+    }
     marker: ClassVar[Marker | None] = Marker("octagon", "green")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`mass` [kg/m], `position` [m], `width` [m]",
@@ -118,10 +123,6 @@ class DistributedMass(OnMember):
             for x in places
             for f in (0.03, 0.1, 0.4)
         )
-
-    def within(self, other: Effect) -> dict[str, float]:
-        """Return all its mass at its middle."""
-        return {"mass": float(np.real(self.mass * self.width)), "position": float(np.real(self.position))}
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

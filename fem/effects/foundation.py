@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Contains, Entry, Marker, Role
 from fem.effects.joint import joint_unit
 from fem.effects.places import OnSupports
 from fem.effects.support_flexibility import SupportFlexibility
@@ -16,6 +16,8 @@ from fem.model import Contribution, Effect, Model, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Foundation(OnSupports):
+    contains: ClassVar[Contains] = {"support_flexibility": lambda e: {"stiffness": e.stiffness}}
+
     def _stiffness(self) -> Parameter:
         unit = joint_unit(self.direction)
         return Parameter("stiffness", unit, self.stiffness, np.inf, 1e-6, 1e18, log=True)
@@ -32,14 +34,13 @@ class _Foundation(OnSupports):
     def _each(cls, model: Model, **values: float) -> tuple[Self, ...]:
         return tuple(
             cls(
-                name=e.name.replace("support_flexibility", cls.kind),
+                name=f"{cls.kind}:{'+'.join(e.supports)}.{e.direction}",
                 supports=e.supports,
                 direction=e.direction,
                 stiffness=1e6,
                 **values,
             )
             for e in SupportFlexibility.propose(model)
-            if isinstance(e, SupportFlexibility)
         )
 
 
@@ -64,7 +65,6 @@ class Foundation(_Foundation):
 
     kind: ClassVar[str] = "foundation"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
-    contains: ClassVar[tuple[str, ...]] = ("support_flexibility",)
     marker: ClassVar[Marker | None] = Marker("triangle_down", "vermilion")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `loss_factor` [-]",
@@ -113,7 +113,6 @@ class FoundationDashpot(_Foundation):
 
     kind: ClassVar[str] = "foundation_dashpot"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
-    contains: ClassVar[tuple[str, ...]] = ("support_flexibility",)
     marker: ClassVar[Marker | None] = Marker("triangle_down", "purple")
     entry: ClassVar[Entry | None] = Entry(
         quantities="`stiffness` [N/m or N·m/rad], `tau` [s]",

@@ -10,10 +10,9 @@ import numpy as np
 from fem.effects.on_member import OnMember
 from fem.effects.places import elements_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
-from fem.effects.with_frame import WithFrame
 from fem.elements.cut import cut
 from fem.elements.inner_place import InnerPlace, inner_place
-from fem.model import Contribution, Effect, Model, ParameterRef
+from fem.model import Contribution, Effect, Model, ParameterRef, dofs_of
 from fem.recent import Unsent
 
 _CHANGES = 32
@@ -62,12 +61,11 @@ class GivesWay(OnMember):
 
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""
-        on = None if isinstance(effect, WithFrame) else sheared_frame(model)
+        changes = partial(_elements_of, effect, model, line)
         if effect.gives_way:  # depends on further effects
-            return effect.on_line(model, self.member, line)
-        out: tuple[Contribution, ...] = self.elements.get(
-            (effect, on, model.mesh, line), partial(effect.on_line, model, self.member, line)
-        )
+            return changes()
+        frame = sheared_frame(model) if effect.refers_to(model) else None
+        out: tuple[Contribution, ...] = self.elements.get((effect, frame, model.mesh, line), changes)
         return out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
@@ -85,10 +83,6 @@ class GivesWay(OnMember):
         """Whether it is on the line."""
         return member == self.member and line in (None, self.line(model))
 
-    def follows(self, other: Effect, model: Model) -> bool:
-        """Whether another effect alters the member."""
-        return other.alters(model, self.member)
-
     def _altering_effects(self, model: Model, line: int | None) -> Iterator[Effect]:
         """Yield the effects that alter the element: all, but of those that give way the ones before it."""
         first = True
@@ -98,6 +92,12 @@ class GivesWay(OnMember):
                 continue  # the frame's elements have these shear coefficients already
             if (first or not effect.gives_way) and effect.alters(model, self.member, line):
                 yield effect
+
+
+def _elements_of(effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
+    """Return the elements of an effect on one line, each alone."""
+    dofs = dofs_of(model.mesh.lines[line]).ravel()
+    return tuple(one for c in effect.contribute(model) for one in c.elements_at(dofs))
 
 
 def cuts_of(model: Model, member: str, position: Any) -> tuple[GivesWay, ...]:

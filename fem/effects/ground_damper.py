@@ -55,7 +55,7 @@ class GroundDamper(OnPoint):
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return the places and directions of translation of ``ground_spring``."""
-        springs = [e for e in GroundSpring.propose(model) if isinstance(e, GroundSpring)]
+        springs = GroundSpring.propose(model)
         m = typical_mass(model) if springs else 0.0
         return tuple(
             cls(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from fem.effects.joint import Joint, PointPair, joint_unit
 from fem.effects.places import OnPoint, fastening_places, fixed_directions, odd_stiffness, typical_stiffness
 from fem.effects.support import Support
 from fem.elements.frame import Frame
-from fem.model import DIRECTIONS, Contribution, Effect, Instruments, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Instruments, Model, Parameter
 
 TOGETHER = 5e-3
 """Sides of a rigid joint no farther apart than this share of the structure's size count as one place."""
@@ -59,12 +59,12 @@ class GroundSpring(OnPoint):
         yield from odd_stiffness(self, structure)
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return translations of members' ends and of inner joints, and directions that supports leave free.
 
         Not in directions that are fixed, nor where a joint leads to the ground: its stiffness is a
-        candidate there. Of the two sides of a rigid joint one is enough where they lie at the same place:
-        elsewhere the one turns about the other.
+        candidate there, nor at excitations, where a ``stinger`` is. Of the two sides of a rigid joint one is
+        enough where they lie at the same place: elsewhere the one turns about the other.
         """
         if not model.of_kind(Frame):
             return ()
@@ -79,12 +79,13 @@ class GroundSpring(OnPoint):
         }
         supports = {s.point for s in model.of_kind(Support)}
         reference = {d: typical_stiffness(model, d) for d in DIRECTIONS}
-        out: list[Effect] = []
+        driven = _driven(model.instruments) if model.instruments is not None else set()
+        out: list[Self] = []
         for point, place, label in fastening_places(model):
             if point in grounded or point in other_sides:
                 continue
             for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
-                if d not in fixed.get(point, ()):
+                if d not in fixed.get(point, ()) and (point, d) not in driven:
                     out.append(
                         cls(
                             name=f"ground_spring:{label}.{d}",
@@ -97,12 +98,11 @@ class GroundSpring(OnPoint):
                     )
         return tuple(out)
 
-    @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
-        """As :meth:`propose`, but without the springs at excitations that a ``stinger`` stands for."""
-        driven = {
-            (int(p), DIRECTIONS[int(np.argmax(np.abs(d)))])
-            for p, d in zip(test.drivers, test.driver_directions, strict=True)
-            if np.abs(d).max() > 1 - 1e-6
-        }
-        return tuple(e for e in cls.propose(model) if (e.point, e.direction) not in driven)  # type: ignore[attr-defined]
+
+def _driven(test: Instruments) -> set[tuple[int, str]]:
+    """Return the points and global directions of excitations along an axis."""
+    return {
+        (int(p), DIRECTIONS[int(np.argmax(np.abs(d)))])
+        for p, d in zip(test.drivers, test.driver_directions, strict=True)
+        if np.abs(d).max() > 1 - 1e-6
+    }

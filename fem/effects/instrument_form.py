@@ -1,7 +1,7 @@
 """What a test's instruments add to a structure by themselves: uncertain in every model, like its form."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.instruments import place_name
 from fem.effects.places import typical_mass, typical_stiffness
 from fem.elements.frame import Frame
-from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter, dofs_of
 
 LIGHT = 0.5
 """Largest mass of an instrument, in parts of a typical member's [-]."""
@@ -68,11 +68,12 @@ class SensorForm(Effect):
         return model.mesh.points[list(self.points)]
 
     @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """One, for all places of sensors."""
-        points = tuple(int(p) for p in np.unique(test.sensors))
-        if not points or not model.of_kind(Frame):
+        test = model.instruments
+        if test is None or not test.sensors.size or not model.of_kind(Frame):
             return ()
+        points = tuple(int(p) for p in np.unique(test.sensors))
         there = dict.fromkeys(points, 0.0)
         for e in model.of_kind(AddedMass):
             if e.point in there:
@@ -144,13 +145,14 @@ class DriverForm(Effect):
         return model.mesh.points[[self.point]]
 
     @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return each place of an excitation, with the direction of the first one there."""
-        if not model.of_kind(Frame):
+        test = model.instruments
+        if test is None or not model.of_kind(Frame):
             return ()
         references = typical_mass(model), typical_stiffness(model, "x")
         first = {int(p): d for p, d in zip(test.drivers[::-1], test.driver_directions[::-1], strict=True)}
-        out = []
+        out: list[Self] = []
         for p, d in sorted(first.items()):
             x, y, z = (float(v) for v in d / np.linalg.norm(d))
             out.append(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Marker, Role
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.elements.frame import Frame
-from fem.model import Contribution, Effect, Instruments, Model, Parameter, dofs_of, refuse_negative
+from fem.model import Contribution, Effect, Model, Parameter, dofs_of, refuse_negative
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -72,10 +72,13 @@ class SensorMass(_InstrumentMass):
         return f"the {len(self.points)} places of sensors"
 
     @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
         """One, for all places of sensors, if there are at least two."""
+        test = model.instruments
+        if test is None or not model.of_kind(Frame):
+            return ()
         points = tuple(int(p) for p in np.unique(test.sensors))
-        if len(points) < 2 or not model.of_kind(Frame):
+        if len(points) < 2:
             return ()
         return (cls(name="sensor_mass", points=points, mass=0.0, reference=typical_mass(model)),)
 
@@ -112,11 +115,12 @@ class DriverMass(_InstrumentMass):
         return f"excitation{'s' if len(self.points) > 1 else ''} at {', '.join(self.names)}"
 
     @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Return each place of an excitation, and all alike."""
-        points = tuple(int(p) for p in np.unique(test.drivers))
-        if not model.of_kind(Frame):
+        test = model.instruments
+        if test is None or not model.of_kind(Frame):
             return ()
+        points = tuple(int(p) for p in np.unique(test.drivers))
         m = typical_mass(model)
         groups = [(p,) for p in points] + ([points] if len(points) > 1 else [])
         return tuple(
@@ -189,9 +193,10 @@ class Stinger(AtPoint):
         return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e4, 15))
 
     @classmethod
-    def propose_for_test(cls, model: Model, test: Instruments) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Return each excitation, along and across."""
-        if not model.of_kind(Frame):
+        test = model.instruments
+        if test is None or not model.of_kind(Frame):
             return ()
         k = typical_stiffness(model, "x")
         out: list[Effect] = []

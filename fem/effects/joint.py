@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import ArmForce, Marker, Role, StaticState, Yardstick
+from fem.declarations import Marker, Role, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.model import (
     DIRECTIONS,
@@ -68,17 +68,6 @@ def relative_rows(
     return np.concatenate([dofs_of(point1), dofs_of(point2)]), np.hstack(
         [B1, -lever_matrix(location - points[point2])]
     )
-
-
-def forces_at(
-    model: Model, dofs: NDArray[np.int64], location: NDArray[np.float64], force: NDArray[np.float64]
-) -> list[ArmForce]:
-    """Return forces on the DOFs of one or two points as such at a place that rigid arms lead to."""
-    points = (int(dof // 6) for dof in dofs[::6])
-    return [
-        ArmForce(point, location - model.mesh.points[point], force[k : k + 3])
-        for point, k in zip(points, range(0, len(dofs), 6), strict=True)
-    ]
 
 
 class Spread(Effect):
@@ -162,14 +151,6 @@ class PointPair(Effect):
         """Directions of its axes in which it has no relative motion."""
         return ()
 
-    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
-        """Return the forces of its constraints at its place."""
-        dofs, out = self.relative(model)[0], []
-        for c in self.constraints(model) if len(dofs) in (6, 12) else ():
-            if c.key in state.reactions:
-                out += forces_at(model, dofs, self.location, -state.reactions[c.key] * c.coefficients)
-        return tuple(out)
-
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Where it acts."""
         return self.location[None]
@@ -231,12 +212,6 @@ class Joint(PointPair):
     def rigid_directions(self) -> tuple[str, ...]:
         """Return ``rigid``."""
         return self.rigid
-
-    @property
-    def support_axes(self) -> NDArray[np.float64] | None:
-        """Its axes, if it holds a point to the ground and does nothing else."""
-        more = any(np.any(X) for X in (self.K, self.C, self.D, self.M))
-        return self.axes if self.point2 is None and self.rigid and not more else None
 
     @property
     def elastic(self) -> tuple[str, ...]:
@@ -310,4 +285,7 @@ class Joint(PointPair):
         if not self.rigid:
             return ()
         dofs, B = self.relative(model)
-        return tuple(Constraint((self.name, d), dofs, B[DIRECTIONS.index(d)]) for d in self.rigid)
+        place = self.location if len(dofs) in (6, 12) else None  # not where it acts on stretches of members
+        return tuple(
+            Constraint((self.name, d), dofs, B[DIRECTIONS.index(d)], location=place) for d in self.rigid
+        )

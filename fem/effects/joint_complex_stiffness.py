@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Contains, Entry, Marker, Relevant, Role
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.joint_stiffness import JointStiffness
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
@@ -26,7 +26,7 @@ class JointComplexStiffness(JointStiffness):
 
     kind: ClassVar[str] = "joint_complex_stiffness"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
-    contains: ClassVar[tuple[str, ...]] = ("joint_stiffness",)
+    contains: ClassVar[Contains] = {"joint_stiffness": lambda e: {"stiffness": e.stiffness}}
     marker: ClassVar[Marker | None] = Marker("diamond", "purple")
     statement: ClassVar[str] = "{thing} {are} {stiffer} {direction} and dissipates more"
     entry: ClassVar[Entry | None] = Entry(
@@ -39,9 +39,9 @@ class JointComplexStiffness(JointStiffness):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return stiffness and loss factor."""
-        unit = joint_unit(self.direction)
+        unit, k = joint_unit(self.direction), (self.stiffness, self.assumed, *self.bounds)
         return (
-            Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True),
+            Parameter("stiffness", unit, *k, log=True, in_words=self._share),
             Parameter("loss_factor", "-", self.loss_factor, self.assumed_loss, 0.0, 3.0),
         )
 

@@ -4,7 +4,7 @@ They are softer or stiffer than the model has them, or flexible where the model 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -63,9 +63,9 @@ class JointStiffness(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""
         unit = joint_unit(self.direction)
-        return (
-            Parameter("stiffness", unit, self.stiffness, self.assumed, *self.bounds, log=True, linear=True),
-        )
+        words = self._share if np.isfinite(self.assumed) else None
+        k = self.stiffness, self.assumed, *self.bounds
+        return (Parameter("stiffness", unit, *k, log=True, linear=True, in_words=words),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return (k - k_assumed) b bᵀ (1 + iη) with each joint's loss factor."""
@@ -92,14 +92,6 @@ class JointStiffness(Effect):
             tuple((name, f"k{self.direction}") for name in self.joints) if np.isfinite(self.assumed) else ()
         )
 
-    def merged_into(self, other: Effect) -> Joint | None:
-        """Return the joint with this stiffness, if it is of that joint alone."""
-        if not isinstance(other, Joint) or self.joints != (other.name,):
-            return None
-        i, K = DIRECTIONS.index(self.direction), np.array(other.K, dtype=float)
-        K[i, i] = self.stiffness
-        return replace(other, K=K, rigid=tuple(d for d in other.rigid if d != self.direction))
-
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the joints' loss factors."""
         return tuple((name, "eta") for name in self.joints)
@@ -114,9 +106,8 @@ class JointStiffness(Effect):
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
 
-    def size_in_words(self) -> str:
-        """Return the share of the model's stiffness that is there."""
-        return f"{self.stiffness / self.assumed:.3g} of the model's" if np.isfinite(self.assumed) else ""
+    def _share(self, stiffness: float) -> str:
+        return f"{stiffness / self.assumed:.3g} of the model's"
 
     def relevant(
         self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]

@@ -8,7 +8,7 @@ from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.on_member import WithinMember
 from fem.effects.places import is_sprung, stiffness_of_sprung
 from fem.elements.frame import Frame, changes_between, member_contribution, nominal
-from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, parameter_values
+from fem.model import Contribution, Model, Parameter, ParameterRef, parameter_values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,7 +43,7 @@ class _MemberChange(WithinMember):
         return -sizes.members
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each member, where there are at least two; with one member it is the material's parameter."""
         members = list(model.mesh.members)
         return tuple(cls(name=f"{cls.kind}:{m}", member=m) for m in members) if len(members) > 1 else ()
@@ -103,9 +103,9 @@ class MemberStiffness(_MemberChange):
         return stiffness_of_sprung(model, self.member)
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each member, where there are at least two; with one member it is the material's parameter."""
-        every = (e for e in super(MemberStiffness, cls).propose(model) if isinstance(e, MemberStiffness))
+        every = super(MemberStiffness, cls).propose(model)
         return tuple(replace(e, affine=not is_sprung(model, e.member)) for e in every)
 
 

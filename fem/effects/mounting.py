@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.effects.giving_way import GivesWay, cut_parameters, place_at
+from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.joint import Joint
 from fem.effects.places import elements_of, frame_of, parameters_of
 from fem.elements.frame import Frame
@@ -160,10 +160,6 @@ class AlongMember(OnSide):
         """Return the parameters of the joint and of the member's elements."""
         refs = (*super(AlongMember, self).refers_to(model), *elements_of(model, self.member, "E", "rho"))
         return (*refs, *cut_parameters(model, self.member))
-
-    def follows(self, other: Effect, model: Model) -> bool:
-        """Whether another effect gives way in the member."""
-        return isinstance(other, GivesWay) and other.member == self.member
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

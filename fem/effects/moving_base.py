@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Marker, Role
+from fem.declarations import Internal, Marker, Role
 from fem.effects.proportional_damping import MassDamping
 from fem.ground import MovingGround
 from fem.model import Contribution, Effect, Model, ModelError, Parameter
@@ -52,14 +52,9 @@ class MovingBase(Effect):
         return "the base"
 
     @property
-    def n_internal(self) -> int:
-        """One coordinate for each direction."""
-        return len(self.directions)
-
-    @property
-    def ground_motions(self) -> NDArray[np.float64]:
-        """Its directions."""
-        return self.directions
+    def internal(self) -> Internal:
+        """One coordinate for each direction, along which it moves all grounds."""
+        return Internal(len(self.directions), ground=self.directions)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None."""
@@ -67,9 +62,8 @@ class MovingBase(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return its mass along the directions."""
-        return (
-            Contribution(model.internal_dofs(self.name)[None], M=self.mass * np.eye(self.n_internal)[None]),
-        )
+        M = self.mass * np.eye(len(self.directions))
+        return (Contribution(model.internal_dofs(self.name)[None], M=M[None]),)
 
 
 def base_moved(model: Model, directions: NDArray[np.float64], name: str = "moving base") -> Model:

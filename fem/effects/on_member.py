@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Contribution, Effect, Model
+from fem.model import Effect, Model
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,10 +41,6 @@ class WithinMember(OnMember):
     """A change of the elements of a member, whose matrices are part of its stiffness or mass."""
 
     within_members: ClassVar[bool] = True
-
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return all its elements."""
-        return tuple((model.mesh.members[self.member], c) for c in self.contribute(model))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -165,10 +165,6 @@ class Prestress(Effect):
         """Whether the member has forces."""
         return member in self.tension or member in self.forces
 
-    def on_lines(self, model: Model) -> tuple[tuple[NDArray[np.int64], Contribution], ...]:
-        """Return its elements but those of forces on rigid arms."""
-        return tuple((c.lines, c) for c in self.contribute(model) if c.lines is not None)
-
     def axial(self) -> Self:
         """Return the same without shear forces, moments and forces on rigid arms."""
         only = np.array([1, 0, 0, 0, 0, 0])

@@ -24,7 +24,7 @@ class _Proportional(Effect):
 
     def _others(self, model: Model) -> list[Contribution]:
         """Return the contributions of all other effects of the model but a base that carries it."""
-        others = (e for e in model.effects if not (isinstance(e, _Proportional) or len(e.ground_motions)))
+        others = (e for e in model.effects if not (isinstance(e, _Proportional) or len(e.internal.ground)))
         return [c for e in others for c in e.contribute(model)]
 
     def locations(self, model: Model) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import ArmForce, Role, StaticState
+from fem.declarations import Role
 from fem.effects.joint import relative_rows
 from fem.model import DIRECTIONS, Constraint, Effect, Model, ModelError, Parameter
 
@@ -52,23 +52,13 @@ class RigidLink(Effect):
         """One for each dependent point and direction."""
         out = []
         for point in self.dependents:
-            dofs, B = relative_rows(model, point, self.point, model.mesh.points[point])
+            place = model.mesh.points[point]
+            dofs, B = relative_rows(model, point, self.point, place)
             for d in self.directions:
                 row = B[DIRECTIONS.index(d)]
                 used = row != 0
                 key = (self.name, f"{point} {d}")
-                out.append(Constraint(key, dofs[used], row[used], releasable=False))
-        return tuple(out)
-
-    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
-        """Return the forces of its constraints on the dependent points."""
-        out = []
-        for c in self.constraints(model):
-            point, _, direction = c.key[1].partition(" ")
-            axis = DIRECTIONS.index(direction)
-            if axis < 3 and c.key in state.reactions:
-                arm = model.mesh.points[int(point)] - model.mesh.points[self.point]
-                out.append(ArmForce(self.point, arm, state.reactions[c.key] * np.eye(3)[axis]))
+                out.append(Constraint(key, dofs[used], row[used], releasable=False, location=place))
         return tuple(out)
 
     def locations(self, model: Model) -> NDArray[np.float64]:

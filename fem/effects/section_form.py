@@ -29,8 +29,6 @@ _CHANGES = {
 """Changes by that step, in the order of the parameters."""
 _MESHES = 4
 """Number of frames and meshes whose parts an effect keeps."""
-ELEMENT = 12
-"""DOFs of an element."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -99,24 +97,6 @@ class SectionForm(WithFrame):
         """Whether the member is of the section."""
         return member in self.members
 
-    def on_line(self, model: Model, member: str, line: int) -> tuple[Contribution, ...]:
-        """Return the changes of the member's element on a line."""
-        parts, row = self.parts_on(model), self._row(model, line)
-        return tuple(
-            _scaled(c.element(row), getattr(self, key))
-            for key in self.keys
-            for c in parts[key]
-            if c.dofs.shape[1] == ELEMENT
-        )
-
-    def _row(self, model: Model, line: int) -> int:
-        """Return where a line is among those of all members."""
-        rows = self.parts.get(("rows", model.mesh), partial(self._lines, model))
-        return int(np.flatnonzero(rows == line)[0])
-
-    def _lines(self, model: Model) -> NDArray[np.int64]:
-        return np.concatenate([model.mesh.members[m] for m in self.members])
-
     def parts_on(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
         """Return the derivatives of the members' matrices by each of the changes."""
         parts: dict[str, tuple[Contribution, ...]] = self.parts.get(
@@ -125,7 +105,7 @@ class SectionForm(WithFrame):
         return parts
 
     def _parts(self, model: Model) -> dict[str, tuple[Contribution, ...]]:
-        rows = self._lines(model)
+        rows = np.concatenate([model.mesh.members[m] for m in self.members])
         out = {}
         for key in self.keys:
             change = _CHANGES[key]

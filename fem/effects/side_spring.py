@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.declarations import Entry, Role, Yardstick
 from fem.effects.on_member import AtPosition
-from fem.effects.places import PARALLEL, frame_of, is_bar, odd_stiffness, typical_stiffness
+from fem.effects.places import frame_of, is_bar, odd_stiffness, typical_stiffness
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model, Parameter
 
@@ -99,12 +99,6 @@ class SideSpring(AtPosition):
                     )
                 )
         return tuple(out)
-
-    def acts_along(self, model: Model, direction: str) -> bool:
-        """Whether its axis of the section lies within 5° of a global direction."""
-        line = model.mesh.locate(self.member, float(self.position)).line
-        axes = frame_of(model).rotations(model.mesh, [line])[0]
-        return bool(abs(axes["xyz".index(self.direction), "xyz".index(direction)]) >= PARALLEL)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield an absurd stiffness."""

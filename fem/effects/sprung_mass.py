@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import ArmForce, Marker, Role, StaticState, Yardstick
+from fem.declarations import Internal, Marker, Role, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.effects.joint import joint_unit
 from fem.model import (
@@ -89,9 +89,11 @@ class SprungMass(Effect):
         return f"point {self.point}"
 
     @property
-    def n_internal(self) -> int:
-        """One coordinate for each sprung direction."""
-        return len(self.k)
+    def internal(self) -> Internal:
+        """One coordinate for each sprung direction, and the motion of the body's centre."""
+        along = [DIRECTIONS.index(d) for d in self.k]
+        motion = np.hstack([lever_matrix(self.arm)[:3], self.axes.T @ np.eye(6)[:3, along]])
+        return Internal(len(self.k), body=(self.point, motion))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass, and stiffness and damping in each sprung direction."""
@@ -132,16 +134,6 @@ class SprungMass(Effect):
         C[sprung, sprung] = [self.c.get(d, 0.0) for d in self.k]
         dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))[None]
         return (Contribution(dofs, K=K[None], M=(B.T @ G @ B)[None], C=C[None], D=(self.eta * K)[None]),)
-
-    def body_motion(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return DOFs, and by them the translation (3, n) of the body's centre, global."""
-        along = [DIRECTIONS.index(d) for d in self.k]
-        dofs = np.append(dofs_of(self.point), model.internal_dofs(self.name))
-        return dofs, np.hstack([lever_matrix(self.arm)[:3], self.axes.T @ np.eye(6)[:3, along]])
-
-    def arm_forces(self, model: Model, state: StaticState) -> tuple[ArmForce, ...]:
-        """Return its weight at its arm."""
-        return (ArmForce(self.point, self.arm, -np.real(self.mass) * state.gravity),)
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield a mass that no member carries."""

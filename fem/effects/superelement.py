@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Internal, Role
 from fem.elements.part_faces import PartFaces
 from fem.elements.part_reduction import (
     DENSE,
@@ -230,6 +230,11 @@ class Superelement(Effect):
     def n_internal(self) -> int:
         """Number of fixed-interface modes."""
         return self.fixed_frequency.size
+
+    @property
+    def internal(self) -> Internal:
+        """Its fixed-interface modes."""
+        return Internal(self.n_internal)
 
     def n_modes_below(self, frequency: float) -> int:
         """Return the number of fixed-interface modes below a frequency [Hz], no static responses counted."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.declarations import SUPPORT_MARKER, Marker, Role
 from fem.effects.places import AtPoint
@@ -33,11 +32,6 @@ class Support(AtPoint):
     def where(self) -> str:
         """The support's name."""
         return f"support {self.name}"
-
-    @property
-    def support_axes(self) -> NDArray[np.float64]:
-        """Global axes."""
-        return np.eye(3)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None: a rigid support has nothing to estimate; support flexibility is another effect."""

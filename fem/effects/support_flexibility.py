@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from fem.declarations import Entry, Marker, Relevant, Role
 from fem.effects.joint import joint_unit
 from fem.effects.places import OnSupports
 from fem.effects.support import Support
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Contribution, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -68,10 +68,10 @@ class SupportFlexibility(OnSupports):
         return sizes.softness(float(np.median([scale(key) for key in self.released()])))
 
     @classmethod
-    def propose(cls, model: Model) -> tuple[Effect, ...]:
+    def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each fixed direction of each support, and of all supports alike."""
         supports = {d: tuple(s.name for s in model.of_kind(Support) if d in s.fixed) for d in DIRECTIONS}
-        out = []
+        out: list[Self] = []
         for d, names in supports.items():
             groups = [(n,) for n in names] + ([names] if len(names) > 1 else [])
             out += [

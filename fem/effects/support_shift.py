@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role
-from fem.effects.giving_way import GivesWay, cut_parameters, place_at
+from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.mounting import REACH, members_at, shifts
 from fem.effects.places import elements_of, frame_of
 from fem.effects.support import Support
@@ -75,10 +75,6 @@ class SupportShift(Effect):
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters of the member's elements."""
         return (*elements_of(model, self.member, "E", "rho"), *cut_parameters(model, self.member))
-
-    def follows(self, other: Effect, model: Model) -> bool:
-        """Whether another effect gives way in the member."""
-        return isinstance(other, GivesWay) and other.member == self.member
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the support's constraints."""

@@ -49,12 +49,16 @@ class OnStretches(WithFrame):
     zones : tuple of (str, float, float, int)
         Member, arc length at which a stretch begins, its length [m], and 1 or -1 for up or down the member.
     place : str
+        In words.
+    around : str
+        Name of the joint or support there; empty for a corner.
     tables : Recent
         Tables of its matrices by frame and mesh; effects with other values share them.
     """
 
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
+    around: str = ""
     tables: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
@@ -64,15 +68,10 @@ class OnStretches(WithFrame):
 
     def alters(self, model: Model, member: str, line: int | None = None) -> bool:
         """Whether a stretch is on the line."""
-        return bool(self._zones_on(model, member, line))
-
-    def _zones_on(self, model: Model, member: str, line: int | None) -> list[int]:
-        """Return the numbers of the stretches on a line of a member."""
-        return [
-            k
-            for k, (m, s, length, towards) in enumerate(self.zones)
-            if m == member and reaches(model, member, line, s, towards * length)
-        ]
+        return any(
+            m == member and reaches(model, member, line, s, towards * length)
+            for m, s, length, towards in self.zones
+        )
 
     def rebased(self, model: Model) -> Self:
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""

@@ -14,7 +14,7 @@ from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches, stiffening
-from fem.model import Contribution, Effect, Model, Parameter, dofs_of
+from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
 from fem.tabulated import TabulatedEffect
 
@@ -26,8 +26,6 @@ IN_PLANE = 2.0
 """Logarithm of the factor by which bending in the members' plane is stiffer or softer still, at most [-]."""
 TWICE = float(np.log(2.0))
 """Logarithm of the factor of stiffness that is unusual around a joint [-]."""
-AT_JOINT = "joint "
-"""Beginning of the name of a place that is a joint."""
 _MESHES = 2
 """Number of frames and meshes whose masses an effect keeps."""
 _ALONG = 0.94
@@ -77,18 +75,16 @@ class ZoneForm(OnStretches):
     inertia: Any = 0.0
     heavy: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
-    def odd_beyond(self, parameter: str) -> float:
-        """Return the logarithm of a factor of stiffness that is unusual around a joint."""
-        return TWICE if parameter in ("u", "plane") and self.place.startswith(AT_JOINT) else np.inf
-
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the logarithm of the stiffness, the mass and, in a plane, that of bending in it."""
+        usual = TWICE if self.around else np.inf
         out = (
-            Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST),
+            Parameter("u", "-", self.u, 0.0, SOFTEST, STIFFEST, usual_change=usual),
             Parameter("mass", "-", self.mass, 0.0, -1.0, 2.0, linear=True),
             Parameter("inertia", "-", self.inertia, 0.0, 0.0, 3.0, linear=True),
         )
-        return (*out, Parameter("plane", "-", self.plane, 0.0, -IN_PLANE, IN_PLANE)) if self.inside else out
+        plane = Parameter("plane", "-", self.plane, 0.0, -IN_PLANE, IN_PLANE, usual_change=usual)
+        return (*out, plane) if self.inside else out
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
@@ -106,19 +102,12 @@ class ZoneForm(OnStretches):
         out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
         return out
 
-    def on_line(self, model: Model, member: str, line: int) -> tuple[Contribution, ...]:
-        """Return the changes of one element, by the stretches that are on it."""
-        some, dofs = self._zones_on(model, member, line), dofs_of(model.mesh.lines[line]).ravel()
-        stiff = self._stiff(model, self.u, self.plane, some)
-        return (*stiff.elements_at(dofs), *self._more(model).elements_at(dofs))
-
-    def _stiff(self, model: Model, along: Any, plane: Any, some: Sequence[int] | None = None) -> Contribution:
-        """Return the stiffness that the stretches gain, or some of them."""
-        some = range(len(self.zones)) if some is None else some
+    def _stiff(self, model: Model, along: Any, plane: Any) -> Contribution:
+        """Return the stiffness that the stretches gain."""
         u = np.full((len(self.zones), 6), along + 0 * plane)
         for k, bending in enumerate(self.inside):
             u[k, bending] += plane
-        return stiffening(self.frame, model, [self.zones[k] for k in some], np.exp(-u[list(some)]))
+        return stiffening(self.frame, model, self.zones, np.exp(-u))
 
     def _more(self, model: Model) -> Contribution:
         """Return the mass and rotary inertia that the stretches gain."""
@@ -154,16 +143,18 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             at.setdefault(int(p), []).append(
                 (m, float(s), int(mesh.members[m][min(k, len(mesh.members[m]) - 1)]))
             )
-    groups = {p: ({p}, f"corner at point {p}") for p, here in at.items() if len({m for m, *_ in here}) > 1}
+    groups = {
+        p: ({p}, f"corner at point {p}", "") for p, here in at.items() if len({m for m, *_ in here}) > 1
+    }
     for pair in model.of_kind(PointPair):
         ends = {pair.point1, pair.point2} - {None}
         known = next((g for g in groups.values() if g[0] & ends), None)
         if known:
             known[0].update(ends)
         else:
-            groups[min(ends)] = (set(ends), f"{AT_JOINT}{pair.name}")
+            groups[min(ends)] = (set(ends), f"joint {pair.name}", pair.name)
     taken: dict[str, list[tuple[float, float]]] = {}
-    for number, (points, place) in enumerate(groups.values()):
+    for number, (points, place, joint) in enumerate(groups.values()):
         arms = [arm for p in sorted(points) for arm in at.get(p, ())]
         zones = []
         for m, s, line in arms:
@@ -179,9 +170,13 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             normal = _normal(np.array([axes[line][0] for *_, line in arms]))
             of = {m: axes[line] for m, _, line in arms}
             inside = () if normal is None else tuple(_bending(of[m], normal) for m, *_ in zones)
-            frame = sheared_frame(model)
             yield ZoneForm(
-                name=f"zone_form:{number}", zones=tuple(zones), place=place, frame=frame, inside=inside
+                name=f"zone_form:{number}",
+                zones=tuple(zones),
+                place=place,
+                around=joint,
+                frame=sheared_frame(model),
+                inside=inside,
             )
 
 

@@ -83,6 +83,7 @@ class Frame(Effect):
 
     kind: ClassVar[str] = "frame"
     role: ClassVar[Role] = Role.STIFFNESS | Role.MASS | Role.DISSIPATION
+    within_members: ClassVar[bool] = True
     name: str = "frame"
     members: Mapping[str, MemberProperties]
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -172,16 +173,12 @@ class Frame(Effect):
         rigid = form_lines(layout, mesh, rows, self.values, factors, maps=maps, change=change)
         return connect_ends(rigid, layout) if maps else rigid
 
-    def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return stiffness, mass and the materials' structural damping of all members, and pretensions."""
-        rows = np.arange(model.mesh.n_lines)
-        if not rows.size:  # a structure of reduced parts
-            return ()
-        return (*self.contribution_of(model, rows), *self._pretensions(model.mesh))
+    def contribute(self, model: Model) -> Iterator[Contribution]:
+        """Yield stiffness, mass and the materials' structural damping of members, and pretensions.
 
-    def batches(self, model: Model) -> Iterator[Contribution]:
-        """Return the contributions in parts of a few thousand elements."""
-        if not model.mesh.n_lines:
+        In parts of a few thousand elements.
+        """
+        if not model.mesh.n_lines:  # a structure of reduced parts
             return
         yield from self._batches_of(model.mesh, np.arange(model.mesh.n_lines))
         yield from self._pretensions(model.mesh)

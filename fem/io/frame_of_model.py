@@ -397,7 +397,7 @@ def _add_contributions(effect: Effect, model: Model, parts: _Parts) -> None:
 
 def _internal_nodes(effect: Effect, model: Model, parts: _Parts) -> dict[int, tuple[int, int]]:
     """Return the node and direction of each internal coordinate of an effect: nodes are made for them."""
-    if not effect.n_internal:
+    if not effect.internal.n:
         return {}
     dofs, out = model.internal_dofs(effect.name), {}
     for k in range(0, len(dofs), 6):

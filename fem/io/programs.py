@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from fem.io.ansys_deck import MODEL
-from fem.io.ansys_script import key_of
 from fem.io.nastran_names import HARMLESS, NAMED, READ, REFUSED
 
 NASTRAN, ABAQUS, ANSYS = "Nastran", "Abaqus", "ANSYS"
@@ -73,4 +71,11 @@ def _program_of_line(line: str) -> str | None:
     if card is not None and card[1] in _CARDS:
         return NASTRAN
     command = _COMMAND.match(line)
-    return ANSYS if command is not None and key_of(command[1]) in MODEL else None
+    return ANSYS if command is not None and _is_ansys(command[1]) else None
+
+
+def _is_ansys(command: str) -> bool:
+    from fem.io.ansys_deck import MODEL  # every start asks for the program; few see a line like a command
+    from fem.io.ansys_script import key_of
+
+    return key_of(command) in MODEL

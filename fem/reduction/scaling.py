@@ -35,7 +35,7 @@ def scaling_exponents(effect: Effect, model: Model, ref: ParameterRef) -> Mappin
         return None
     ordinary = effect.with_values(**{p.name: _ordinary(p) for p in effect.parameters()})
     times = 1.7
-    now, then = (ordinary.contribute(model.with_values({ref: f * value})) for f in (1.0, times))
+    now, then = (tuple(ordinary.contribute(model.with_values({ref: f * value}))) for f in (1.0, times))
     if len(now) != len(then) or any(c.law is not None for c in (*now, *then)):
         return None
     out: dict[str, int] = {}

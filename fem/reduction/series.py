@@ -68,7 +68,10 @@ def terms_in_series(
 
 def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
     """Whether an effect changes what another one does."""
-    return soft.gives_way and effect is not soft and soft.follows(effect, model)
+    if not soft.gives_way or effect is soft:
+        return False
+    both = model if any(e is effect for e in model.effects) else model.with_effect(effect)
+    return any(name == effect.name for name, _ in soft.refers_to(both))
 
 
 def _negative(c: Contribution) -> Contribution:

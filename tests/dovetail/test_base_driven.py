@@ -233,7 +233,7 @@ def test_updating_takes_transmissibilities_with_and_without_phase(tmp_path, phas
     E = next(p for p in result.updated.parameters if p.name == "frame E:steel")
     assert E.value == pytest.approx(210e9, abs=4 * E.std)
     assert E.std < 0.03 * E.value
-    assert not any(len(e.ground_motions) for e in result.updated.model.effects)
+    assert not any(len(e.internal.ground) for e in result.updated.model.effects)
 
 
 @pytest.mark.parametrize(

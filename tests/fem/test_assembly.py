@@ -86,7 +86,7 @@ def test_batches_are_the_contributions(monkeypatch):
     monkeypatch.setattr("fem.elements.frame.BATCH", 3)
     np.testing.assert_array_equal(by_entries(model), whole)
     (frame,) = model.of_kind(Frame)
-    assert len(list(frame.batches(model))) > 6
+    assert len(list(frame.contribute(model))) > 6
     S = assemble(model)
     np.testing.assert_allclose(
         S.K.toarray(), S.Q.T @ whole[0] @ S.Q, rtol=0, atol=1e-14 * abs(whole[0]).max()

@@ -105,6 +105,16 @@ def test_crossings_are_found_at_any_angle_exactly_within_the_tolerance(seed, gap
         assert ("unconnected crossing" in found) == (gap < 1)
 
 
+def test_a_large_mesh_has_the_faults_that_a_small_one_has(monkeypatch):
+    rng = np.random.default_rng(3)
+    points = np.round(rng.uniform(0, 1, (60, 3)), 1)  # some coincide, some lie on lines
+    mesh = Mesh.from_lines(points, np.arange(60).reshape(-1, 2), {"all": range(30)})
+    small = check_mesh(mesh)
+    monkeypatch.setattr("fem.checks.MOST_PAIRS", 0)
+    assert len(small) > 5
+    assert [f.message for f in check_mesh(mesh)] == [f.message for f in small]
+
+
 def test_lines_that_meet_are_no_crossing():
     star = [[0, 0, 0]] + [[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 2 * np.pi, 7)[:-1]]
     assert check_mesh(Mesh.from_lines(star, [[0, k] for k in range(1, 7)])) == ()

@@ -121,7 +121,7 @@ def candidates(model, kind):
     axes = np.eye(3)
     slanted = np.array([0.6, 0.0, 0.8])
     test = Instruments(sensors, axes[np.arange(len(sensors)) % 3], drivers, np.array([axes[2], slanted]))
-    return effect_classes()[kind].propose_for_test(model, test)
+    return effect_classes()[kind].propose(model.with_instruments(test))
 
 
 NOT_PROPOSED = (

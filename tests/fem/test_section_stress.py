@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail.commands.static_cases import StaticCases
-from fem import LoadCase, MemberProperties, Section, assemble, solve_static
+from fem import LoadCase, MemberProperties, Section, StaticCases, assemble, solve_static
 from fem.analysis.section_stress import normal_stresses
 from tests.frames import STEEL, beam, fix
 

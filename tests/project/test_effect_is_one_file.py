@@ -50,10 +50,6 @@ ALLOWED = {
         "lets the form of every model vary",
         {"SectionForm", "ZoneForm", "ClampForm", "SensorForm", "DriverForm"},
     ),
-    "updating/diagnosis/evidence/search.py": (
-        "springs of one connection that are searched together",
-        {"end_release", "joint_stiffness", "support_flexibility"},
-    ),
     "updating/plan/perturbed.py": (
         "puts known masses on the structure of a second test, and releases supports",
         {"AddedMass", "Support"},

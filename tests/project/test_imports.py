@@ -36,13 +36,14 @@ MAY_IMPORT = {
         numpy scipy scipy.linalg scipy.sparse threadpoolctl
         """,
     "static": "",
-    "check": "fem.checks scipy.spatial scipy.special scipy.constants",
+    "check": "fem.checks",
     "compare": """
         dovetail.found dovetail.mode_partners dovetail.mode_result dovetail.modes_pipeline dovetail.pipeline
         dovetail.result
         dovetail.report.probable dovetail.report.words
         updating.diagnosis updating.least_squares updating.modal updating.plan
         fem.reduction
+        scipy.spatial scipy.special scipy.constants
         """,
 }
 

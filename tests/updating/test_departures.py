@@ -78,8 +78,7 @@ def test_effects_at_its_place_are_named_with_their_probabilities(problem):
     h = [
         SimpleNamespace(effects=(e,), key=frozenset([e.name]), score=s) for e, s in ((near, 2.0), (far, 3.0))
     ]
-    done = SimpleNamespace(hypotheses=h, probability=lambda k: {2.0: 0.2, 3.0: 0.3}[k.score])
-    (found,) = departed(done, problem, result)
+    (found,) = departed(list(zip(h, (0.2, 0.3), strict=True)), problem, result)
     assert [(e[0].name, p) for e, p in found.rivals] == [(near.name, 0.2)]
     text = departure_text(found)
     assert "stiffer" in text

@@ -72,15 +72,16 @@ def test_tolerances_follow_the_test(drawn):
     assert stds(without_stinger) == {("driver_form", "mass"): 1e-6}
     stated = stds(tiny, [1e-4, 3e-4])
     assert stated["sensor_form", "mass"] == pytest.approx(STATED_MASS * 2e-4)
-    reference = SensorForm.propose_for_test(model, instruments_on(model.mesh, measurement))[0].reference
+    tested = model.with_instruments(instruments_on(model.mesh, measurement))
+    reference = SensorForm.propose(tested)[0].reference
     heavy = ChannelErrors(sensor_mass=1.0, driver_mass=1.0, stinger=1e9)
     assert stds(heavy)["sensor_form", "mass"] == stds(heavy)["driver_form", "mass"] == LIGHT * reference
 
 
 def test_a_driver_and_a_stinger_are_found_and_the_modulus_with_them(drawn):
     model, sensors, forces, _ = drawn
-    (driver,) = DriverForm.propose_for_test(
-        model, instruments_on(model.mesh, measured(model, sensors, forces))
+    (driver,) = DriverForm.propose(
+        model.with_instruments(instruments_on(model.mesh, measured(model, sensors, forces)))
     )
     added = driver.with_values(mass=0.03, across=800.0)
     true = model.with_values({("frame", "E:steel"): 1.02 * 210e9}).with_effect(added)

@@ -30,7 +30,7 @@ from fem.effects import effect_classes
 from tests.frames import beam, chain, fix, with_part
 from updating import Sensor
 from viz import animation, render, shapes, style
-from viz.markers import COLOURS, SHAPES
+from viz.markers import COLOURS, SHAPES, support_axes
 from viz.overlay import Mark, draw_marks
 from viz.scene import DPI, Scene
 from viz.shapes import view_axes
@@ -330,7 +330,7 @@ def test_a_skew_support_is_drawn_as_a_support_turned_by_its_axes():
     assert scene.marks[1].turn(above) == pytest.approx(0.0)
     # an elastic element to the ground in these axes, and a joint of two members, are none
     for other in (Joint(K=np.diag([0, 0, 1e3, 0, 0, 0]), **tip), Joint(rigid=("z",), point2=0, **tip)):
-        assert other.support_axes is None
+        assert support_axes(other, model) is None
 
 
 def test_a_turned_support_stands_on_a_line_along_its_ground():

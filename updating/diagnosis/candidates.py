@@ -36,12 +36,9 @@ def propose(
     model = situated(model, kinds)
     classes = [effect_classes()[kind] for kind in (kinds or known) if kind not in exclude]
     classes = [cls for cls in classes if (levels or not cls.amplitude_dependent) and admitted(cls, model) > 0]
-    if test is None:
-        found = applicable((e for cls in classes for e in cls.propose(model)), model)
-    else:
-        instruments = instruments_on(model.mesh, test)
-        found = applicable((e for cls in classes for e in cls.propose_for_test(model, instruments)), model)
-    return in_plane(model, found)
+    if test is not None:
+        model = model.with_instruments(instruments_on(model.mesh, test))
+    return in_plane(model, applicable((e for cls in classes for e in cls.propose(model)), model))
 
 
 def admitted(effect: Effect | type[Effect], model: Model) -> float:

@@ -1,20 +1,18 @@
 """Sections and connections whose fitted form is outside its usual range, and what may be there instead."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 
 from fem.model import Effect
-from updating.diagnosis.evidence.hypothesis import near_to
+from updating.diagnosis.evidence.hypothesis import Hypothesis, near_to
 from updating.inference.belief import FAR_STD, RARE
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
 from updating.inference.unknowns import nuisance_unknowns
-
-if TYPE_CHECKING:
-    from updating.diagnosis.evidence.diagnosis import Searched
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +53,7 @@ class Departure:
     def near(self) -> set[str]:
         """Names of the members, and of the joint or support, that it acts on."""
         members = {zone[0] for zone in getattr(self.effect, "zones", ())}
-        return members | set(getattr(self.effect, "members", ())) | {self.where.partition(" ")[2]}
+        return members | {*getattr(self.effect, "members", ()), getattr(self.effect, "around", "")} - {""}
 
 
 def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
@@ -67,7 +65,8 @@ def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
         if not effect.is_form or not u.has_prior or not np.isfinite(value):
             continue
         off, prior = value - u.to_value(u.mean), u.std * u.size
-        limit = min(FAR_STD * prior, effect.odd_beyond(u.ref[1]))
+        (parameter,) = (p for p in effect.parameters() if p.name == u.ref[1])
+        limit = min(FAR_STD * prior, parameter.usual_change)
         std = result.std.get(u.ref, 0.0)
         if abs(off) > limit:
             fitted = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
@@ -76,16 +75,19 @@ def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
     return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
 
 
-def departed(done: "Searched[Any]", problem: Problem[Any], result: FitResult) -> tuple[Departure, ...]:
+def departed(
+    hypotheses: Sequence[tuple[Hypothesis, float]], problem: Problem[Any], result: FitResult
+) -> tuple[Departure, ...]:
     """Return the departures of a result, each with the effects that a search has fitted in its place.
 
-    Of hypotheses that have more effects than the reported one, those that are not ``RARE``.
+    Of hypotheses, each with its probability, those that have more effects than the result and are not
+    ``RARE``.
     """
     reported, out = {e.name for e in result.effects}, []
     for d in departures(problem, result):
         rivals = []
-        for h in sorted(done.hypotheses, key=lambda h: -h.score):
-            more, p = tuple(e for e in h.effects if e.name not in reported), done.probability(h)
+        for h, p in sorted(hypotheses, key=lambda pair: -pair[0].score):
+            more = tuple(e for e in h.effects if e.name not in reported)
             if more and p >= RARE and reported <= h.key and any(near_to(e) & d.near for e in more):
                 rivals.append((more, p))
         out.append(replace(d, rivals=tuple(rivals)))

@@ -254,7 +254,7 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
         searched=done,
         places=tuple((s.name, s.residual_ratio) for s in search.scanned),
         posterior=tuple(posterior),
-        departures=departed(done, problem, current),
+        departures=departed([(h, done.probability(h)) for h in done.hypotheses], problem, current),
         channel_faults=of_channels,
     )
 

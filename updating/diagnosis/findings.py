@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.model import Effect, Parameter
+from fem.model import Effect, Parameter, covers
 from fem.summary import counted, quantity, summary
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
@@ -62,7 +62,7 @@ class Ranked:
 
     def extends(self, effect: Effect) -> bool:
         """Return whether it does the same as an effect at its place, and more."""
-        return any(e.covers(effect) for e in self.result.effects if e.name == self.name)
+        return any(covers(e, effect) for e in self.result.effects if e.name == self.name)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""

@@ -48,15 +48,13 @@ def with_form(model: Model, model_error: float, measurement: Measurement | None 
 
 def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[str, float]]]:
     """Return what the instruments add, with standard deviations [kg, N/m]."""
-    errors, test = measurement.errors, instruments_on(model.mesh, measurement)
+    errors, tested = measurement.errors, model.with_instruments(instruments_on(model.mesh, measurement))
     stated = [s.mass for s in (*measurement.sensors, *measurement.other_sensors) if s.mass > 0]
     usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
     out: list[tuple[Effect, dict[str, float]]] = []
-    for sensors in SensorForm.propose_for_test(model, test) if usual > 0 else ():
-        assert isinstance(sensors, SensorForm)
+    for sensors in SensorForm.propose(tested) if usual > 0 else ():
         out.append((sensors, {"mass": min(usual, LIGHT * sensors.reference)}))
-    for driver in DriverForm.propose_for_test(model, test) if errors.driver_mass + errors.stinger > 0 else ():
-        assert isinstance(driver, DriverForm)
+    for driver in DriverForm.propose(tested) if errors.driver_mass + errors.stinger > 0 else ():
         m, k = driver.references
         out.append(
             (driver, {"mass": min(errors.driver_mass, LIGHT * m), "across": min(errors.stinger, LIGHT * k)})

@@ -5,6 +5,7 @@ cent more or less than a smooth damping curve says; of a joint's dissipation les
 point a little otherwise than a test's description says. Thousands of lines see that.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -105,7 +106,7 @@ def scatter_of(
     members = tuple(model.mesh.members) if len(model.mesh.members) > 1 and model.of_kind(Frame) else ()
     connections = _as_fitted(model, result)
     parts = [member_contribution(frame_of(model), model, m) for m in members]
-    parts += [model.parts_of(e) for e in connections]
+    parts += [_with_changes(model, e, result.effects) for e in connections]
     elements = tuple(tuple(Contribution(c.dofs, D=c.K) for c in each if c.K is not None) for each in parts)
     of_joints = [problem.damping.std * (_loss_factor(e) + typical_loss) for e in connections]
     std = [np.full(modes.shape[1], damping), np.full(len(members), damping * typical_loss), of_joints]
@@ -192,17 +193,21 @@ def _of_members(problem: FrfInputs, result: FitResult, frequency: Floats) -> Flo
 
 
 def _as_fitted(model: Model, result: FitResult) -> tuple[Effect, ...]:
-    """Return connections with a loss factor at fitted values, effects that are parts of them included."""
+    """Return connections with a loss factor at fitted values."""
     out = []
     for e in model.effects:
         if not e.connection or not np.isfinite(_loss_factor(e)):
             continue
         values = {name: v for (effect, name), v in result.values.items() if effect == e.name}
-        now: Effect = e.with_values(**values)
-        for part in result.effects:
-            now = part.merged_into(now) or now
-        out.append(now)
+        out.append(e.with_values(**values))
     return tuple(out)
+
+
+def _with_changes(model: Model, connection: Effect, effects: Iterable[Effect]) -> tuple[Contribution, ...]:
+    """Return the elements of a connection, and those that effects add to the same DOFs."""
+    parts = model.parts_of(connection)
+    more = (c for e in effects for c in model.parts_of(e))
+    return *parts, *(c for c in more if any(np.array_equal(c.dofs, part.dofs) for part in parts))
 
 
 def _loss_factor(effect: Effect) -> float:

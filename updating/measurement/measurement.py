@@ -683,8 +683,9 @@ def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray
     if not sensor.body:
         dofs = dofs_of(sensor_point(model.mesh, sensor))
         return (dofs, lever_matrix(sensor.arm)[:3]) if np.any(sensor.arm) else (dofs[:3], np.eye(3))
-    motion = next((e.body_motion(model) for e in model.effects if e.name == sensor.body), None)
-    if motion is None:
+    body = next((e.internal.body for e in model.effects if e.name == sensor.body), None)
+    if body is None:
         msg = f"sensor '{sensor.name}' is on the sprung mass '{sensor.body}', which the model does not have"
         raise MeasurementError(msg)
-    return motion
+    point, motion = body
+    return np.append(dofs_of(point), model.internal_dofs(sensor.body)), motion

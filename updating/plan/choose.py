@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
-from fem.model import Effect, Model
+from fem.model import Effect, Model, covers
 from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import Grid
@@ -203,7 +203,7 @@ def choose(
     n, effects, changes, against = _effects(
         sight, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
     )
-    same = np.array([[a.name == b.name or b.covers(a) for b in effects] for a in effects[:n]])
+    same = np.array([[a.name == b.name or covers(b, a) for b in effects] for a in effects[:n]])
     least = np.where(same, 0.0, needed(against[:n, None] - against))
     least[np.arange(n), np.arange(n)] = needed(against[:n])
     say("what each channel says", 0.5)

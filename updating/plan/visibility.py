@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from fem.model import Effect, Model, ParameterRef, parameter_values
+from fem.model import Effect, Model, ParameterRef, covers, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.diagnosis.evidence.screening import (
     MOST_VALUES,
@@ -568,7 +568,7 @@ class _Rivals:
         unlike, apart = np.eye(n, dtype=bool), np.ones((n, n), dtype=bool)
         for j, e in enumerate(candidates):
             for i, other in enumerate(candidates) if e.contains else ():
-                unlike[i, j] |= other.kind in e.contains and e.covers(other)
+                unlike[i, j] |= other.kind in e.contains and covers(e, other)
         members: dict[str, list[int]] = {}
         for i, e in enumerate(candidates):
             for name in near_to(e):

@@ -26,7 +26,7 @@ from viz.interactive.solids import (
 )
 from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
 from viz.layout import in_order, merge_names, shorten
-from viz.markers import COLOURS
+from viz.markers import COLOURS, support_axes
 from viz.models import drawn_names, drawn_size, member_families, model_surface, surface_places
 from viz.shapes import arrows, view_axes
 from viz.surfaces import Surface
@@ -283,11 +283,11 @@ def _effect_traces(model: Model) -> list[dict[str, Any]]:
     by_kind: dict[str, list[tuple[Any, NDArray[np.float64]]]] = {}
     for effect in model.effects:
         for point in effect.locations(model):
-            kind = effect.kind if effect.support_axes is None else "support"
+            kind = effect.kind if support_axes(effect, model) is None else "support"
             by_kind.setdefault(kind, []).append((effect, point))
     out = []
     for kind, found in by_kind.items():
-        declared = SUPPORT_MARKER if found[0][0].support_axes is not None else found[0][0].marker
+        declared = SUPPORT_MARKER if kind == "support" else found[0][0].marker
         colour = COLOURS[declared.colour] if declared else style.GREEN
         symbol = SYMBOLS.get(declared.shape, "square") if declared else "square"
         words = kind.replace("_", " ")

@@ -254,7 +254,7 @@ def _map() -> Any:
 
 def _measure(o: Outlook, effect: Effect) -> float:
     """Return a size that rises with that in words: where this is a share, that of the relevant size."""
-    return size_of(effect) / (size_of(o.relevant) if effect.size_in_words() else 1.0)
+    return size_of(effect) / (size_of(o.relevant) if effect.parameters()[0].in_words else 1.0)
 
 
 def _ticks(named: Sequence[tuple[float, str]]) -> tuple[list[float], list[str], str]:

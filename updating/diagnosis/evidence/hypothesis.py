@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.model import Effect, Model, parameter_values
+from fem.model import Effect, Model, covers, parameter_values
 from updating.diagnosis.candidates import admitted
 from updating.diagnosis.evidence.places import place_of
 from updating.inference.belief import EFFECT_ODDS
@@ -140,7 +140,7 @@ class Odds:
 
 def is_simpler(h: Hypothesis, other: Hypothesis) -> bool:
     """Return whether a hypothesis has nothing that another one does not have or contain, and less."""
-    here = (e.name in other.key or any(o.covers(e) for o in other.effects) for e in h.effects)
+    here = (e.name in other.key or any(covers(o, e) for o in other.effects) for e in h.effects)
     return h.key != other.key and all(here)
 
 

@@ -10,7 +10,8 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect
+from fem.declarations import Role
+from fem.model import Effect, covers
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.departures import departures
 from updating.diagnosis.evidence.absence import gains_without
@@ -56,10 +57,10 @@ LEAST_SHORT = 3
 """Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
-BLOCK_KINDS = ("joint_stiffness", "support_flexibility", "end_release")
-"""Kinds that give way in single directions: all of a connection's together are its block."""
 CONNECTIONS = ("joint", "support", "end")
-"""Kinds of places that have such springs."""
+"""Kinds of places whose springs in all directions are a block."""
+SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
+"""Units of the parameter of a spring."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 AMID = 0.4
@@ -119,7 +120,14 @@ def _moved(one: Hypothesis, two: Hypothesis) -> bool:
 
 def _turns(effect: Effect) -> bool:
     """Whether an effect lets a connection give way about an axis."""
-    return effect.kind == "end_release" or str(getattr(effect, "direction", "")).startswith("r")
+    return str(getattr(effect, "direction", "")).startswith("r")
+
+
+def _is_spring(effect: Effect) -> bool:
+    """Whether an effect is the stiffness of a connection in one direction, and nothing more."""
+    units = [p.unit for p in effect.parameters()]
+    pure = effect.role == Role.STIFFNESS and not effect.amplitude_dependent
+    return pure and len(units) == 1 and units[0] in SPRING_UNITS and place_of(effect)[0] in CONNECTIONS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,7 +371,7 @@ class Search(Generic[P]):
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
-        others = [e for e in compatible if e.kind not in BLOCK_KINDS]
+        others = [e for e in compatible if not _is_spring(e)]
         screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
         singles = [
             ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
@@ -381,8 +389,8 @@ class Search(Generic[P]):
         """Return the springs of each connection in all directions, of the effects with given names."""
         out: dict[str, tuple[Effect, ...]] = {}
         for p in self.places:
-            springs = tuple(e for e in p.effects if e.kind in BLOCK_KINDS and e.name in names)
-            if p.kind in CONNECTIONS and springs:
+            springs = tuple(e for e in p.effects if _is_spring(e) and e.name in names)
+            if springs:
                 out[p.parent] = out.get(p.parent, ()) + springs
         return out
 
@@ -495,7 +503,8 @@ class Search(Generic[P]):
             last = replace(result, effects=(*rest, e))
             found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
-            others += [((*rest, c), (*values_of(rest), e.within(c))) for c in compatible if e.covers(c)]
+            contained = [c for c in compatible if covers(e, c)]
+            others += [((*rest, c), (*values_of(rest), e.contains[c.kind](e))) for c in contained]
             if parts := self.parts_of(e):
                 others.append(((*rest, *parts), (*values_of(rest), *(values_of([e]) * len(parts)))))
         self.tell(f"fitting {len(others)} rivals of {labels(h.effects)}")
