@@ -11,7 +11,7 @@ from tests.hidden.cases import make_case
 from updating import build_problem, propose
 from updating.diagnosis.evidence.blocks import Blocks
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
-from updating.diagnosis.evidence.screening import look_at
+from updating.diagnosis.evidence.screening import best_starts, look_at
 from updating.diagnosis.evidence.search import Search
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
@@ -52,7 +52,7 @@ def test_a_weak_effect_begins_at_its_value(problem):
     known = hiding(problem, [hidden])
     look = look_at(known, known.nominal())
     grid = Grid.of(known, heavier)
-    cost, start = look.best_starts(grid)[-1]
+    cost, start = best_starts(look, grid)[-1]
     # The density of the material is uncertain, and takes a part of it.
     (values,) = start.values
     assert values["change"] == pytest.approx(0.004, rel=0.1)

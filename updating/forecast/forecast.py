@@ -24,12 +24,14 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
 
-MOST_VALUES = 3_000
-"""Largest number of values of FRFs that are used."""
+MOST_VALUES, MOST_COMPARED = 10_000, 3_000
+"""Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
 MOST_RESPONSES = 20_000_000
 """Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept."""
 LEAST_LINES = 12
 """Lines that are kept of them in any case."""
+ROUNDING = 1e-9
+"""Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
 TOGETHER = 500
@@ -113,7 +115,8 @@ class Forecast:
         vectors: bool = False,
     ) -> "Forecast":
         """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
-        look = Look.of(problem, base, n_lines(problem), 0, MOST_VALUES, besides)
+        most = MOST_COMPARED if vectors else MOST_VALUES
+        look = Look.of(problem, base, n_lines(problem), 0, most, besides)
         grids = [Grid.of(problem, e) for e in candidates]
         return cls.of(look, grids, n_places=n_places, vectors=vectors)
 
@@ -154,6 +157,8 @@ class Forecast:
         root = np.sqrt(np.concatenate([look.weights[:m]] * 2 + [look.weights[m:]]))
         for rows, batch in out._batches():
             beat()
+            none = np.abs(batch.full).max(axis=1, initial=0.0) * np.maximum(batch.most, 1.0) < ROUNDING
+            batch.full[none] = 0.0
             out.cost[rows], out.factor[rows] = look.linear(
                 batch.full, batch.most, batch.one_sided, batch.replaced
             )

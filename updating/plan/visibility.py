@@ -1,8 +1,9 @@
 """Which missing effects a test could see, and which it could name: a map before any diagnosis.
 
 By the forecast of each candidate (:mod:`updating.forecast.forecast`), at the nominal model with data that
-the test will give, or at a fit to data that it has given. An effect is seen where it is likelier than nothing, and
-named where it is likelier than any other effect at its best. The map shows the least sizes of both.
+the test will give, or at a fit to data that it has given. An effect is seen where it is likelier than
+nothing, and named where it is likelier than any other effect at its best. The map shows the least sizes of
+both.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,6 +34,8 @@ KNOWN = 4.0
 """A size that is barely seen is about so many of its standard deviations."""
 MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
+LEAST_SINE_SQUARE = 1e-9
+"""Effects whose changes have a smaller angle between them are the same at any size."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -221,7 +224,6 @@ def visibility(
     rivals = _Rivals.of(forecast, against)
     located, named, rival, alike = rivals.separation_amplitudes(seen, enough)
     over_rival = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
-    most = rivals.most
     found = []
     for i, o in enumerate(owner.tolist()):
         j = int(rival[i])
@@ -231,7 +233,9 @@ def visibility(
                 position=int(forecast.place[i]),
                 enough=(seen[i], located[i], named[i]),
                 nats=(enough[i], over_rival[i]),
-                rival=forecast.effect_at(j, min(max(float(seen[j]), 1.0), float(most[j]))),
+                rival=forecast.effect_at(
+                    j, float(np.clip(seen[j], 1.0, littles[owner[j]].most[forecast.place[j]]))
+                ),
                 alike=float(alike[i]),
             )
         )
@@ -342,8 +346,8 @@ class _Rivals:
     column : ndarray of int (n + n_pairs,)
         Number of each, and of those that are followed by the same candidate at its next position. A fit may
         move a rival to between the two, where it does about what a sum of both does.
-    least, most : ndarray (n,)
-        Multiples that are plausible.
+    both : ndarray of bool (n,)
+        Whether each may have either sign.
     against : ndarray (n,)
         Log odds against each beforehand.
     unlike, apart : ndarray of bool (n_candidates, n_candidates)
@@ -354,8 +358,7 @@ class _Rivals:
     units: Floats
     owner: Ints
     column: Ints
-    least: Floats
-    most: Floats
+    both: NDArray[np.bool_]
     against: Floats
     unlike: NDArray[np.bool_]
     apart: NDArray[np.bool_]
@@ -364,7 +367,6 @@ class _Rivals:
     def of(cls, forecast: Forecast, against: Floats) -> "_Rivals":
         """Tell which candidates are no rivals, and which act at other places."""
         candidates, owner, vectors = forecast.candidates, forecast.owner, forecast.vectors
-        most = np.concatenate([np.zeros(0), *(np.maximum(o.most, 1.0) for o in forecast.littles)])
         both = np.array([not o.grid.one_sided() for o in forecast.littles], dtype=bool)[owner]
         followed = _followed(forecast.littles)
         n = len(candidates)
@@ -381,7 +383,7 @@ class _Rivals:
         lengths = np.linalg.norm(vectors, axis=1)
         units = vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
         column = np.concatenate([np.arange(len(owner)), followed])
-        return cls(lengths, units, owner, column, np.where(both, -most, 0.0), most, against, unlike, apart)
+        return cls(lengths, units, owner, column, both, against, unlike, apart)
 
     def separation_amplitudes(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
         """Return the least amplitudes that separate effects from their rivals at their best, (n,) each.
@@ -427,18 +429,16 @@ class _Rivals:
     def _least(self, seen: Floats, enough: Floats, rows: Ints, cosine: Floats) -> Floats:
         """Return the least amplitudes that separate some effects from each other one, (n_rows, n).
 
-        With x as long as what an effect does, and c what its rival does along it, x² - 2ρxc + c² must be as
-        large as what is seen squared, times the gain that is needed over that which is enough. The rival has
-        c = ρx, or the largest size that is plausible.
+        With x as long as what an effect does, and c = ρx what its rival does along it, x² (1 - ρ²) must be as
+        large as what is seen squared, times the gain that is needed over that which is enough. A rival of the
+        wrong sign does nothing along it.
         """
         visible = np.isfinite(seen) & (self.lengths[rows] > 0)
         length = np.where(visible, self.lengths[rows], 1.0)[:, None]
         there = (np.where(visible, seen, 1.0)[:, None] * length) ** 2
         square = there * needed(self.against[rows][:, None] - self.against[self.column]) / enough[:, None]
-        sine_squared = np.maximum(1 - cosine**2, 1e-12)
-        free = np.sqrt(square / sine_squared)
-        most = np.where(cosine > 0, *(each[self.column] for each in (self.most, self.least)))
-        most *= self.lengths[self.column]
-        capped = cosine * most + np.sqrt(np.maximum(square - most**2 * sine_squared, 0.0))
-        x = np.where(np.abs(cosine) * free <= np.abs(most), free, capped)
-        return np.where(visible[:, None], x / length, np.inf)
+        rho = np.where((cosine > 0) | self.both[self.column], cosine, 0.0)
+        x = np.sqrt(square / np.maximum(1 - rho**2, LEAST_SINE_SQUARE))
+        return np.where(
+            visible[:, None], np.where(rho**2 > 1 - LEAST_SINE_SQUARE, np.inf, x) / length, np.inf
+        )
