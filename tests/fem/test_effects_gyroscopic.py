@@ -13,7 +13,8 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, build_problem
-from updating.diagnosis.evidence.screening import Grid, screen
+from updating.diagnosis.evidence.screening import screen
+from updating.forecast.grid import Grid
 from updating.inference.fitting import assessed_fit
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]

@@ -16,7 +16,7 @@ from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
 from updating.diagnosis.evidence.budget import NORMAL
 from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
-from updating.diagnosis.evidence.hypothesis import Start, near_to
+from updating.diagnosis.evidence.hypothesis import Promised, Start, near_to
 from updating.diagnosis.evidence.search import Search
 from updating.inference.workers import ALONE
 
@@ -159,8 +159,9 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     )
     search, base = object.__new__(Search), Given("", 0.0)
     search.candidates, search.tell, search.budget, search.workers = (), print, NORMAL, ALONE
-    search.fits, search.known, search.promised = fits, {base.key: base}, {}
+    search.fits, search.known = fits, {base.key: base}
     looks = {"a": 16.0, "b": 12.0, "c": -50.0}
+    search.promised = {frozenset({k}): Promised(tuple(Given(k, 0.0).effects), w) for k, w in looks.items()}
     asked = [
         module.NextHypotheses(tuple(Given(k, 0.0).effects), [Start({}, None)] if w > 0 else [], w, False)
         for k, w in looks.items()
@@ -168,7 +169,6 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
-    monkeypatch.setattr(Search, "_likely_worth", lambda self, base, p: p.worth)
     search.from_near(base, SimpleNamespace(), now=0.0)
     assert {p.effects[0].name: p.score for p in search.promises()} == {**looks, **reached}
 

@@ -12,7 +12,8 @@ from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import propose
 from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
-from updating.diagnosis.evidence.screening import Grid, candidate_terms
+from updating.forecast.grid import Grid
+from updating.forecast.look import candidate_terms
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import ModeTargets
 

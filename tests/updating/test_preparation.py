@@ -9,7 +9,7 @@ from benchmarks.validation.cases import CaseSettings, draw_case
 from fem.connection_damping import ConnectionDamping
 from tests.hidden.cases import make_case
 from updating import build_problem, propose
-from updating.diagnosis.evidence.screening import Grid
+from updating.forecast.grid import Grid
 from updating.inference import preparation
 from updating.inference.fitting import assessed_fit
 

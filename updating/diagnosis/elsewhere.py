@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeLook
-from updating.diagnosis.evidence.screening import Grid
 from updating.diagnosis.evidence.search import Search
+from updating.forecast.grid import Grid
 from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 

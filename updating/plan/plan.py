@@ -11,7 +11,7 @@ from fem.effects.places import members_mass
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
-from updating.diagnosis.evidence.screening import distance
+from updating.forecast.grid import distance
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.heartbeat import Progress

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
-from itertools import combinations, islice, product
+from itertools import combinations, product
 from typing import Generic
 
 import numpy as np
@@ -45,7 +45,6 @@ from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
-from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
@@ -86,21 +85,6 @@ class NextHypotheses:
     starts: Sequence[Start]
     worth: float
     is_first: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Promise:
-    """What was not fitted, as a look at small changes promises less than there is.
-
-    Attributes
-    ----------
-    base : frozenset of str
-        Key of the hypothesis that it extends.
-    proposal : NextHypotheses
-    """
-
-    base: frozenset[str]
-    proposal: NextHypotheses
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -236,7 +220,7 @@ class Search(Generic[P]):
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
-    promised: dict[frozenset[str], Promise] = field(default_factory=dict, init=False)
+    promised: dict[frozenset[str], Promised] = field(default_factory=dict, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
     def __post_init__(
@@ -299,15 +283,8 @@ class Search(Generic[P]):
             yield best
 
     def promises(self) -> list[Promised]:
-        """Return what was not fitted, as probable as a look at small changes promises."""
-        return [
-            Promised(
-                (*self.known[p.base].effects, *p.proposal.effects),
-                self.known[p.base].score + p.proposal.worth,
-            )
-            for key, p in self.promised.items()
-            if key not in self.known
-        ]
+        """Return what was not fitted, as probable as its forecast makes it."""
+        return [p for key, p in self.promised.items() if key not in self.known]
 
     def settled(self, h: Hypothesis) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
@@ -427,12 +404,10 @@ class Search(Generic[P]):
             short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
             best = max([best, *(fits[0].score for fits, _ in short)])
         if settled and self.fits.ranking.precise_looks:
-            # A short fit says more than the look: what it did not reach is no promise any more.
-            fitted_worth = {fits[0].key: fits[0].score - now for fits, _ in short}
-            for p in proposals:
-                key = key_of((*base.effects, *p.effects))
-                worth = fitted_worth[key] if key in fitted_worth else self._likely_worth(base, p)
-                self.promised[key] = Promise(base.key, replace(p, worth=worth))
+            # A short fit says more than the forecast: what it did not reach is no promise any more.
+            for fits, _ in short:
+                key = fits[0].key
+                self.promised[key] = Promised(fits[0].effects, base.score + fits[0].score - now)
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
@@ -442,19 +417,6 @@ class Search(Generic[P]):
             and (k == 0 or not settled or fits[0].score > best - behind)
         ]
         return self.workers.map(_continued, (self.fits, free, base), promising)
-
-    def _likely_worth(self, base: Hypothesis, proposal: NextHypotheses) -> float:
-        """Return by how much a fit would raise the score: the promise less what its free sizes cost."""
-        new, problem = proposal.effects, self.fits.problem
-        gain = (proposal.worth + self.fits.odds.against(base.effects, new)) / len(new)
-        n_deviations = float(np.sqrt(2 * max(gain, 0.5)))
-        occam = 0.0
-        for e in new:
-            positions = [p.name for p in e.parameters() if p.position]
-            grid = e.starts(problem.surroundings)
-            places = {tuple(point.get(name) for name in positions) for point in grid}
-            occam += min(0.0, log_occam_factor(problem, e, n_deviations, len(places)))
-        return proposal.worth + occam
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
@@ -584,6 +546,10 @@ class Search(Generic[P]):
         )
         if settled:
             screened.sort(key=lambda s: against(s.effect) - s.gain)
+            for s in screened:
+                new = (*base.effects, s.effect)
+                worth = s.log_evidence - against(s.effect)
+                self.promised[key_of(new)] = Promised(new, base.score + worth)
         # Where something is missing parameters may be bent, nothing is linear, and all may win.
         likely = [s for s in screened if not settled or s.gain > against(s.effect)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
@@ -592,9 +558,6 @@ class Search(Generic[P]):
             chosen += [s for s in best.values() if s not in chosen]
         looked = [s for s in screened if s.starts and s not in chosen]
         chosen += looked[: max(0, self.budget.n_final - len(chosen))]
-        if settled:  # those that deserve no look have a share of the probability, too
-            rest = (s for s in screened if s not in chosen)
-            chosen += islice(rest, max(0, self.budget.n_short * self.fits.ranking.breadth - len(chosen)))
         first = names_at[0] if names_at else set[str]()
         out = [
             NextHypotheses((s.effect,), s.starts, s.gain - against(s.effect), s.effect.name in first)
